@@ -31,6 +31,7 @@ from birds.scoring import RATE_HZ, Score
 from detector_clips import read_segments
 
 from groundstation.arrays import ImageArray
+from groundstation.box import box_of_size
 from groundstation.messages import Detection
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.tracking.warm_up import warm_up
@@ -140,7 +141,7 @@ def run(flight: Flight, frames: dict[int, ImageArray], boxes: dict[int, Box], pi
         image, bird = painter.paint(frames[index], index)
         began = time.perf_counter()
         if index == flight.first:
-            track = tracker.start(image, index / RATE_HZ, boxes[index])
+            track = tracker.start(image, index / RATE_HZ, box_of_size(*boxes[index]))
         else:
             track = tracker.step(image, index / RATE_HZ)
         watched.elapsed_s.append(time.perf_counter() - began)
@@ -168,7 +169,8 @@ def draw(image: ImageArray, label: Box, bird: Box | None, seen: Detection | None
     picture = cv2.resize(
         padded[cy : cy + 2 * side, cx : cx + 2 * side], None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST
     )
-    for box, colour in ((label, (0, 200, 0)), (bird, (255, 80, 0)), (None if seen is None else seen.box, (0, 0, 255))):
+    outlined = None if seen is None else (seen.box.x0, seen.box.y0, *seen.box.size)
+    for box, colour in ((label, (0, 200, 0)), (bird, (255, 80, 0)), (outlined, (0, 0, 255))):
         if box is not None:
             x, y, w, h = box
             corner = (round(scale * (x - cx + side)), round(scale * (y - cy + side)))

@@ -27,6 +27,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import ImageArray
+from groundstation.box import box_of_size
 from groundstation.messages import Detection
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.tracking.warm_up import warm_up
@@ -178,7 +179,7 @@ def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mod
             tracker = PixelTracker((image.shape[1], image.shape[0]))
         began = time.process_time()
         if first and not mode.acquire and label is not None:
-            track = tracker.start(image, index / RATE_HZ, label)
+            track = tracker.start(image, index / RATE_HZ, box_of_size(*label))
         else:
             track = tracker.step(image, index / RATE_HZ)
         tally.elapsed_s.append(time.process_time() - began)

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.segmentation import chan_vese as skimage_chan_vese
 
+from groundstation.box import Box
 from groundstation.detection import chan_vese
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import Detector
@@ -34,7 +35,6 @@ from groundstation.experiments.detection_plots import draw_cost
 from groundstation.experiments.detector_outcomes import segmentation_input
 from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.experiments.truth_scenes import scenes
-from groundstation.messages import Roi
 from groundstation.session import Session, load_session
 from groundstation.tracking.warm_up import warm_up
 
@@ -144,7 +144,7 @@ def real_starts(session: Session) -> dict[str, Start]:
     return found
 
 
-def region(predicted_px: NDArray[np.float64], shape: tuple[int, ...]) -> Roi:
+def region(predicted_px: NDArray[np.float64], shape: tuple[int, ...]) -> Box[int]:
     """Return the region of exactly 250 × 100 px around a prediction."""
     roi = place_roi(predicted_px, np.zeros((2, 2)), None, CONFIG, (shape[1], shape[0]))
     if roi is None:

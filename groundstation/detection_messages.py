@@ -10,22 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Roi:
-    """An axis-parallel window of whole pixels, already clipped to the image; ``w`` and ``h`` > 0."""
-
-    x: int
-    y: int
-    w: int
-    h: int
+from groundstation.box import Box
 
 
 class DetectionStatus(StrEnum):
-    """What became of one camera's look at one frame; the words of ``detections.csv``.
+    """Outcome of the detection in one frame of one camera; the words of ``detections.csv``.
 
-    ``late``: used as if it had been in time, the filter went back for it.
+    ``late``: the frame arrived late and was used as if it had been in time, by reprocessing from its time on.
     """
 
     OK = "ok"
@@ -39,7 +30,7 @@ class DetectionStatus(StrEnum):
 
     @property
     def used(self) -> bool:
-        """Whether the filter took the pixel at its full worth."""
+        """Whether the filter used the pixel with its full weight."""
         return self in (DetectionStatus.OK, DetectionStatus.LATE)
 
 
@@ -66,9 +57,9 @@ class Detection:
     ----------
     u_px, v_px : the target point (the aircraft's nose) in full-image pixels.
     covariance_px2 : (2, 2) covariance of that point, of u and v.
-    noise_px2 : (2, 2) px² of u and v, the part of ``covariance_px2`` that is new in each frame; the rest lasts.
+    noise_px2 : (2, 2) px² of u and v, the part of ``covariance_px2`` that is independent in each frame.
     centroid_px : (2,) centre of the silhouette.
-    box : (x, y, w, h) px, the silhouette's bounding box in full-image pixels.
+    box : the silhouette's bounding box in full-image pixels.
     area_px : the silhouette's area.
     contour_px : (n, 2) float32, its outline in full-image pixels, pieces separated by a row of NaN.
     contrast_to_noise : measured contrast of silhouette against background on the channel used.
@@ -81,7 +72,7 @@ class Detection:
     covariance_px2: FloatArray
     noise_px2: FloatArray
     centroid_px: FloatArray
-    box: tuple[float, float, float, float]
+    box: Box[float]
     area_px: float
     contour_px: NDArray[np.float32]
     contrast_to_noise: float
@@ -91,7 +82,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Miss:
-    """No target point, and why; ``detail`` says it for a person."""
+    """No target point, and why; ``detail`` explains it in words."""
 
     reason: MissReason
     detail: str = ""

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from groundstation.arrays import FloatArray
+from groundstation.box import Box
 from groundstation.detection_messages import Detection as Detection
 from groundstation.detection_messages import DetectionStatus as DetectionStatus
 from groundstation.detection_messages import Miss as Miss
 from groundstation.detection_messages import MissReason as MissReason
-from groundstation.detection_messages import Roi as Roi
 from groundstation.picture import Picture
 
 
@@ -213,7 +213,7 @@ class CameraReport:
     epoch: int
     status: DetectionStatus
     result: Detection | Miss
-    roi: Roi | None
+    roi: Box[int] | None
     predicted_px: FloatArray | None
     predicted_covariance_px2: FloatArray | None
     pan_rad: float | None

@@ -1,7 +1,7 @@
-"""Access to a camera image by windows in colour, with a record of the windows that were read.
+"""Access to a camera image by windows in colour, with a list of the windows that were read.
 
-A station's cameras deliver more than anyone looks at. Whoever wants pixels asks for a window; what was asked for is
-noted, so that a recorder can keep exactly that, and a picture of which only that was kept can be looked at again.
+A camera delivers more pixels than the program uses. A picture notes which windows were read; a recorder stores only
+these, and a picture of which only some parts were recorded is read through the same interface.
 """
 
 from abc import ABC, abstractmethod
@@ -13,23 +13,21 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box, clip, contains, intersection, shift
 from groundstation.errors import GroundstationError
 
-Window = tuple[int, int, int, int]
-"""x0, y0, x1, y1 in px; the last column and row are not part of it."""
-
-# what OpenCV's demosaicing looks at beside a pixel; even, so that the pattern of colours stays in step
+# pixels around a raw pixel that OpenCV's demosaicing reads; even, so that the colour pattern keeps its phase
 _BAYER_REACH = 4
-# the grey of what was not kept
-_NOT_KEPT = 40
+# grey level shown where no pixels were recorded
+_MISSING_GREY = 40
 
 
 class PictureError(GroundstationError):
-    """Pixels were asked for that this picture does not have."""
+    """Pixels were requested that this picture does not have."""
 
 
 class BayerPattern(StrEnum):
-    """Colours of a sensor's upper-left four pixels, by row: the names of GenICam."""
+    """Colours of a sensor's upper left four pixels, row by row, by their names in GenICam."""
 
     RG = "BayerRG8"
     GR = "BayerGR8"
@@ -47,63 +45,73 @@ _TO_BGR = {
 
 
 class Picture(ABC):
-    """One picture of ``size_px`` (w, h); ``read`` tells the windows that have been looked at, ``whole_read`` if all.
+    """One picture of ``size_px`` (w, h).
 
-    ``pattern`` is the order of a raw picture's colours, None where it is grey or in colour already.
+    Attributes
+    ----------
+    pattern : order of a raw picture's colours, None where it is grey or already in colour.
+    read : the windows that have been read.
+    whole_read : whether the whole picture has been read.
     """
 
     def __init__(self, size_px: tuple[int, int], pattern: BayerPattern | None = None) -> None:
         self.size_px = size_px
         self.pattern = pattern
-        self.read: list[Window] = []
+        self.read: list[Box[int]] = []
         self.whole_read = False
 
-    def window(self, window: Window) -> tuple[ImageArray, tuple[int, int]]:
+    def window(self, window: Box[int]) -> tuple[ImageArray, tuple[int, int]]:
         """Return the part of a window inside the picture, (h, w, 3) uint8 BGR, and its corner (x, y).
 
-        Not to be written to. Raises `PictureError` where nothing of it is inside, or it was not kept.
+        The array must not be written to. Raises `PictureError` if no part is inside, or the part was not recorded.
         """
         clipped = clip(window, self.size_px)
         if clipped is None:
             w, h = self.size_px
-            raise PictureError(f"window {window} of a picture of {w} × {h} px: nothing of it is inside")
+            raise PictureError(f"window {tuple(window)} of a picture of {w} × {h} px: no part of it is inside")
         self.read.append(clipped)
-        return self._pixels(clipped), (clipped[0], clipped[1])
+        return self._pixels(clipped), (clipped.x0, clipped.y0)
 
     @property
     def has_all(self) -> bool:
-        """Whether every window of it can be looked at."""
+        """Whether every window of it can be read."""
         return True
 
-    def available(self, window: Window) -> Window | None:
-        """Return the part of a window that can be looked at, the largest where there are several; None if none can."""
+    def available(self, window: Box[int]) -> Box[int] | None:
+        """Return the part of a window that can be read, the largest of several; None if there is none."""
         return clip(window, self.size_px)
 
     def whole(self) -> ImageArray:
-        """Return all of it, (h, w, 3) uint8 BGR; not to be written to."""
+        """Return all of it, (h, w, 3) uint8 BGR, which must not be written to."""
         self.whole_read = True
-        return self._pixels((0, 0, *self.size_px))
+        return self._pixels(Box(0, 0, *self.size_px))
 
-    def glance(self) -> ImageArray:
-        """Return all of it for a person's eyes, (h, w, 3) uint8 BGR: it decides nothing, and is not noted."""
-        return self._pixels((0, 0, *self.size_px))
+    def preview(self) -> ImageArray:
+        """Return all of it for display, (h, w, 3) uint8 BGR; this is not counted as reading."""
+        return self._pixels(Box(0, 0, *self.size_px))
 
     @abstractmethod
-    def _pixels(self, window: Window) -> ImageArray:
+    def _pixels(self, window: Box[int]) -> ImageArray:
         """Return a window that lies inside."""
 
     @abstractmethod
-    def kept(self, window: Window) -> "Kept":
-        """Return what has to be kept to give this window again, as the camera gave it."""
+    def recordable(self, window: Box[int]) -> "PicturePart":
+        """Return the pixels from the camera that must be recorded so that this window can be read again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Kept:
-    """A part of a picture as the camera gave it: ``pixels`` (h, w) raw or (h, w, 3) BGR, its corner at (x, y)."""
+class PicturePart:
+    """A part of a picture as the camera delivered it: ``pixels`` (h, w) raw or (h, w, 3) BGR, its corner at (x, y)."""
 
     x: int
     y: int
     pixels: ImageArray
+
+    @property
+    def box(self) -> Box[int]:
+        """The part's place in the picture."""
+        h, w = self.pixels.shape[:2]
+        return Box(self.x, self.y, self.x + w, self.y + h)
 
 
 class BgrPicture(Picture):
@@ -113,98 +121,92 @@ class BgrPicture(Picture):
         super().__init__((image.shape[1], image.shape[0]))
         self._image = image
 
-    def _pixels(self, window: Window) -> ImageArray:
-        x0, y0, x1, y1 = window
-        return self._image[y0:y1, x0:x1]
+    def _pixels(self, window: Box[int]) -> ImageArray:
+        return self._image[window.slices]
 
-    def kept(self, window: Window) -> Kept:
+    def recordable(self, window: Box[int]) -> PicturePart:
         """Return a copy of the window."""
-        x0, y0, x1, y1 = window
-        return Kept(x=x0, y=y0, pixels=self._image[y0:y1, x0:x1].copy())
+        return PicturePart(x=window.x0, y=window.y0, pixels=self._image[window.slices].copy())
 
 
 class RawPicture(Picture):
-    """A sensor's raw picture (h, w) uint8: grey where ``pattern`` is None, else in colour once someone looks."""
+    """A sensor's raw picture (h, w) uint8: grey where ``pattern`` is None, else converted to colour when it is read."""
 
     def __init__(self, raw: ImageArray, pattern: BayerPattern | None) -> None:
         super().__init__((raw.shape[1], raw.shape[0]), pattern)
         self._raw = raw
 
-    def _pixels(self, window: Window) -> ImageArray:
+    def _pixels(self, window: Box[int]) -> ImageArray:
         part = _around(window, self.size_px, self.pattern)
-        return _in_colour(self._raw[part[1] : part[3], part[0] : part[2]], part, window, self.pattern)
+        return _in_colour(self._raw[part.slices], part, window, self.pattern)
 
-    def kept(self, window: Window) -> Kept:
-        """Return a copy of the raw window, with what its colours need beside it."""
-        x0, y0, x1, y1 = _around(window, self.size_px, self.pattern)
-        return Kept(x=x0, y=y0, pixels=self._raw[y0:y1, x0:x1].copy())
+    def recordable(self, window: Box[int]) -> PicturePart:
+        """Return a copy of the raw window with the pixels around it that demosaicing needs."""
+        part = _around(window, self.size_px, self.pattern)
+        return PicturePart(x=part.x0, y=part.y0, pixels=self._raw[part.slices].copy())
 
 
 class PartialPicture(Picture):
-    """A picture of which only parts were kept.
+    """A picture of which only parts were recorded.
 
     Parameters
     ----------
-    parts : what was kept; raw parts (h, w), or (h, w, 3) BGR.
+    parts : the parts recorded; raw (h, w), or (h, w, 3) BGR.
     pattern : of raw parts; None for grey ones.
     """
 
-    def __init__(self, size_px: tuple[int, int], parts: Sequence[Kept], pattern: BayerPattern | None) -> None:
+    def __init__(self, size_px: tuple[int, int], parts: Sequence[PicturePart], pattern: BayerPattern | None) -> None:
         super().__init__(size_px, pattern)
         self._parts = parts
 
     @property
-    def kept_windows(self) -> list[Window]:
-        """The parts that were kept."""
-        return [(p.x, p.y, p.x + p.pixels.shape[1], p.y + p.pixels.shape[0]) for p in self._parts]
+    def recorded_windows(self) -> list[Box[int]]:
+        """The boxes of the recorded parts."""
+        return [part.box for part in self._parts]
 
     @property
     def has_all(self) -> bool:
         """Whether one part is the whole picture."""
-        return (0, 0, *self.size_px) in self.kept_windows
+        return Box(0, 0, *self.size_px) in self.recorded_windows
 
-    def available(self, window: Window) -> Window | None:
-        """Return the part of a window that was kept, the largest where there are several; None if none was."""
+    def available(self, window: Box[int]) -> Box[int] | None:
+        """Return the part of a window that was recorded, the largest of several; None if there is none."""
         wanted = clip(window, self.size_px)
         if wanted is None:
             return None
         found = None
-        for part, kept in zip(self._parts, self.kept_windows, strict=True):
-            readable = _in_reach(kept, self.size_px, self.pattern if part.pixels.ndim == 2 else None)
-            both = _overlap(wanted, readable)
-            if both is not None and (found is None or _area(both) > _area(found)):
+        for part in self._parts:
+            readable = _in_reach(part.box, self.size_px, self.pattern if part.pixels.ndim == 2 else None)
+            both = intersection(wanted, readable)
+            if both is not None and (found is None or both.area > found.area):
                 found = both
         return found
 
-    def _pixels(self, window: Window) -> ImageArray:
+    def _pixels(self, window: Box[int]) -> ImageArray:
         for part in self._parts:
             raw = part.pixels.ndim == 2
             needed = _around(window, self.size_px, self.pattern) if raw else window
-            x0, y0 = needed[0] - part.x, needed[1] - part.y
-            x1, y1 = needed[2] - part.x, needed[3] - part.y
-            if x0 >= 0 and y0 >= 0 and x1 <= part.pixels.shape[1] and y1 <= part.pixels.shape[0]:
-                pixels = part.pixels[y0:y1, x0:x1]
+            if contains(part.box, needed):
+                pixels = part.pixels[shift(needed, -part.x, -part.y).slices]
                 return _in_colour(pixels, needed, window, self.pattern) if raw else pixels
         have = ", ".join(f"{p.pixels.shape[1]}×{p.pixels.shape[0]} at ({p.x}, {p.y})" for p in self._parts) or "nothing"
-        raise PictureError(f"window {window} of a recorded picture: it holds {have}")
+        raise PictureError(f"window {tuple(window)} of a recorded picture: it holds {have}")
 
-    def glance(self) -> ImageArray:
-        """Return the parts that were kept, in their places, on grey."""
+    def preview(self) -> ImageArray:
+        """Return the recorded parts in their places, on grey."""
         w, h = self.size_px
-        shown = np.full((h, w, 3), _NOT_KEPT, dtype=np.uint8)
-        for part, window in zip(self._parts, self.kept_windows, strict=True):
-            x0, y0, x1, y1 = window
+        shown = np.full((h, w, 3), _MISSING_GREY, dtype=np.uint8)
+        for part in self._parts:
             raw = part.pixels.ndim == 2
-            shown[y0:y1, x0:x1] = _in_colour(part.pixels, window, window, self.pattern) if raw else part.pixels
+            shown[part.box.slices] = _in_colour(part.pixels, part.box, part.box, self.pattern) if raw else part.pixels
         return shown
 
-    def kept(self, window: Window) -> Kept:
-        """Return the part that holds a window."""
+    def recordable(self, window: Box[int]) -> PicturePart:
+        """Return the recorded part that holds a window."""
         for part in self._parts:
-            inside = part.x <= window[0] and part.y <= window[1]
-            if inside and part.x + part.pixels.shape[1] >= window[2] and part.y + part.pixels.shape[0] >= window[3]:
+            if contains(part.box, window):
                 return part
-        raise PictureError(f"window {window} of a recorded picture is not among what was kept")
+        raise PictureError(f"window {tuple(window)} of a recorded picture lies in none of its parts")
 
 
 def as_picture(image: ImageArray | Picture) -> Picture:
@@ -212,47 +214,26 @@ def as_picture(image: ImageArray | Picture) -> Picture:
     return image if isinstance(image, Picture) else BgrPicture(image)
 
 
-def grown(window: Window, by_px: int) -> Window:
-    """Return a window with a margin; it may reach beyond the picture."""
-    return window[0] - by_px, window[1] - by_px, window[2] + by_px, window[3] + by_px
-
-
-def clip(window: Window, size_px: tuple[int, int]) -> Window | None:
-    """Return the part of a window inside a picture (w, h); None where there is none."""
-    return _overlap(window, (0, 0, *size_px))
-
-
-def _overlap(a: Window, b: Window) -> Window | None:
-    x0, y0 = max(a[0], b[0]), max(a[1], b[1])
-    x1, y1 = min(a[2], b[2]), min(a[3], b[3])
-    return (x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None
-
-
-def _area(window: Window) -> int:
-    return (window[2] - window[0]) * (window[3] - window[1])
-
-
-def _in_reach(kept: Window, size_px: tuple[int, int], pattern: BayerPattern | None) -> Window:
-    """Return what can be seen in colour of a raw part: all but what leans on pixels that were not kept."""
+def _in_reach(part: Box[int], size_px: tuple[int, int], pattern: BayerPattern | None) -> Box[int]:
+    """Return the box of a raw part that can be demosaiced from pixels of the part alone."""
     if pattern is None:
-        return kept
-    x0, y0 = (v + _BAYER_REACH if v > 0 else 0 for v in kept[:2])
-    x1, y1 = (v - _BAYER_REACH if v < size else v for v, size in zip(kept[2:], size_px, strict=True))
-    return x0, y0, x1, y1
+        return part
+    x0, y0 = (v + _BAYER_REACH if v > 0 else 0 for v in part[:2])
+    x1, y1 = (v - _BAYER_REACH if v < size else v for v, size in zip(part[2:], size_px, strict=True))
+    return Box(x0, y0, x1, y1)
 
 
-def _around(window: Window, size_px: tuple[int, int], pattern: BayerPattern | None) -> Window:
-    """Return the window with what its colours need beside it, on even rows and columns."""
+def _around(window: Box[int], size_px: tuple[int, int], pattern: BayerPattern | None) -> Box[int]:
+    """Return a window with the pixels around it that demosaicing reads, from an even row and column on."""
     if pattern is None:
         return window
     x0, y0 = (max((v - _BAYER_REACH) // 2 * 2, 0) for v in window[:2])
     x1, y1 = (min(v + _BAYER_REACH, size) for v, size in zip(window[2:], size_px, strict=True))
-    return x0, y0, x1, y1
+    return Box(x0, y0, x1, y1)
 
 
-def _in_colour(raw: ImageArray, place: Window, window: Window, pattern: BayerPattern | None) -> ImageArray:
+def _in_colour(raw: ImageArray, place: Box[int], window: Box[int], pattern: BayerPattern | None) -> ImageArray:
     """Return a window in colour from the raw pixels of ``place``, which holds it."""
     code = cv2.COLOR_GRAY2BGR if pattern is None else _TO_BGR[pattern]
     colour = np.asarray(cv2.cvtColor(np.ascontiguousarray(raw), code), np.uint8)
-    x0, y0 = window[0] - place[0], window[1] - place[1]
-    return colour[y0 : y0 + window[3] - window[1], x0 : x0 + window[2] - window[0]]
+    return colour[shift(window, -place.x0, -place.y0).slices]

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from groundstation.box import Box, box_of_size, clip, expand
 from groundstation.picture import (
     BayerPattern,
     BgrPicture,
@@ -13,9 +14,6 @@ from groundstation.picture import (
     Picture,
     PictureError,
     RawPicture,
-    Window,
-    clip,
-    grown,
 )
 
 SIZE = (48, 34)
@@ -25,7 +23,7 @@ BGR = RNG.integers(0, 256, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
 
 windows = st.tuples(
     st.integers(-10, SIZE[0] + 5), st.integers(-10, SIZE[1] + 5), st.integers(1, 60), st.integers(1, 60)
-).map(lambda b: (b[0], b[1], b[0] + b[2], b[1] + b[3]))
+).map(lambda b: box_of_size(*b))
 kinds = st.sampled_from(["bgr", "grey", *BayerPattern])
 
 
@@ -40,10 +38,10 @@ def pattern_of(kind: str) -> BayerPattern | None:
 
 
 @given(windows, kinds)
-def test_a_window_shows_what_the_whole_shows_there(window: tuple[int, int, int, int], kind: str) -> None:
+def test_a_window_shows_what_the_whole_shows_there(window: Box[int], kind: str) -> None:
     inside = clip(window, SIZE)
     if inside is None:
-        with pytest.raises(PictureError, match="nothing of it is inside"):
+        with pytest.raises(PictureError, match="no part of it is inside"):
             picture_of(kind).window(window)
         return
     pixels, corner = picture_of(kind).window(window)
@@ -53,41 +51,39 @@ def test_a_window_shows_what_the_whole_shows_there(window: tuple[int, int, int, 
 
 
 @given(windows, windows, kinds)
-def test_what_was_kept_shows_the_same_again(
-    first: tuple[int, int, int, int], second: tuple[int, int, int, int], kind: str
-) -> None:
+def test_what_was_kept_shows_the_same_again(first: Box[int], second: Box[int], kind: str) -> None:
     seen = picture_of(kind)
     shown = [seen.window(w) for w in (first, second) if clip(w, SIZE) is not None]
-    again = PartialPicture(SIZE, [seen.kept(w) for w in seen.read], pattern_of(kind))
+    again = PartialPicture(SIZE, [seen.recordable(w) for w in seen.read], pattern_of(kind))
     for window, (pixels, corner) in zip([w for w in (first, second) if clip(w, SIZE) is not None], shown, strict=True):
         repeated, there = again.window(window)
         assert there == corner
         np.testing.assert_array_equal(repeated, pixels)
     if shown:
         pixels, (x, y) = shown[-1]
-        glance = again.glance()
+        glance = again.preview()
         assert glance.shape == (SIZE[1], SIZE[0], 3)
         np.testing.assert_array_equal(glance[y : y + pixels.shape[0], x : x + pixels.shape[1]], pixels)
 
 
 def test_what_was_not_kept_is_an_error_and_never_black() -> None:
     seen = BgrPicture(BGR)
-    seen.window((4, 4, 12, 12))
-    again = PartialPicture(SIZE, [seen.kept(w) for w in seen.read], None)
+    seen.window(Box(4, 4, 12, 12))
+    again = PartialPicture(SIZE, [seen.recordable(w) for w in seen.read], None)
     with pytest.raises(PictureError, match=r"window \(4, 4, 13, 12\) .* it holds 8×8 at \(4, 4\)"):
-        again.window((4, 4, 13, 12))
+        again.window(Box(4, 4, 13, 12))
     with pytest.raises(PictureError):
         again.whole()
 
 
 @given(windows, windows, windows, kinds)
-def test_what_is_available_can_be_looked_at(first: Window, second: Window, wanted: Window, kind: str) -> None:
+def test_what_is_available_can_be_looked_at(first: Box[int], second: Box[int], wanted: Box[int], kind: str) -> None:
     """Expected: all of a window that was read; of any other window a part, and that part's own pixels."""
     seen = picture_of(kind)
     read = [w for w in (first, second) if clip(w, SIZE) is not None]
     for window in read:
         seen.window(window)
-    again = PartialPicture(SIZE, [seen.kept(w) for w in seen.read], pattern_of(kind))
+    again = PartialPicture(SIZE, [seen.recordable(w) for w in seen.read], pattern_of(kind))
     for window in read:
         assert again.available(window) == clip(window, SIZE) == seen.available(window)
     part = again.available(wanted)
@@ -100,7 +96,7 @@ def test_what_is_available_can_be_looked_at(first: Window, second: Window, wante
 
 def test_what_was_read_is_noted() -> None:
     picture = BgrPicture(BGR)
-    picture.window((-5, 2, 9, 9))
+    picture.window(Box(-5, 2, 9, 9))
     assert picture.read == [(0, 2, 9, 9)]
     assert not picture.whole_read
     picture.whole()
@@ -122,4 +118,4 @@ def test_the_patterns_are_those_of_the_cameras() -> None:
 
 
 def test_a_grown_window_may_reach_beyond() -> None:
-    assert clip(grown((0, 30, 10, 34), 3), SIZE) == (0, 27, 13, 34)
+    assert clip(expand(Box(0, 30, 10, 34), 3), SIZE) == (0, 27, 13, 34)

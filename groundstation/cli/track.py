@@ -5,6 +5,7 @@ import math
 import os
 import sys
 
+from groundstation.box import Box, box_of_size
 from groundstation.cli.command_arguments import Commands, add_command, print_video_result
 from groundstation.cli.number_arguments import take_negative_numbers
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
@@ -46,7 +47,7 @@ def add_track(commands: Commands) -> None:
     )
 
 
-def _box(text: str) -> tuple[float, float, float, float]:
+def _box(text: str) -> Box[float]:
     """Return the four numbers of --init."""
     try:
         x, y, w, h = (float(part) for part in text.split(","))
@@ -54,7 +55,7 @@ def _box(text: str) -> tuple[float, float, float, float]:
         x = y = w = h = math.nan
     if not all(math.isfinite(v) for v in (x, y, w, h)) or w <= 0 or h <= 0:
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted X,Y,W,H in px, W and H above 0")
-    return x, y, w, h
+    return box_of_size(x, y, w, h)
 
 
 def run_track(options: argparse.Namespace) -> int:

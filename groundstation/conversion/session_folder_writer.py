@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
 from groundstation.messages import Event, Frame, Heartbeat, PixelMeasurement, PtuSample, ReferenceFix
-from groundstation.picture import PartialPicture, Picture, Window
+from groundstation.picture import PartialPicture, Picture
 from groundstation.rig.rig import ClockModel
 from groundstation.session import Session
 
@@ -172,19 +173,19 @@ def _whole_or_black(picture: Picture) -> tuple[ImageArray, bool]:
     if picture.has_all:
         return picture.whole(), True
     image = np.zeros((h, w, 3), np.uint8)
-    for window in picture.kept_windows:
+    for window in picture.recorded_windows:
         inner = window if picture.pattern is None else _inner(window, picture.size_px)
-        if inner[2] > inner[0] and inner[3] > inner[1]:
+        if inner.w > 0 and inner.h > 0:
             pixels, (x, y) = picture.window(inner)
             image[y : y + pixels.shape[0], x : x + pixels.shape[1]] = pixels
     return image, False
 
 
-def _inner(window: Window, size_px: tuple[int, int]) -> Window:
+def _inner(window: Box[int], size_px: tuple[int, int]) -> Box[int]:
     """Return the part of a raw window whose colours do not lean on what lies outside it."""
     x0, y0 = (v + _BORDER_PX if v else 0 for v in window[:2])
     x1, y1 = (v - _BORDER_PX if v < size else v for v, size in zip(window[2:], size_px, strict=True))
-    return x0, y0, x1, y1
+    return Box(x0, y0, x1, y1)
 
 
 def _device_time(clock: ClockModel, t_s: float) -> float:

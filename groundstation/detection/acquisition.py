@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
+from groundstation.box import Box
 from groundstation.detection.background_motion import BackgroundChange, SceneModel
 from groundstation.detection.candidates import Spot, contrast_map, find_spots, gap, joined, scales
 from groundstation.detection.skyline import CELL_PX, sky_around, sky_cells
@@ -82,7 +83,7 @@ class Candidate:
     Attributes
     ----------
     u_px, v_px : its centre in full-image pixels.
-    box : x, y, w, h in full-image pixels.
+    box : in full-image pixels, counted from the edge of pixel 0.
     score : about its contrast-to-noise; comparable between the candidates of one frame.
     moving : whether it moves significantly against the static background.
     motion_px_s : (u, v) rate relative to the background, None where not measured.
@@ -90,7 +91,7 @@ class Candidate:
 
     u_px: float
     v_px: float
-    box: tuple[float, float, float, float]
+    box: Box[float]
     score: float
     moving: bool
     motion_px_s: tuple[float, float] | None
@@ -183,7 +184,7 @@ class CandidateFinder:
         return np.asarray(camera_from_runway[:, 2] @ ray_from_full @ full_from_working, np.float64)
 
     def _plausible(self, spot: Spot) -> bool:
-        w, h = spot.box[2] - spot.box[0], spot.box[3] - spot.box[1]
+        w, h = spot.box.size
         if max(w, h) > self._config.max_size * self._image_size[0]:
             return False
         return max(w, h) <= self._config.max_elongation * min(w, h)
@@ -216,8 +217,8 @@ class CandidateFinder:
 
     def _left_behind(self, spot: Spot, grey: ImageArray, earlier: ImageArray) -> bool:
         """Return whether something was here earlier and is no more."""
-        x0, y0, x1, y1 = self._window(spot, 2)
-        now, then = grey[y0:y1, x0:x1], earlier[y0:y1, x0:x1]
+        window = self._window(spot, 2).slices
+        now, then = grey[window], earlier[window]
         return float(now.std()) < _LEFT_BEHIND * float(then[then > 0].std() if (then > 0).any() else 0.0)
 
     def _motion(self, spot: Spot, grey: ImageArray, change: BackgroundChange) -> tuple[float, float] | None:
@@ -234,11 +235,11 @@ class CandidateFinder:
         rate = self._scale / change.age_s
         return (x0 - a - column) * rate, (y0 - b - row) * rate
 
-    def _window(self, spot: Spot, margin: int) -> tuple[int, int, int, int]:
-        """Return the spot's box x0, y0, x1, y1 in working pixels, widened and inside the picture."""
+    def _window(self, spot: Spot, margin: int) -> Box[int]:
+        """Return the spot's box in working pixels, widened and inside the picture."""
         x0, y0, x1, y1 = (round(v / self._scale) for v in spot.box)
         w, h = self._size
-        return max(x0 - margin, 0), max(y0 - margin, 0), min(x1 + margin, w), min(y1 + margin, h)
+        return Box(max(x0 - margin, 0), max(y0 - margin, 0), min(x1 + margin, w), min(y1 + margin, h))
 
     def _combined(self, still: list[Spot], grey: ImageArray, change: BackgroundChange | None) -> tuple[Candidate, ...]:
         """Return all as candidates, best first; what is seen both ways counts once.
@@ -263,12 +264,11 @@ class CandidateFinder:
 
     def _candidate(self, spot: Spot, *, moving: bool, motion_px_s: tuple[float, float] | None) -> Candidate:
         w, h = self._image_size
-        x0, y0 = max(spot.box[0], 0.0), max(spot.box[1], 0.0)
-        x1, y1 = min(spot.box[2], float(w)), min(spot.box[3], float(h))
+        x0, y0, x1, y1 = spot.box
         return Candidate(
             u_px=min(max(spot.centre[0], 0.0), w - 1.0),
             v_px=min(max(spot.centre[1], 0.0), h - 1.0),
-            box=(x0, y0, x1 - x0, y1 - y0),
+            box=Box(max(x0, 0.0), max(y0, 0.0), min(x1, float(w)), min(y1, float(h))),
             score=spot.contrast,
             moving=moving,
             motion_px_s=motion_px_s,
@@ -277,7 +277,7 @@ class CandidateFinder:
 
 def _inside(a: Spot, b: Spot) -> bool:
     """Return whether the centre of ``a`` lies in the box of ``b``."""
-    return b.box[0] <= a.centre[0] <= b.box[2] and b.box[1] <= a.centre[1] <= b.box[3]
+    return b.box.x0 <= a.centre[0] <= b.box.x1 and b.box.y0 <= a.centre[1] <= b.box.y1
 
 
 def _distinct(spots: list[Spot]) -> list[Spot]:

@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box
 
 # mean grey, blue-red, green-magenta in grey levels; ln(height / width); ln(area / width²)
 _TOLERANCE = np.array([14.0, 6.0, 6.0, 0.25, 0.3])
@@ -31,12 +32,12 @@ def features_of_regions(
     image: ImageArray,
     labels: NDArray[np.int32],
     members: NDArray[np.int64],
-    box: tuple[int, int, int, int],
+    box: Box[int],
     area: float,
 ) -> FloatArray:
     """Return the (5,) features of some regions of an image (h, w, 3).
 
-    ``labels`` (h, w) say where the ``members`` (n,) are, ``box`` x0, y0, x1, y1 holds them, and ``area`` is how many px
+    ``labels`` (h, w) say where the ``members`` (n,) are, ``box`` holds them, and ``area`` is how many px
     they have.
     """
     # one place more than the largest member's, for all labels beyond
@@ -45,8 +46,8 @@ def features_of_regions(
     for k in members:
         belongs[k] = True
     blue, green, red, n = np.int64(0), np.int64(0), np.int64(0), 0
-    for i in range(box[1], box[3]):
-        line, row = labels[i, box[0] : box[2]], image[i, box[0] : box[2]]
+    for i in range(box.y0, box.y1):
+        line, row = labels[i, box.x0 : box.x1], image[i, box.x0 : box.x1]
         for j in range(line.size):
             if belongs[min(line[j], other)]:
                 blue += np.int64(row[j, 0])
@@ -57,7 +58,7 @@ def features_of_regions(
     total[0] = 0.114 * blue + 0.587 * green + 0.299 * red
     total[1] = 0.5 * (blue - red)
     total[2] = 0.5 * green - 0.25 * (blue + red)
-    return features(total / max(n, 1), float(box[2] - box[0]), float(box[3] - box[1]), area)
+    return features(total / max(n, 1), float(box.x1 - box.x0), float(box.y1 - box.y0), area)
 
 
 @njit(cache=True, nogil=True)

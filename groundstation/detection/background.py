@@ -15,11 +15,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box, expand, shift, union
 from groundstation.detection.flatten import Planes, planes
 from groundstation.detection.registration import (
     MAX_EDGE_PX,
     MIN_TEXTURED,
-    Box,
     coarse,
     grey_of,
     mean_misfit,
@@ -27,9 +27,10 @@ from groundstation.detection.registration import (
     refine,
     textured,
 )
-from groundstation.picture import Picture, grown
+from groundstation.picture import Picture
 
 Float32Array = NDArray[np.float32]
+Float32Row = NDArray[np.float32]
 Weights = tuple[np.float32, np.float32, np.float32, np.float32]
 
 _KEPT = 6
@@ -81,71 +82,113 @@ def _open(misfit: Float32Array, first: int, last: int) -> tuple[int, int]:
     return first, last
 
 
+@njit(cache=True, nogil=True, inline="always", fastmath=True)
+def _row_difference(
+    window: Planes,
+    frame: Planes,
+    rows: tuple[int, int],
+    columns: tuple[int, int],
+    shift_x: int,
+    weights: Weights,
+    gain: np.float32,
+    apart: Float32Array,
+    steep: Float32Row,
+) -> None:
+    """Write the difference of a part of a window's row from a frame, and what misplacement may cause of it.
+
+    ``rows`` are the row in the window and in the frame, ``columns`` the first and last of the window, which lie
+    ``shift_x`` farther right in the frame; ``weights`` interpolate between its pixels. ``apart`` (3, w) and ``steep``
+    (w,) are written from their first element on. Each channel is gone through on its own, so that the compiler works on
+    many pixels at a time.
+    """
+    (i, y), (a, b) = rows, columns
+    w00, w01, w10, w11 = weights
+    first, last, n = shift_x + a, shift_x + b + 1, b - a
+    steep[:n] = 0.0
+    for c in range(3):
+        new = window[c][i, a:b]
+        upper, lower = frame[c][y, first:last], frame[c][y + 1, first:last]
+        for j in range(n):
+            p, q = np.float32(upper[j]), np.float32(upper[j + 1])
+            r, s = np.float32(lower[j]), np.float32(lower[j + 1])
+            apart[c, j] = np.float32(new[j]) - (w00 * p + w01 * q + w10 * r + w11 * s)
+            steep[j] = max(steep[j], gain * (abs(q - p) + abs(s - r) + abs(r - p) + abs(s - q)))
+
+
+@njit(cache=True, nogil=True, inline="always", fastmath=True)
+def _keep_better(
+    n: int,
+    apart: Float32Array,
+    steep: Float32Row,
+    unfit: Float32Row,
+    residual: tuple[Float32Row, Float32Row, Float32Row],
+    edge: Float32Row,
+    worst: Float32Row,
+) -> None:
+    """Write the difference of n pixels of a row where no frame fits well yet and this one, by ``unfit``, fits better.
+
+    The rows of ``residual``, ``edge`` and ``worst``, the misfit, all (n,), hold what the frames before this one gave.
+    """
+    grey, blue_red, magenta = residual
+    for j in range(n):
+        better = worst[j] >= np.float32(_GOOD_FIT) and unfit[j] < worst[j]
+        level, one_colour, other_colour = _opponents(apart[0, j], apart[1, j], apart[2, j])
+        grey[j] = level if better else grey[j]
+        blue_red[j] = one_colour if better else blue_red[j]
+        magenta[j] = other_colour if better else magenta[j]
+        edge[j] = steep[j] if better else edge[j]
+        worst[j] = unfit[j] if better else worst[j]
+
+
 @njit(cache=True, nogil=True, fastmath=True)
 def _subtract_background(
     window: Planes,
     frame: Planes,
     offset: tuple[float, float],
     edge_px: float,
-    within: Box,
-    hole: tuple[float, float, float, float],
+    within: Box[int],
+    hole: Box[int],
     residual: Float32Array,
     edge: Float32Array,
     misfit: Float32Array,
 ) -> bool:
     """Write the difference of a window (h, w) from a kept frame where no frame fits well yet and this one fits better.
 
-    ``offset`` (x, y) is the window's place in the frame, which is taken between its pixels; ``within`` x0, y0, x1, y1
-    the part of the window to work on, ``hole`` what the target hides of the frame, in the frame's pixels. Returns
-    whether something in that part is still open. What one frame shows of a passing bird is not background, hence each
-    pixel takes the first frame that fits it well, or the one that fits best. Each channel is gone through on its own
-    and row by row, so that the compiler works on many pixels at a time.
+    ``offset`` (x, y) is the window's place in the frame, which is interpolated; ``within`` the part of the window to
+    work on, ``hole`` what the target hides of the frame, in the frame's pixels. Returns whether a part is still without
+    a frame that fits well. What one frame shows of a passing bird is not background, hence each pixel takes the first
+    frame that fits it well, or the one that fits best.
     """
     h, w = frame[0].shape
-    ox, oy = math.floor(offset[0]), math.floor(offset[1])
-    fx, fy, one = np.float32(offset[0] - ox), np.float32(offset[1] - oy), np.float32(1)
-    w00, w01, w10, w11 = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
+    offset_x, offset_y = offset
+    ox, oy = math.floor(offset_x), math.floor(offset_y)
+    fx, fy, one = np.float32(offset_x - ox), np.float32(offset_y - oy), np.float32(1)
+    weights = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
     gain = np.float32(0.5 * edge_px)
     apart, steep = np.empty((3, edge.shape[1]), np.float32), np.empty(edge.shape[1], np.float32)
     unfit = np.empty(edge.shape[1], np.float32)
     # columns of the window that the frame shows, and of these the ones that the target hides
-    shown = (max(-ox, 0), min(w - 1 - ox, edge.shape[1]))
-    hidden = (math.ceil(hole[0] - offset[0]), math.ceil(hole[2] - offset[0]))
-    left = False
-    for i in range(within[1], within[3]):
-        x0, x1 = _open(misfit[i], within[0], within[2])
+    shown_from, shown_to = max(-ox, 0), min(w - 1 - ox, edge.shape[1])
+    hidden_from, hidden_to = math.ceil(hole.x0 - offset_x), math.ceil(hole.x1 - offset_x)
+    unfinished = False
+    for i in range(within.y0, within.y1):
+        x0, x1 = _open(misfit[i], within.x0, within.x1)
         y = oy + i
-        a, b = max(x0, shown[0]), min(x1, shown[1])
+        a, b = max(x0, shown_from), min(x1, shown_to)
         if a >= b or not 0 <= y < h - 1:
-            left = left or x1 > x0
+            unfinished = unfinished or x1 > x0
             continue
         n = b - a
-        steep[:n] = 0.0
-        for c in range(3):
-            new = window[c][i, a:b]
-            upper, lower = frame[c][y, ox + a : ox + b + 1], frame[c][y + 1, ox + a : ox + b + 1]
-            for j in range(n):
-                p, q = np.float32(upper[j]), np.float32(upper[j + 1])
-                r, s = np.float32(lower[j]), np.float32(lower[j + 1])
-                apart[c, j] = np.float32(new[j]) - (w00 * p + w01 * q + w10 * r + w11 * s)
-                steep[j] = max(steep[j], gain * (abs(q - p) + abs(s - r) + abs(r - p) + abs(s - q)))
+        _row_difference(window, frame, (i, y), (a, b), ox, weights, gain, apart, steep)
         for j in range(n):
             unfit[j] = _unlike(apart[0, j], apart[1, j], apart[2, j])
-        if hole[1] <= y + fy < hole[3]:
-            unfit[min(max(hidden[0] - a, 0), n) : min(max(hidden[1] - a, 0), n)] = np.float32(_UNKNOWN)
-        grey, blue_red, magenta = residual[0, i, a:b], residual[1, i, a:b], residual[2, i, a:b]
-        steepness, worst = edge[i, a:b], misfit[i, a:b]
-        for j in range(n):
-            better = worst[j] >= np.float32(_GOOD_FIT) and unfit[j] < worst[j]
-            level, one_colour, other_colour = _opponents(apart[0, j], apart[1, j], apart[2, j])
-            grey[j] = level if better else grey[j]
-            blue_red[j] = one_colour if better else blue_red[j]
-            magenta[j] = other_colour if better else magenta[j]
-            steepness[j] = steep[j] if better else steepness[j]
-            worst[j] = unfit[j] if better else worst[j]
+        if hole.y0 <= y + fy < hole.y1:
+            unfit[min(max(hidden_from - a, 0), n) : min(max(hidden_to - a, 0), n)] = np.float32(_UNKNOWN)
+        parts = residual[0, i, a:b], residual[1, i, a:b], residual[2, i, a:b]
+        _keep_better(n, apart, steep, unfit, parts, edge[i, a:b], misfit[i, a:b])
         x0, x1 = _open(misfit[i], x0, x1)
-        left = left or x1 > x0
-    return left
+        unfinished = unfinished or x1 > x0
+    return unfinished
 
 
 @njit(cache=True, nogil=True)
@@ -197,7 +240,7 @@ class BackgroundModel:
 
     def __init__(self) -> None:
         self._frames: dict[int, _FramePart] = {}
-        self._hidden = np.zeros((_KEPT, 4), np.int64)
+        self._hidden: dict[int, Box[int]] = {}
         self._shifts = np.zeros((_KEPT, 2))
         self._order: list[int] = []
         self._motion = np.zeros(2)
@@ -208,7 +251,7 @@ class BackgroundModel:
         """Return the same memory, to be changed apart; the images are shared."""
         other = BackgroundModel()
         other._frames, other._order = dict(self._frames), list(self._order)
-        other._hidden, other._shifts, other._motion = self._hidden.copy(), self._shifts.copy(), self._motion.copy()
+        other._hidden, other._shifts, other._motion = dict(self._hidden), self._shifts.copy(), self._motion.copy()
         other._age, other._edge_px = self._age, self._edge_px
         return other
 
@@ -218,65 +261,56 @@ class BackgroundModel:
         self._frames = {}
         self._motion = np.zeros(2)
 
-    def subtract(
-        self, picture: Picture, origin: tuple[int, int], size: tuple[int, int], target: Box
-    ) -> Difference | None:
-        """Return a window's difference from the learnt background, or None where none can be laid under it.
+    def subtract(self, picture: Picture, window: Box[int], target: Box[int]) -> Difference | None:
+        """Return a window's difference from the learnt background; None where that is not known.
 
-        ``origin`` and ``size`` place the window in ``picture``; ``target`` x0, y0, x1, y1 is where the target is
-        expected; all in full-image px.
+        ``window`` and the box in which the ``target`` is expected are in full-image px.
         """
         if not self._order:
             return None
-        w, h = size
-        # one pixel more all around: texture is told from the neighbours
-        place = (*origin, origin[0] + w, origin[1] + h)
-        part, corner = picture.window(picture.available(grown(place, 1)) or place)
+        w, h = window.size
+        # one pixel more on each side: the gradient of a pixel needs its neighbours
+        part, corner = picture.window(picture.available(expand(window, 1)) or window)
         image = np.ascontiguousarray(part)
-        inside = (origin[0] - corner[0], origin[1] - corner[1])
-        if not self._register(image, corner, inside, size, target):
+        inside = shift(window, -corner[0], -corner[1])
+        if not self._register(image, corner, inside, target):
             self.reset()
             return None
-        window = planes(image[inside[1] : inside[1] + h, inside[0] : inside[0] + w])
+        colour = planes(image[inside.slices])
         residual, edge = np.empty((3, h, w), np.float32), np.empty((h, w), np.float32)
         misfit = np.full((h, w), _UNKNOWN, np.float32)
-        within: Box = (0, 0, w, h)
+        within = Box(0, 0, w, h)
         for k in self._order:
             kept, hole, (sx, sy) = self._registered_part(k, corner)
-            offset = (inside[0] + sx, inside[1] + sy)
+            offset = (inside.x0 + sx, inside.y0 + sy)
             if not _subtract_background(
-                window, kept.colour, offset, self._edge_px, within, hole, residual, edge, misfit
+                colour, kept.colour, offset, self._edge_px, within, hole, residual, edge, misfit
             ):
                 break
-            if k == self._order[0] and _holds(kept.grey.shape, offset, size):
+            if k == self._order[0] and _holds(kept.grey.shape, offset, window.size):
                 # older frames serve where the target may be, where the newest one hides the scene, and where it ends
-                near = (target[0] - origin[0], target[1] - origin[1], target[2] - origin[0], target[3] - origin[1])
-                x, y = hole[0] - offset[0], hole[1] - offset[1]
-                ends = (math.ceil(x), math.ceil(y), math.ceil(hole[2] - offset[0]), math.ceil(hole[3] - offset[1]))
-                within = _union(near, ends, size)
+                x0, x1 = (math.ceil(x - offset[0]) for x in (hole.x0, hole.x1))
+                y0, y1 = (math.ceil(y - offset[1]) for y in (hole.y0, hole.y1))
+                x0, y0, x1, y1 = union(shift(target, -window.x0, -window.y0), Box(x0, y0, x1, y1))
+                within = Box(max(x0, 0), max(y0, 0), min(x1, w), min(y1, h))
         return Difference(residual=residual, edge=edge, known=_clear_unknown(misfit, residual, edge))
 
-    def _registered_part(self, k: int, corner: tuple[int, int]) -> tuple[_FramePart, Box, tuple[float, float]]:
+    def _registered_part(self, k: int, corner: tuple[int, int]) -> tuple[_FramePart, Box[int], tuple[float, float]]:
         """Return a kept part, what the target hides of it, and the shift to it from a part at ``corner``."""
-        kept, hidden = self._frames[k], self._hidden[k]
-        (x, y), shift = kept.corner, self._shifts[k]
-        hole = (int(hidden[0]) - x, int(hidden[1]) - y, int(hidden[2]) - x, int(hidden[3]) - y)
-        return kept, hole, (float(shift[0]) + corner[0] - x, float(shift[1]) + corner[1] - y)
+        kept, (sx, sy) = self._frames[k], self._shifts[k]
+        x, y = kept.corner
+        return kept, shift(self._hidden[k], -x, -y), (float(sx) + corner[0] - x, float(sy) + corner[1] - y)
 
-    def _register(
-        self, image: ImageArray, corner: tuple[int, int], inside: tuple[int, int], size: tuple[int, int], target: Box
-    ) -> bool:
+    def _register(self, image: ImageArray, corner: tuple[int, int], inside: Box[int], target: Box[int]) -> bool:
         """Find the new image's shift to the newest kept frame and carry it over to the others."""
-        x, y = corner
-        keep_out = (target[0] - x, target[1] - y, target[2] - x, target[3] - y)
-        rows = textured(image, inside, size, keep_out)
+        rows = textured(image, inside, shift(target, -corner[0], -corner[1]))
         if rows.shape[0] < MIN_TEXTURED:
             return False
         newest = self._order[0]
-        kept, hidden, shift = self._registered_part(newest, corner)
+        kept, hidden, known = self._registered_part(newest, corner)
         kept.own()
         reference = kept.grey
-        start = (shift[0] + float(self._motion[0]), shift[1] + float(self._motion[1]))
+        start = (known[0] + float(self._motion[0]), known[1] + float(self._motion[1]))
         sx, sy, sigma = refine(rows, reference, hidden, *start)
         if sigma > _MAX_SHIFT_SIGMA_PX or mean_misfit(rows, reference, hidden, sx, sy, 1) > _MAX_MISFIT:
             cx, cy = coarse(rows, reference, hidden, *start)
@@ -284,24 +318,24 @@ class BackgroundModel:
             if sigma > _MAX_SHIFT_SIGMA_PX or mean_misfit(rows, reference, hidden, sx, sy, 1) > _MAX_MISFIT:
                 return False
         self._edge_px = misplacement(rows, reference, hidden, sx, sy)
-        self._motion = np.array([sx - shift[0], sy - shift[1]])
+        self._motion = np.array([sx - known[0], sy - known[1]])
         self._shifts += self._motion
         return True
 
-    def remember(self, picture: Picture, around: Box, target: Box, span_px: float) -> None:
+    def remember(self, picture: Picture, around: Box[int], target: Box[int], span_px: float) -> None:
         """Keep what is ``around`` if the target, within ``target``, has moved against the scene since the last time."""
         self._age += 1
         if self._order:
             newest = self._order[0]
             old = self._hidden[newest]
-            moved = np.array([target[0] - old[0], target[1] - old[1]]) + self._shifts[newest]
+            moved = np.array([target.x0 - old.x0, target.y0 - old.y0]) + self._shifts[newest]
             if float(np.hypot(*moved)) < _MOVED_PER_SPAN * span_px and self._age < _MAX_AGE:
                 return
             # at most one whole frame is held
             self._frames[newest].own()
         free = [k for k in range(_KEPT) if k not in self._order]
         slot = free[0] if free else self._order.pop()
-        image, corner = picture.window(picture.available(grown(around, KEPT_MARGIN_PX)) or around)
+        image, corner = picture.window(picture.available(expand(around, KEPT_MARGIN_PX)) or around)
         self._frames[slot] = _FramePart(image, corner)
         self._hidden[slot] = target
         self._shifts[slot] = 0.0
@@ -313,9 +347,3 @@ def _holds(shape: tuple[int, ...], offset: tuple[float, float], size: tuple[int,
     """Return whether a frame (h, w) shows all of a window (w, h) at that offset in it, between its pixels."""
     (x, y), (w, h) = offset, size
     return x >= 0 and y >= 0 and math.floor(x) + w < shape[1] and math.floor(y) + h < shape[0]
-
-
-def _union(a: Box, b: Box, size: tuple[int, int]) -> Box:
-    """Return the box that holds two boxes, within a window of this size."""
-    x0, y0 = max(min(a[0], b[0]), 0), max(min(a[1], b[1]), 0)
-    return x0, y0, min(max(a[2], b[2]), size[0]), min(max(a[3], b[3]), size[1])

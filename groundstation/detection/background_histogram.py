@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
+from groundstation.box import Box
 
 Float32Array = NDArray[np.float32]
 Bins = NDArray[np.uint16]
@@ -42,7 +43,7 @@ def _bins_of(residual: Float32Array, per_level: NDArray[np.float32]) -> Bins:
 
 
 @njit(cache=True, nogil=True)
-def _palette(bins: Bins, keep_out: tuple[int, int, int, int]) -> Float32Array:
+def _palette(bins: Bins, keep_out: Box[int]) -> Float32Array:
     """Return the smoothed share of each colour bin among the pixels (h, w) outside a box that lies inside them."""
     x0, y0, x1, y1 = keep_out
     shape = (_BINS[0], _BINS[1], _BINS[2])
@@ -98,12 +99,12 @@ def _discount(bins: Bins, share: Float32Array, contrast: Float32Array) -> None:
 
 @njit(cache=True, nogil=True)
 def suppress_background_colours(
-    residual: Float32Array, sigmas: FloatArray, keep_out: tuple[int, int, int, int], contrast: Float32Array
+    residual: Float32Array, sigmas: FloatArray, keep_out: Box[int], contrast: Float32Array
 ) -> None:
     """Scale ``contrast`` (h, w) down in place where the residual's colour is common outside the box.
 
     ``residual`` (3, h, w) is against the flattened background, ``sigmas`` (3,) its usual spread, ``keep_out``
-    x0, y0, x1, y1 the place of the target.
+    the box of the target.
     """
     per_level = (1.0 / (_BIN_SIGMAS * sigmas)).astype(np.float32)
     bins = _bins_of(residual, per_level)

@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box, union
 from groundstation.detection.bilinear import places_between, widened
 from groundstation.detection.connected_components import connected_runs
 
@@ -30,13 +31,15 @@ _SPREAD_TO_SIGMA = 1.4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spot:
-    """A region that stands out: ``box`` x0, y0, x1, y1 (exclusive) and centre in px of the full image.
+    """A region that stands out: ``box`` and ``centre`` in px of the full image.
+
+    The box counts from the edge of pixel 0.
 
     ``contrast`` is its root mean square, in sigmas of the surroundings, less for specks of a pixel or two;
     ``mass`` the sum. ``sky`` is the share of sky around it.
     """
 
-    box: tuple[float, float, float, float]
+    box: Box[float]
     centre: tuple[float, float]
     contrast: float
     mass: float
@@ -45,7 +48,7 @@ class Spot:
     @property
     def size(self) -> float:
         """The longer side of the box, px."""
-        return max(self.box[2] - self.box[0], self.box[3] - self.box[1])
+        return self.box.length
 
 
 def scales(grey: ImageArray, count: int, reduction: int) -> list[ImageArray]:
@@ -156,7 +159,7 @@ def find_spots(contrast: Float32Array, low: float, high: float, scale: float) ->
     shift = 0.5 * (scale - 1.0)
     return [
         Spot(
-            box=(row[0] * scale, row[1] * scale, row[2] * scale, row[3] * scale),
+            box=Box(row[0] * scale, row[1] * scale, row[2] * scale, row[3] * scale),
             centre=(row[6] / row[5] * scale + shift, row[7] / row[5] * scale + shift),
             contrast=strong,
             mass=row[5] * scale * scale,
@@ -167,8 +170,8 @@ def find_spots(contrast: Float32Array, low: float, high: float, scale: float) ->
 
 def gap(a: Spot, b: Spot) -> float:
     """Return the distance between two boxes, px; 0 where they touch."""
-    dx = max(a.box[0] - b.box[2], b.box[0] - a.box[2], 0.0)
-    dy = max(a.box[1] - b.box[3], b.box[1] - a.box[3], 0.0)
+    dx = max(a.box.x0 - b.box.x1, b.box.x0 - a.box.x1, 0.0)
+    dy = max(a.box.y0 - b.box.y1, b.box.y0 - a.box.y1, 0.0)
     return max(dx, dy)
 
 
@@ -194,7 +197,7 @@ def joined(spots: list[Spot], reach: float, least_px: float, growth: float) -> l
 def _union(a: Spot, b: Spot) -> Spot:
     share = a.mass / (a.mass + b.mass)
     return Spot(
-        box=(min(a.box[0], b.box[0]), min(a.box[1], b.box[1]), max(a.box[2], b.box[2]), max(a.box[3], b.box[3])),
+        box=union(a.box, b.box),
         centre=(
             share * a.centre[0] + (1 - share) * b.centre[0],
             share * a.centre[1] + (1 - share) * b.centre[1],

@@ -9,21 +9,21 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
+from groundstation.box import Box
 from groundstation.detection.config import Channel
 from groundstation.detection.flatten import flatten
 from groundstation.detection.preprocess import WINDOW_PER_SPAN, Float32Array, median_window
-from groundstation.messages import Roi
 from groundstation.picture import Picture, as_picture
 
 
-def measure_channels(image: ImageArray | Picture, roi: Roi, mask: MaskArray) -> Mapping[str, float]:
+def measure_channels(image: ImageArray | Picture, roi: Box[int], mask: MaskArray) -> Mapping[str, float]:
     """Return each channel's contrast-to-noise of a silhouette against its surroundings in the ROI.
 
     ``mask`` is (roi.h, roi.w), True on the target. The contrast is the difference of the means inside and
     in the ROI outside (after flattening), the noise the standard deviation outside. "saturation" is the
     reference system's channel.
     """
-    window_image, _ = as_picture(image).window((roi.x, roi.y, roi.x + roi.w, roi.y + roi.h))
+    window_image, _ = as_picture(image).window(roi)
     columns = np.flatnonzero(mask.any(axis=0))
     span = float(columns[-1] - columns[0] + 1) if columns.size else None
     window = median_window(None if span is None else WINDOW_PER_SPAN * span)

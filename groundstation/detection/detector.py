@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
+from groundstation.box import Box, box_of_size, shift
 from groundstation.detection import registration
 from groundstation.detection.appearance import initial_appearance
 from groundstation.detection.background import BackgroundModel, Difference
@@ -21,7 +22,7 @@ from groundstation.detection.start_contour import PreviousSilhouette, start_cont
 from groundstation.detection.target_point import find_nose
 from groundstation.detection.target_selection import TargetMemory, features_of, select_target
 from groundstation.detection.working_image import DetectionHint, WorkingImage, crop_working_image, expectation
-from groundstation.messages import Detection, Miss, MissReason, Roi
+from groundstation.messages import Detection, Miss, MissReason
 from groundstation.picture import Picture, as_picture
 
 __all__ = ["DetectionHint", "Detector", "warm_up"]
@@ -61,14 +62,14 @@ class Detector:
         yield
         self._memory, self._last, self._background = memory, last, background
 
-    def detect(self, image: ImageArray | Picture, roi: Roi, hint: DetectionHint) -> Detection | Miss:
+    def detect(self, image: ImageArray | Picture, roi: Box[int], hint: DetectionHint) -> Detection | Miss:
         """Detect the target inside ``roi`` of a picture or full image (h, w, 3) BGR, which must not change later."""
         picture = as_picture(image)
         limits = (self._config.min_span_px, self._config.max_working_span_px)
         working = crop_working_image(picture, roi, hint, self._expected_size(hint), limits)
         expected = expectation(working)
         box = expected.box
-        if box[2] - box[0] < 2 or box[3] - box[1] < 2:
+        if box.w < 2 or box.h < 2:
             return Miss(reason=MissReason.OUT_OF_VIEW, detail="the prediction lies outside the region of interest")
         difference = self._learnt_difference(picture, working, box)
         prepared = prepare(working.image, expected, difference, self._config)
@@ -106,9 +107,9 @@ class Detector:
                 self._memory = None
         return miss
 
-    def _learn(self, picture: Picture, roi: Roi, detection: Detection, mass: float, seen: FloatArray) -> None:
+    def _learn(self, picture: Picture, roi: Box[int], detection: Detection, mass: float, seen: FloatArray) -> None:
         """Update size, mass, appearance and background from a detection."""
-        width, appearance = max(detection.box[2], 1.0), initial_appearance(seen)
+        width, appearance = max(detection.box.w, 1.0), initial_appearance(seen)
         if self._memory is not None:
             old = self._memory.span_px
             width = old * math.exp(_MEMORY_RATE * math.log(width / old))
@@ -118,18 +119,14 @@ class Detector:
         self._memory = TargetMemory(span_px=width, mass=mass, appearance=appearance)
         sure = detection.contrast_to_noise >= _TRUSTED_CONTRAST
         if sure and self._config.learn_background:
-            around = (roi.x, roi.y, roi.x + roi.w, roi.y + roi.h)
-            self._background.remember(picture, around, _place_of(detection), detection.box[2])
+            self._background.remember(picture, roi, _hidden_by(detection), detection.box.w)
 
-    def _learnt_difference(
-        self, picture: Picture, working: WorkingImage, box: tuple[int, int, int, int]
-    ) -> Difference | None:
+    def _learnt_difference(self, picture: Picture, working: WorkingImage, box: Box[int]) -> Difference | None:
         """Return the difference from the learnt background; None for large targets in a reduced image."""
         if working.scale > 1 or not self._config.learn_background:
             return None
-        x, y = working.roi.x, working.roi.y
-        target = (box[0] + x, box[1] + y, box[2] + x, box[3] + y)
-        return self._background.subtract(picture, (x, y), (working.roi.w, working.roi.h), target)
+        roi = working.roi
+        return self._background.subtract(picture, roi, shift(box, roi.x0, roi.y0))
 
     def _expected_size(self, hint: DetectionHint) -> tuple[float | None, float]:
         """Return the span to expect in px and the sigma of its logarithm: the better of hint and memory."""
@@ -151,9 +148,9 @@ class Detector:
         """Measure the chosen group: target point, covariance, outline."""
         h, w = prepared.u.shape
         margin = max(4, math.ceil(0.08 * group.width))
-        x0, y0 = max(group.box[0] - margin, 0), max(group.box[1] - margin, 0)
-        x1, y1 = min(group.box[2] + margin, w), min(group.box[3] + margin, h)
-        member, soft = soft_silhouette(regions.labels, group.members, (x0, y0, x1, y1), prepared.u)
+        x0, y0 = max(group.box.x0 - margin, 0), max(group.box.y0 - margin, 0)
+        x1, y1 = min(group.box.x1 + margin, w), min(group.box.y1 + margin, h)
+        member, soft = soft_silhouette(regions.labels, group.members, Box(x0, y0, x1, y1), prepared.u)
         corner = np.array([x0, y0], np.float64)
         width = float(group.width)
         forward = None if working.forward is None else working.forward * width
@@ -161,7 +158,7 @@ class Detector:
         expected = None if working.span is None else (working.span, working.span_sigma)
         nose = find_nose(soft, width, group.contrast, forward, up, expected, working.height_per_span, working.scale)
         # one array of five points, since mapping one costs as much as mapping all
-        upper_left = (group.box[0] - 0.5, group.box[1] - 0.5)
+        upper_left = (group.box.x0 - 0.5, group.box.y0 - 0.5)
         places = np.array((nose.point + corner, corner, group.centre, working.predicted, upper_left))
         point, origin, centroid, predicted, (left, top) = working.full(places)
         covariance = nose.covariance * working.scale**2
@@ -188,7 +185,7 @@ class Detector:
             covariance_px2=covariance,
             noise_px2=nose.noise * working.scale**2,
             centroid_px=centroid,
-            box=(float(left), float(top), float(group.width * size), float(group.height * size)),
+            box=box_of_size(float(left), float(top), float(group.width * size), float(group.height * size)),
             area_px=group.area * size**2,
             contour_px=_outline(member, working.scale, origin),
             contrast_to_noise=group.contrast,
@@ -204,12 +201,12 @@ def _squared_sigmas(away_px: FloatArray, covariance_px2: FloatArray) -> float:
     return (b * x * x - 2.0 * c * x * y + a * y * y) / (a * b - c * c)
 
 
-def _place_of(detection: Detection) -> tuple[int, int, int, int]:
-    """Return the box that certainly hides the background: x0, y0, x1, y1 in full-image px."""
-    x, y, w, h = detection.box
-    cx, cy = x + 0.5 * w, y + 0.5 * h
+def _hidden_by(detection: Detection) -> Box[int]:
+    """Return the box in which the target certainly hides the background, in full-image px."""
+    w, h = detection.box.size
+    cx, cy = detection.box.x0 + 0.5 * w, detection.box.y0 + 0.5 * h
     half_w, half_h = 0.6 * w + 3, max(0.25 * w, 0.6 * h) + 3
-    return int(cx - half_w), int(cy - half_h), int(cx + half_w) + 1, int(cy + half_h) + 1
+    return Box(int(cx - half_w), int(cy - half_h), int(cx + half_w) + 1, int(cy + half_h) + 1)
 
 
 def _outline(member: NDArray[np.uint8], scale: int, corner_px: FloatArray) -> NDArray[np.float32]:
@@ -246,4 +243,4 @@ def warm_up() -> None:
         hint = DetectionHint(
             predicted_px=np.array([75.0, 43.0]), predicted_covariance_px2=np.eye(2), expected_span_px=30.0
         )
-        detector.detect(image, Roi(x=0, y=0, w=160, h=96), hint)
+        detector.detect(image, Box(0, 0, 160, 96), hint)

@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box, contains, overlap, shift
 from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
-from groundstation.detection.target_search import overlaps
-
-Box = tuple[float, float, float, float]
 
 _LEAST_HALF_PX = 80.0
 _LEAST_SCORE = 3.0
@@ -27,16 +25,16 @@ _ALONE = 2.0  # how much more conspicuous than all else a target far from its pl
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Blob:
-    """A region of high contrast: ``centre_px`` (2,), ``box`` x, y, w, h in px, and its score in sigmas."""
+    """A region of high contrast: ``centre_px`` (2,), ``box`` in px, and its score in sigmas."""
 
     centre_px: FloatArray
-    box: Box
+    box: Box[float]
     score: float
 
     @property
     def size_px(self) -> float:
         """The longer side of the box."""
-        return max(self.box[2], self.box[3])
+        return self.box.length
 
 
 class LocalSearch:
@@ -46,10 +44,10 @@ class LocalSearch:
         # the position is known: candidates in front of ground get the same weight as those in the sky
         self._config = replace(config, ground_weight=1.0)
 
-    def inside(self, image: ImageArray, box: Box) -> Blob | None:
+    def inside(self, image: ImageArray, box: Box[float]) -> Blob | None:
         """Return the most conspicuous blob inside a loose box, or None."""
-        x, y, w, h = box
-        middle = np.array([x + 0.5 * w, y + 0.5 * h])
+        w, h = box.size
+        middle = np.array([box.x0 + 0.5 * w, box.y0 + 0.5 * h])
 
         def worth(blob: Blob) -> float:
             off = (blob.centre_px - middle) / (_CENTRED * np.array([w, h]))
@@ -77,16 +75,14 @@ def _span(centre: float, half: int, limit: int) -> tuple[int, int]:
     return max(middle - half, 0), min(middle + half, limit)
 
 
-def _within(box: Box, given: Box) -> bool:
+def _within(box: Box[float], given: Box[float]) -> bool:
     """Return whether a box lies inside another one, within a tolerance."""
-    beyond_x, beyond_y = _BEYOND * given[2] + _BEYOND_PX, _BEYOND * given[3] + _BEYOND_PX
-    across = given[0] - beyond_x <= box[0] and box[0] + box[2] <= given[0] + given[2] + beyond_x
-    return across and given[1] - beyond_y <= box[1] and box[1] + box[3] <= given[1] + given[3] + beyond_y
+    x, y = _BEYOND * given.w + _BEYOND_PX, _BEYOND * given.h + _BEYOND_PX
+    return contains(Box(given.x0 - x, given.y0 - y, given.x1 + x, given.y1 + y), box)
 
 
 def _moved(c: Candidate, x0: int, y0: int) -> Blob:
-    x, y, w, h = c.box
-    return Blob(centre_px=np.array([c.u_px + x0, c.v_px + y0]), box=(x + x0, y + y0, w, h), score=c.score)
+    return Blob(centre_px=np.array([c.u_px + x0, c.v_px + y0]), box=shift(c.box, x0, y0), score=c.score)
 
 
 def best_blob(similar: list[Blob], place: FloatArray, reach_px: float, all_of_them: list[Blob]) -> Blob | None:
@@ -101,7 +97,7 @@ def best_blob(similar: list[Blob], place: FloatArray, reach_px: float, all_of_th
     best = max(similar, key=lambda s: s.score, default=None)
     if best is None or best.score < CLEAR_SCORE:
         return None
-    rivals = [s.score for s in all_of_them if not overlaps(s.box, best.box)]
+    rivals = [s.score for s in all_of_them if not overlap(s.box, best.box)]
     return best if best.score >= _ALONE * max(rivals, default=0.0) else None
 
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box
 
 REDUCTION = 4
 _CORNERS, _QUALITY, _APART_PX = 60, 0.05, 6
@@ -30,16 +31,16 @@ def small_copy(image: ImageArray) -> ImageArray:
     return np.asarray(cv2.resize(half, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def picture_shift(old: ImageArray, new: ImageArray, target_box: tuple[float, float, float, float]) -> FloatArray | None:
+def picture_shift(old: ImageArray, new: ImageArray, target_box: Box[float]) -> FloatArray | None:
     """Return how far (2,) the scene has moved between two small copies, in px of the full image; None if unseen.
 
-    ``target_box`` is x, y, w, h in the old full image: what moves by itself.
+    ``target_box``, in the old full image, is left out: the target moves by itself.
     """
     h, w = old.shape
     mask = np.full((h, w), 255, np.uint8)
-    x, y, bw, bh = (v / REDUCTION for v in target_box)
+    x, y, right, bottom = (v / REDUCTION for v in target_box)
     x0, y0 = max(int(x) - _MARGIN_PX, 0), max(int(y) - _MARGIN_PX, 0)
-    mask[y0 : max(int(y + bh) + _MARGIN_PX + 1, 0), x0 : max(int(x + bw) + _MARGIN_PX + 1, 0)] = 0
+    mask[y0 : max(int(bottom) + _MARGIN_PX + 1, 0), x0 : max(int(right) + _MARGIN_PX + 1, 0)] = 0
     best = cv2.goodFeaturesToTrack(old, _CORNERS, _QUALITY, _APART_PX, mask=mask)
     found = np.zeros((0, 1, 2), np.float32) if best is None else np.asarray(best, np.float32)
     mean = cv2.blur(old.astype(np.float32), (_PATCH, _PATCH))

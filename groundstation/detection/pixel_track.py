@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.messages import Detection, Miss, Roi, TrackStatus
+from groundstation.box import Box, box_of_size
+from groundstation.messages import Detection, Miss, TrackStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,7 +25,7 @@ class PixelTrack:
     t_s: float
     status: TrackStatus
     result: Detection | Miss
-    roi: Roi | None
+    roi: Box[int] | None
     predicted_px: FloatArray | None
 
 
@@ -35,9 +36,9 @@ def in_full(track: PixelTrack, scale: int) -> PixelTrack:
     offset = 0.5 * (scale - 1)
     roi, result, predicted = track.roi, track.result, track.predicted_px
     if roi is not None:
-        roi = Roi(x=roi.x // scale, y=roi.y // scale, w=max(roi.w // scale, 1), h=max(roi.h // scale, 1))
+        roi = box_of_size(roi.x0 // scale, roi.y0 // scale, max(roi.w // scale, 1), max(roi.h // scale, 1))
     if isinstance(result, Detection):
-        x, y, w, h = result.box
+        x, y = (result.box.x0 + 0.5) / scale - 0.5, (result.box.y0 + 0.5) / scale - 0.5
         result = replace(
             result,
             u_px=(result.u_px - offset) / scale,
@@ -45,7 +46,7 @@ def in_full(track: PixelTrack, scale: int) -> PixelTrack:
             covariance_px2=result.covariance_px2 / scale**2,
             noise_px2=result.noise_px2 / scale**2,
             centroid_px=(result.centroid_px - offset) / scale,
-            box=((x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5, w / scale, h / scale),
+            box=box_of_size(x, y, result.box.w / scale, result.box.h / scale),
             area_px=result.area_px / scale**2,
             contour_px=((result.contour_px - offset) / scale).astype(np.float32),
         )

@@ -16,11 +16,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box
 from groundstation.detection.background import Difference
 from groundstation.detection.background_histogram import suppress_background_colours
 from groundstation.detection.config import Channel, DetectionConfig
 from groundstation.detection.flatten import flatten
-from groundstation.detection.registration import Box
 
 Float32Array = NDArray[np.float32]
 
@@ -44,12 +44,12 @@ _TAIL = 2.0  # sigmas that noise alone reaches at the shares in question
 class Expectation:
     """Where the target is expected in the window.
 
-    ``box`` x0, y0, x1, y1 holds it, ``columns`` (x1 − x0,) and ``rows`` (y1 − y0,) float32 say how likely it
+    ``box`` holds it, ``columns`` (box.w,) and ``rows`` (box.h,) float32 say how likely it
     reaches there, 1 in the middle; ``span_px`` is its expected span and ``thick_px`` a width that its thick parts
     fill by less than half, None if not known.
     """
 
-    box: tuple[int, int, int, int]
+    box: Box[int]
     columns: Float32Array
     rows: Float32Array
     span_px: float | None
@@ -79,7 +79,7 @@ class Prepared:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _clutter_moments(
-    residual: Float32Array, keep_out: Box, clip: float, known: NDArray[np.bool_] | None = None
+    residual: Float32Array, keep_out: Box[int], clip: float, known: NDArray[np.bool_] | None = None
 ) -> FloatArray:
     """Return the (3, 3) second moments of a residual (3, h, w) outside the box, clipped to ±``clip``.
 
@@ -111,7 +111,7 @@ def _clutter_moments(
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _clutter_variance(plane: Float32Array, keep_out: Box, clip: float) -> float:
+def _clutter_variance(plane: Float32Array, keep_out: Box[int], clip: float) -> float:
     """Return the second moment of one plane (h, w) alone, as `_clutter_moments` does of three."""
     x0, y0, x1, y1 = keep_out
     limit = np.float32(clip)
@@ -187,7 +187,7 @@ def _soften(
 
 
 @njit(cache=True, nogil=True)
-def _grey_gain(plane: Float32Array, keep_out: Box) -> float:
+def _grey_gain(plane: Float32Array, keep_out: Box[int]) -> float:
     """Return how many sigmas of what is outside the box one level of a plane (h, w) is."""
     return 1.0 / math.hypot(math.sqrt(_clutter_variance(plane, keep_out, _CLUTTER_CLIP)), _NOISE_FLOOR)
 
@@ -223,7 +223,7 @@ def _place(value: np.float32) -> np.uint32:
 
 @njit(cache=True, nogil=True)
 def _levels(
-    contrast: Float32Array, box: Box, columns: Float32Array, rows: Float32Array, area_px: float, gain: float = 1.0
+    contrast: Float32Array, box: Box[int], columns: Float32Array, rows: Float32Array, area_px: float, gain: float = 1.0
 ) -> tuple[float, float]:
     """Return the level that ``area_px`` pixels exceed near the prediction, and what their share exceeds elsewhere.
 
@@ -257,7 +257,7 @@ def _levels(
 
 @njit(cache=True, nogil=True)
 def _grey_levels(
-    residual: Float32Array, box: Box, columns: Float32Array, rows: Float32Array, area_px: float
+    residual: Float32Array, box: Box[int], columns: Float32Array, rows: Float32Array, area_px: float
 ) -> tuple[float, float, float]:
     """Return the grey residual's gain to sigmas, and its levels."""
     gain = _grey_gain(residual[0], box)
@@ -267,13 +267,13 @@ def _grey_levels(
 
 @njit(cache=True, nogil=True)
 def _colour_levels(
-    residual: Float32Array, box: Box, columns: Float32Array, rows: Float32Array, area_px: float, contrast: Float32Array
+    residual: Float32Array, box: Box[int], columns: Float32Array, rows: Float32Array, area_px: float, out: Float32Array
 ) -> tuple[float, float]:
     """Write the contrast (h, w) of a residual (3, h, w), less where its colour is common, and return its levels."""
     inverse, sigmas = _with_noise(_clutter_moments(residual, box, _COLOUR_CLIP, None))
-    _distance(residual, inverse, contrast)
-    suppress_background_colours(residual, sigmas, box, contrast)
-    return _levels(contrast, box, columns, rows, area_px)
+    _distance(residual, inverse, out)
+    suppress_background_colours(residual, sigmas, box, out)
+    return _levels(out, box, columns, rows, area_px)
 
 
 @njit(cache=True, nogil=True)
@@ -282,7 +282,7 @@ def _learnt_levels(
     edge: Float32Array,
     known: NDArray[np.bool_],
     spatial: Float32Array,
-    box: Box,
+    box: Box[int],
     columns: Float32Array,
     rows: Float32Array,
     area_px: float,
@@ -325,7 +325,7 @@ def prepare(
     else:
         residual = flatten(image, window)
         if wanted in (Channel.AUTO, Channel.GREY):
-            # its levels tell whether it is chosen: before that nobody needs its contrast
+            # whether it is chosen follows from its levels; its contrast is computed only then
             options.append((Channel.GREY, residual[0], *_grey_levels(residual, *expectation)))
         if wanted is not Channel.GREY:
             colour = np.empty(image.shape[:2], np.float32)
@@ -347,7 +347,7 @@ def prepare(
     )
 
 
-def saturation_contrast(image: ImageArray, window: int, target_box: Box, *, equalise: bool) -> Float32Array:
+def saturation_contrast(image: ImageArray, window: int, target_box: Box[int], *, equalise: bool) -> Float32Array:
     """Return the saturation's distance from its flattened background in sigmas, (h, w)."""
     saturation = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_BGR2HSV)[:, :, 1])
     if equalise:

@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
+from groundstation.box import Box
 from groundstation.detection.connected_components import LabelArray, connected_runs
 
 _MAX_REGIONS = 400
@@ -26,13 +27,13 @@ _AREA, _MASS, _MASS_X, _MASS_Y, _X0, _Y0, _X1, _Y1, _PEAK, _RIM = range(10)
 class Group:
     """Regions taken for one object; pixel positions are those of the working image.
 
-    ``belongs`` (count,) says of each label whether it is a member's, ``box`` x0, y0, x1, y1 (exclusive), ``area`` px,
+    ``belongs`` (count,) says of each label whether it is a member's, ``box`` holds them, ``area`` px,
     ``mass`` the sum of contrast, ``centre`` (2,) the contrast-weighted centre, ``contrast`` the mean contrast in
     sigmas, ``rim`` whether a member touches the working image's edge.
     """
 
     belongs: NDArray[np.bool_]
-    box: tuple[int, int, int, int]
+    box: Box[int]
     area: float
     mass: float
     centre: FloatArray
@@ -52,12 +53,12 @@ class Group:
     @property
     def width(self) -> int:
         """Width of the box in px."""
-        return self.box[2] - self.box[0]
+        return self.box.w
 
     @property
     def height(self) -> int:
         """Height of the box in px."""
-        return self.box[3] - self.box[1]
+        return self.box.h
 
 
 @njit(cache=True, nogil=True)
@@ -88,9 +89,9 @@ def _label(phi: NDArray[np.float32], contrast: NDArray[np.float32]) -> tuple[Lab
 
 @njit(cache=True, nogil=True)
 def soft_silhouette(
-    labels: LabelArray, members: NDArray[np.int64], box: tuple[int, int, int, int], u: NDArray[np.float32]
+    labels: LabelArray, members: NDArray[np.int64], box: Box[int], u: NDArray[np.float32]
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """Return where a box x0, y0, x1, y1 holds the members, 1 or 0, and ``u`` (h, w) there and one pixel around it."""
+    """Return where a box holds the members, 1 or 0, and ``u`` (h, w) there and one pixel around it."""
     x0, y0, x1, y1 = box
     h, w = y1 - y0, x1 - x0
     mask, soft = np.zeros((h, w), np.uint8), np.zeros((h, w), np.float32)
@@ -284,7 +285,7 @@ def _group(members: NDArray[np.bool_], sums: list[float]) -> Group:
     heavy = max(mass, 1e-9)
     return Group(
         belongs=members,
-        box=(int(sums[_X0]), int(sums[_Y0]), int(sums[_X1]), int(sums[_Y1])),
+        box=Box(int(sums[_X0]), int(sums[_Y0]), int(sums[_X1]), int(sums[_Y1])),
         area=area,
         mass=mass,
         centre=np.array([sums[_MASS_X] / heavy, sums[_MASS_Y] / heavy]),

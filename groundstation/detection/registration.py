@@ -1,7 +1,7 @@
 """Bringing one frame under another by a shift: textured pixels, a coarse raster, robust Gauss-Newton.
 
 Rows of ``textured`` pixels are x, y, grey, ∂x, ∂y in full-image coordinates; a shift (sx, sy) leads from the new
-image to the reference, where ``hidden`` x0, y0, x1, y1 is left out.
+image to the reference, where the box ``hidden`` is left out.
 """
 
 import math
@@ -11,8 +11,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box
 
-Box = tuple[int, int, int, int]
 ImageRow = NDArray[np.uint8]
 Float32Array = NDArray[np.float32]
 
@@ -41,33 +41,32 @@ def grey_of(image: ImageArray) -> Float32Array:
     return grey
 
 
-def textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
+def textured(image: ImageArray, window: Box[int], keep_out: Box[int]) -> FloatArray:
     """Return the textured pixels of a window as rows x, y, grey, ∂x, ∂y (full-image coordinates)."""
-    rows: FloatArray = _textured(np.ascontiguousarray(image), origin, size, keep_out)
+    rows: FloatArray = _textured(np.ascontiguousarray(image), window, keep_out)
     return rows
 
 
 @njit(cache=True, nogil=True)
-def _textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
-    x0, y0 = origin
-    w, h = size
+def _textured(image: ImageArray, window: Box[int], keep_out: Box[int]) -> FloatArray:
+    x0, y0, x1, y1 = window
     height, width = image.shape[:2]
-    rows = np.empty((((h + 1) // 2) * ((w + 1) // 2), 5))
+    rows = np.empty((((y1 - y0 + 1) // 2) * ((x1 - x0 + 1) // 2), 5))
     flat, grey = image.reshape(height, 3 * width), np.empty((3, width))
-    first, last = max(x0, 1), min(x0 + w, width - 1)
+    first, last = max(x0, 1), min(x1, width - 1)
     top = max(y0, 1)
     n = 0
-    for y in range(top, min(y0 + h, height - 1), 2):
+    for y in range(top, min(y1, height - 1), 2):
         # the row below is the one above of the next turn
         above, row, below = grey[(y - top) % 4 // 2 * 2], grey[1], grey[2 - (y - top) % 4 // 2 * 2]
         if y == top:
             _greys(flat[y - 1], above)
         _greys(flat[y], row)
         _greys(flat[y + 1], below)
-        beside = keep_out[1] <= y < keep_out[3]
+        beside = keep_out.y0 <= y < keep_out.y1
         for x in range(first, last, 2):
             gx, gy = 0.5 * (row[x + 1] - row[x - 1]), 0.5 * (below[x] - above[x])
-            if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE or (beside and keep_out[0] <= x < keep_out[2]):
+            if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE or (beside and keep_out.x0 <= x < keep_out.x1):
                 continue
             rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, row[x], gx, gy
             n += 1
@@ -86,12 +85,12 @@ def _sample(grey: Float32Array, x: float, y: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def mean_misfit(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy: float, every: int) -> float:
+def mean_misfit(rows: FloatArray, reference: Float32Array, hidden: Box[int], sx: float, sy: float, every: int) -> float:
     """Return the mean clipped difference of the textured pixels at one shift."""
     total, n = 0.0, 0
     for k in range(0, rows.shape[0], every):
         x, y = rows[k, 0] + sx, rows[k, 1] + sy
-        if hidden[0] <= x < hidden[2] and hidden[1] <= y < hidden[3]:
+        if hidden.x0 <= x < hidden.x1 and hidden.y0 <= y < hidden.y1:
             continue
         value = _sample(reference, x, y)
         if value >= 0:
@@ -101,7 +100,7 @@ def mean_misfit(rows: FloatArray, reference: Float32Array, hidden: Box, sx: floa
 
 
 @njit(cache=True, nogil=True)
-def coarse(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy: float) -> tuple[float, float]:
+def coarse(rows: FloatArray, reference: Float32Array, hidden: Box[int], sx: float, sy: float) -> tuple[float, float]:
     """Return the best shift on a coarse raster around a guess."""
     every = max(rows.shape[0] // 300, 1)
     best, bx, by = 1e9, sx, sy
@@ -115,14 +114,16 @@ def coarse(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy
 
 
 @njit(cache=True, nogil=True)
-def refine(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy: float) -> tuple[float, float, float]:
+def refine(
+    rows: FloatArray, reference: Float32Array, hidden: Box[int], sx: float, sy: float
+) -> tuple[float, float, float]:
     """Return the sub-pixel shift by robust Gauss-Newton, and its sigma in px (large when undetermined)."""
     sigma = 1e9
     for _ in range(10):
         hxx, hxy, hyy, bx, by, square, n = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
         for k in range(rows.shape[0]):
             x, y = rows[k, 0] + sx, rows[k, 1] + sy
-            if hidden[0] <= x < hidden[2] and hidden[1] <= y < hidden[3]:
+            if hidden.x0 <= x < hidden.x1 and hidden.y0 <= y < hidden.y1:
                 continue
             value = _sample(reference, x, y)
             if value < 0:
@@ -153,12 +154,12 @@ def refine(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy
 
 
 @njit(cache=True, nogil=True)
-def misplacement(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy: float) -> float:
+def misplacement(rows: FloatArray, reference: Float32Array, hidden: Box[int], sx: float, sy: float) -> float:
     """Return how far, in px, the scene still lies off after the shift: how misfits grow with the gradient."""
     n, s_g, s_e, s_gg, s_ge = 0, 0.0, 0.0, 0.0, 0.0
     for k in range(rows.shape[0]):
         x, y = rows[k, 0] + sx, rows[k, 1] + sy
-        if hidden[0] <= x < hidden[2] and hidden[1] <= y < hidden[3]:
+        if hidden.x0 <= x < hidden.x1 and hidden.y0 <= y < hidden.y1:
             continue
         value = _sample(reference, x, y)
         if value < 0:
@@ -182,8 +183,8 @@ def warm_up() -> None:
     """Compile every kernel, those too that only a lost scene calls."""
     y, x = np.mgrid[0:40, 0:60]
     picture = np.repeat((120 + 60 * ((x // 5 + y // 4) % 2)).astype(np.uint8)[:, :, None], 3, axis=2)
-    rows = textured(picture, (0, 0), (60, 40), (0, 0, 0, 0))
-    nothing, grey = (0, 0, 0, 0), grey_of(picture)
+    rows = textured(picture, Box(0, 0, 60, 40), Box(0, 0, 0, 0))
+    nothing, grey = Box(0, 0, 0, 0), grey_of(picture)
     coarse(rows, grey, nothing, 0.0, 0.0)
     refine(rows, grey, nothing, 0.0, 0.0)
     mean_misfit(rows, grey, nothing, 0.0, 0.0, 1)

@@ -3,8 +3,8 @@
 import math
 
 from groundstation.arrays import FloatArray
+from groundstation.box import Box
 from groundstation.detection.config import DetectionConfig
-from groundstation.messages import Roi
 
 _ROOM = 0.25  # of the basic size, which a silhouette keeps around it
 
@@ -16,7 +16,7 @@ def place_roi(
     config: DetectionConfig,
     image_size_px: tuple[int, int],
     last_middle_px: tuple[float, float] = (0.0, 0.0),
-) -> Roi | None:
+) -> Box[int] | None:
     """Return the window to search, clipped to the image, or None if nothing of it lies inside.
 
     Parameters
@@ -48,4 +48,4 @@ def place_roi(
     (x0, x1), (y0, y1) = edges
     if x1 - x0 < 1 or y1 - y0 < 1:
         return None
-    return Roi(x=x0, y=y0, w=x1 - x0, h=y1 - y0)
+    return Box(x0, y0, x1, y1)

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, field
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box, overlap
 from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
 
 _GATE_PX, _GATE_SIZES = 14.0, 0.7  # how far a candidate may be from where its forerunner leads
@@ -77,16 +78,6 @@ class _TentativeTarget:
         return sum(self.scores) / self.frames
 
 
-def size_of(box: tuple[float, float, float, float]) -> float:
-    """Return the longer side of a box x, y, w, h."""
-    return max(box[2], box[3])
-
-
-def overlaps(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
-    """Return whether two boxes x, y, w, h have a common part."""
-    return a[0] < b[0] + b[2] and b[0] < a[0] + a[2] and a[1] < b[1] + b[3] and b[1] < a[1] + a[3]
-
-
 class TargetSearch:
     """Searches the frames of one camera for one target, frame after frame."""
 
@@ -121,9 +112,9 @@ class TargetSearch:
         self._follow(candidates, t_s, known_size_px)
         return self._decide(t_s)
 
-    def drop(self, box: tuple[float, float, float, float]) -> None:
+    def drop(self, box: Box[float]) -> None:
         """Discard the tentative targets at ``box``, after a false confirmation."""
-        self._tentative_targets = [h for h in self._tentative_targets if not overlaps(h.newest.box, box)]
+        self._tentative_targets = [h for h in self._tentative_targets if not overlap(h.newest.box, box)]
 
     def _follow(self, candidates: list[Candidate], t_s: float, known_size_px: float | None) -> None:
         """Associate candidates with the tentative targets; the others start new ones."""
@@ -154,7 +145,7 @@ class TargetSearch:
         if best.seen < c.seen_share * best.frames:
             return None
         # several readings of one thing do not compete
-        rivals = [h for h in ranked[1:] if not overlaps(h.newest.box, best.newest.box) and h.newest_s == t_s]
+        rivals = [h for h in ranked[1:] if not overlap(h.newest.box, best.newest.box) and h.newest_s == t_s]
         lead = best.weight() / max((h.weight() for h in rivals), default=1e-9)
         if lead < c.clear_lead and t_s - best.first_s < c.undecided_s:
             return None
@@ -164,7 +155,7 @@ class TargetSearch:
 def _worth(c: Candidate, known_size_px: float | None) -> float:
     weight = _MOVING_WEIGHT if c.moving else 1.0
     if known_size_px is not None:
-        small, large = sorted((max(size_of(c.box), _LEAST_SIZE_PX), max(known_size_px, _LEAST_SIZE_PX)))
+        small, large = sorted((max(c.box.length, _LEAST_SIZE_PX), max(known_size_px, _LEAST_SIZE_PX)))
         weight *= _KNOWN_WEIGHT if large < _KNOWN_RATIO * small else 1.0
     return weight * min(c.score, _ENOUGH)
 
@@ -172,11 +163,11 @@ def _worth(c: Candidate, known_size_px: float | None) -> float:
 def _nearest(tentative: _TentativeTarget, candidates: list[Candidate], t_s: float) -> Candidate | None:
     """Return the candidate that goes on with ``tentative`` best."""
     u, v = tentative.place(t_s)
-    old = max(size_of(tentative.newest.box), 3.0)
+    old = max(tentative.newest.box.length, 3.0)
     reach = (_GATE_PX + _GATE_SIZES * old) * (1 + tentative.missed)
     best, least = None, math.inf
     for c in candidates:
-        ratio = max(size_of(c.box), 3.0) / old
+        ratio = max(c.box.length, 3.0) / old
         if not 1.0 / _SIZE_RATIO <= ratio <= _SIZE_RATIO:
             continue
         distance = math.hypot(c.u_px - u, c.v_px - v) + 5.0 * abs(math.log(ratio))

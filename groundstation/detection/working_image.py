@@ -9,8 +9,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box, box_of_size
 from groundstation.detection.preprocess import Expectation
-from groundstation.messages import Roi
 from groundstation.picture import Picture, as_picture
 
 UNKNOWN_SPAN_PX = 25.0
@@ -55,7 +55,7 @@ class WorkingImage:
     ``height_per_span`` is the height above the runway in spans.
     """
 
-    roi: Roi
+    roi: Box[int]
     scale: int
     image: ImageArray
     image_size_px: tuple[int, int]
@@ -75,16 +75,16 @@ class WorkingImage:
     def open_edges(self) -> tuple[bool, bool, bool, bool]:
         """Return for left, top, right, bottom whether the image extends beyond the region of interest."""
         roi, (w, h) = self.roi, self.image_size_px
-        return (roi.x > 0, roi.y > 0, roi.x + roi.w + self.scale <= w, roi.y + roi.h + self.scale <= h)
+        return (roi.x0 > 0, roi.y0 > 0, roi.x1 + self.scale <= w, roi.y1 + self.scale <= h)
 
-    def cuts(self, box: tuple[int, int, int, int]) -> bool:
-        """Return whether a working box x0, y0, x1, y1 touches the image border."""
+    def cuts(self, box: Box[int]) -> bool:
+        """Return whether a box in working px touches the image border."""
         x0, y0, x1, y1 = box
         left, top, right, bottom = (not edge for edge in self.open_edges())
         h, w = self.image.shape[:2]
         return (left and x0 <= 0) or (top and y0 <= 0) or (right and x1 >= w) or (bottom and y1 >= h)
 
-    def cut_covariance(self, box: tuple[int, int, int, int]) -> FloatArray:
+    def cut_covariance(self, box: Box[int]) -> FloatArray:
         """Return the covariance (2, 2) to add to the target point of a silhouette cut by the border, full-image px².
 
         The missing part may be the wider one, which gives an error in every direction; and the point is displaced
@@ -99,7 +99,7 @@ class WorkingImage:
         sigma = np.hypot(_CUT_ANYWHERE * width, _CUT_ACROSS * missing * across)
         return np.asarray(np.diag((sigma * self.scale) ** 2), np.float64)
 
-    def half_wing_gone(self, box: tuple[int, int, int, int]) -> bool:
+    def half_wing_gone(self, box: Box[int]) -> bool:
         """Return whether half a span, measured from the wing tip in view, ends outside the image."""
         if self.span is None:
             return False
@@ -116,7 +116,7 @@ class WorkingImage:
 
 def crop_working_image(
     image: ImageArray | Picture,
-    roi: Roi,
+    roi: Box[int],
     hint: DetectionHint,
     size: tuple[float | None, float],
     limits: tuple[float, float],
@@ -128,15 +128,15 @@ def crop_working_image(
     """
     span, sigma = size
     picture = as_picture(image)
-    window, _ = picture.window((roi.x, roi.y, roi.x + roi.w, roi.y + roi.h))
+    window, _ = picture.window(roi)
     scale = 1
     while span is not None and span / scale > limits[1]:
         scale *= 2
     if scale > 1:
-        roi = Roi(x=roi.x, y=roi.y, w=max(roi.w - roi.w % scale, 1), h=max(roi.h - roi.h % scale, 1))
+        roi = box_of_size(roi.x0, roi.y0, max(roi.w - roi.w % scale, 1), max(roi.h - roi.h % scale, 1))
         reduced = (max(roi.w // scale, 1), max(roi.h // scale, 1))
         window = np.asarray(cv2.resize(window[: roi.h, : roi.w], reduced, interpolation=cv2.INTER_AREA), np.uint8)
-    offset = np.array([roi.x, roi.y]) + 0.5 * (scale - 1)
+    offset = np.array([roi.x0, roi.y0]) + 0.5 * (scale - 1)
     metres = span * scale / hint.px_per_m if span is not None and hint.px_per_m else None
     return WorkingImage(
         roi=roi,
@@ -184,7 +184,7 @@ def expectation(working: WorkingImage) -> Expectation:
         first[axis] = int(min(max(low - 2.0 * sigma, 0.0), size))
         last[axis] = int(min(max(high + 2.0 * sigma + 1.0, 0.0), size))
         likely.append(_likely(first[axis], last[axis], low, high, sigma))
-    box = (first[0], first[1], last[0], last[1])
+    box = Box(first[0], first[1], last[0], last[1])
     # end-on the silhouette is a body and a thin wing; from other or unknown directions it may be thicker
     length = (
         1.0 if working.forward is None else min(math.hypot(float(working.forward[0]), float(working.forward[1])), 1.0)

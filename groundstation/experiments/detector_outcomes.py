@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
+from groundstation.box import Box
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import Detector
 from groundstation.detection.roi import place_roi
 from groundstation.detection.segmentation import Float32Array
 from groundstation.experiments.truth_scenes import TrueSilhouette, TruthScene
-from groundstation.messages import Detection, Frame, Miss, Roi
+from groundstation.messages import Detection, Frame, Miss
 from groundstation.tracking.camera_tracker import silhouette_mask
 
 FOUND = "found"
@@ -42,7 +43,7 @@ class DetectorOutcome:
     t_s: float
     background: str
     width_px: int
-    roi: Roi
+    roi: Box[int]
     elapsed_s: float
     segment_s: float
     reason: str
@@ -105,15 +106,15 @@ class DetectorRunner:
         result = self._detectors[name].detect(image, roi, hint)
         elapsed = time.thread_time() - started
         if isinstance(result, Detection):
-            x, y, w, h = result.box
+            w, h = result.box.size
             self._sizes[name] = (w, h)
-            self._middles[name] = (x + 0.5 * w - result.u_px, y + 0.5 * h - result.v_px)
+            self._middles[name] = (result.box.x0 + 0.5 * w - result.u_px, result.box.y0 + 0.5 * h - result.v_px)
         truth = FrameTruth(nose_px=scene.nose_px, silhouette=scene.silhouette, background=scene.background)
         return judged(scene.frame, truth, (roi, result), (elapsed, sum(self._stopwatches[name])))
 
 
 def judged(
-    frame: Frame, truth: FrameTruth, look: tuple[Roi, Detection | Miss], times_s: tuple[float, float] = (0.0, 0.0)
+    frame: Frame, truth: FrameTruth, look: tuple[Box[int], Detection | Miss], times_s: tuple[float, float] = (0.0, 0.0)
 ) -> DetectorOutcome:
     """Return what a look at a frame is worth; ``times_s`` are those of the detector and of the segmentation in it."""
     roi, result = look
@@ -166,7 +167,9 @@ def _time_segmentation(detector: Detector) -> list[float]:
     return spent
 
 
-def segmentation_input(scene: TruthScene, config: DetectionConfig, roi: Roi) -> tuple[Float32Array, MaskArray] | None:
+def segmentation_input(
+    scene: TruthScene, config: DetectionConfig, roi: Box[int]
+) -> tuple[Float32Array, MaskArray] | None:
     """Return what a fresh detector gives its segmentation in this ROI: the scalar image and the start's inside.
 
     None where it sees nothing to divide: on the ground a fresh one has not learnt the background yet.
@@ -184,19 +187,19 @@ def segmentation_input(scene: TruthScene, config: DetectionConfig, roi: Roi) -> 
     return taken[0] if taken else None
 
 
-def _holds(roi: Roi, x: float, y: float, right: float, down: float) -> bool:
+def _holds(roi: Box[int], x: float, y: float, right: float, down: float) -> bool:
     """Return whether the pixels from (x, y) to (x + right, y + down) lie in the ROI."""
-    across = roi.x - 0.5 <= x and x + right <= roi.x + roi.w - 0.5
-    return bool(across and roi.y - 0.5 <= y and y + down <= roi.y + roi.h - 0.5)
+    across = roi.x0 - 0.5 <= x and x + right <= roi.x1 - 0.5
+    return bool(across and roi.y0 - 0.5 <= y and y + down <= roi.y1 - 0.5)
 
 
 def _overlap(found: Detection, true: TrueSilhouette) -> float:
     """Return intersection over union of two silhouettes, in the window that holds both."""
     h, w = true.mask.shape
-    x, y, box_w, box_h = found.box
-    x0, y0 = min(true.x, int(np.floor(x))) - 2, min(true.y, int(np.floor(y))) - 2
-    x1, y1 = max(true.x + w, int(np.ceil(x + box_w))) + 2, max(true.y + h, int(np.ceil(y + box_h))) + 2
-    seen = silhouette_mask(found, Roi(x=x0, y=y0, w=x1 - x0, h=y1 - y0))
+    left, top, right, bottom = found.box
+    x0, y0 = min(true.x, int(np.floor(left))) - 2, min(true.y, int(np.floor(top))) - 2
+    x1, y1 = max(true.x + w, int(np.ceil(right))) + 2, max(true.y + h, int(np.ceil(bottom))) + 2
+    seen = silhouette_mask(found, Box(x0, y0, x1, y1))
     truth = np.zeros(seen.shape, np.bool_)
     truth[true.y - y0 : true.y - y0 + h, true.x - x0 : true.x - x0 + w] = true.mask
     return float(np.count_nonzero(seen & truth) / np.count_nonzero(seen | truth))

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from groundstation.box import box_of_size, clip
 from groundstation.errors import RecordingError
 from groundstation.files.toml_table import quoted, shown
 from groundstation.messages import (
@@ -24,7 +25,7 @@ from groundstation.messages import (
     PtuSample,
     ReferenceFix,
 )
-from groundstation.picture import BayerPattern, clip
+from groundstation.picture import BayerPattern
 
 _MOST = 1e12
 _MAX_WHOLE = 2**53
@@ -268,7 +269,7 @@ class _EventFields:
 
 def part_inside(part: PartNote, size_px: tuple[int, int]) -> bool:
     """Return whether a part is not empty and inside the picture (w, h)."""
-    window = (part.x, part.y, part.x + part.w, part.y + part.h)
+    window = box_of_size(part.x, part.y, part.w, part.h)
     return part.w > 0 and part.h > 0 and clip(window, size_px) == window
 
 

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
+from groundstation.box import Box
 from groundstation.errors import InputError
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.messages import CameraReport, TrackEstimate, TrackEvent, TrackState
-from groundstation.picture import Kept, Picture
+from groundstation.picture import Picture, PicturePart
 from groundstation.recording import mcap_schemas
 from groundstation.recording.buffered_output import BufferedOutput, as_stream
 from groundstation.recording.event_codec import (
@@ -219,9 +220,9 @@ class McapWriter:
         )
 
 
-def _kept(source: Sequence[Kept] | Picture) -> Iterator[Kept]:
+def _kept(source: Sequence[PicturePart] | Picture) -> Iterator[PicturePart]:
     """Return the parts to write: the copied windows, or the whole picture."""
     if isinstance(source, Picture):
-        yield source.kept((0, 0, *source.size_px))
+        yield source.recordable(Box(0, 0, *source.size_px))
     else:
         yield from source

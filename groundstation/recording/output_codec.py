@@ -49,7 +49,7 @@ def camera_values(camera: CameraReport) -> dict[str, Any]:
         "t_s": float(camera.t_s),
         "station": camera.station,
         "status": camera.status.value,
-        "roi": None if roi is None else [roi.x, roi.y, roi.w, roi.h],
+        "roi": None if roi is None else [roi.x0, roi.y0, *roi.size],
         "predicted_px": _plain(camera.predicted_px),
         "predicted_covariance_px2": _plain(camera.predicted_covariance_px2),
         "pan_rad": camera.pan_rad if camera.pan_rad is None else float(camera.pan_rad),
@@ -58,7 +58,7 @@ def camera_values(camera: CameraReport) -> dict[str, Any]:
     if isinstance(found, Detection):
         values["u_px"], values["v_px"] = float(found.u_px), float(found.v_px)
         values["covariance_px2"] = found.covariance_px2.tolist()
-        values["box"] = [float(v) for v in found.box]
+        values["box"] = [float(v) for v in (found.box.x0, found.box.y0, *found.box.size)]
         values["contrast_to_noise"], values["channel"] = float(found.contrast_to_noise), found.channel
     else:
         values["miss"], values["detail"] = found.reason.value, found.detail

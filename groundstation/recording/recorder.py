@@ -199,7 +199,7 @@ class Recorder:
             channels = 1 if image.pattern is not None else 3
             item.source, item.size_bytes = image, channels * image.size_px[0] * image.size_px[1]
         else:
-            kept = [image.kept(window) for window in merge_windows(image.read)]
+            kept = [image.recordable(window) for window in merge_windows(image.read)]
             item.source, item.size_bytes = kept, sum(part.pixels.nbytes for part in kept)
         self._queue.put(item)
 

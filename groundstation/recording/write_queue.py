@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from groundstation.picture import BayerPattern, Kept, Picture
+from groundstation.picture import BayerPattern, Picture, PicturePart
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -20,7 +20,7 @@ class PixelsItem:
     station: str
     t_s: float
     pattern: BayerPattern | None
-    source: Sequence[Kept] | Picture | None
+    source: Sequence[PicturePart] | Picture | None
     dropped: str = ""
     size_bytes: int = 0
 

@@ -21,6 +21,7 @@ from types import TracebackType
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box
 from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.delay_line import DelayLine
 from groundstation.picture import BayerPattern
@@ -334,7 +335,7 @@ def _deliver(
         frozen = frozen if is_there(config.timetable, CAMERA_FROZEN, station.name, since_s) else None
         angles = station.angles(t_s)
         picture = station.camera.picture(t_s, *angles)
-        shown = picture.kept((0, 0, w, h)).pixels if frozen is None else frozen
+        shown = picture.recordable(Box(0, 0, w, h)).pixels if frozen is None else frozen
         if is_there(config.timetable, CAMERA_FROZEN, station.name, since_s):
             frozen = shown
         slots[number % _SLOTS] = shown

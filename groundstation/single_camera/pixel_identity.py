@@ -29,16 +29,15 @@ _CALM_FRAMES = 3
 
 def looks_of(image: ImageArray, seen: Detection) -> FloatArray:
     """Return the features (6,) of a detection in its frame (h, w, 3) BGR."""
-    w, h = seen.box[2], seen.box[3]
+    w, h = seen.box.size
     length = math.log(max(w, h, 1.0))
     return np.append(features(_colour(image, seen), w, h, seen.area_px), length)
 
 
 def _colour(image: ImageArray, seen: Detection) -> FloatArray:
     """Return mean grey, blue-red and green-magenta inside the outline."""
-    x0, y0 = max(math.floor(seen.box[0]), 0), max(math.floor(seen.box[1]), 0)
-    x1 = min(math.ceil(seen.box[0] + seen.box[2]) + 1, image.shape[1])
-    y1 = min(math.ceil(seen.box[1] + seen.box[3]) + 1, image.shape[0])
+    x0, y0 = max(math.floor(seen.box.x0), 0), max(math.floor(seen.box.y0), 0)
+    x1, y1 = min(math.ceil(seen.box.x1) + 1, image.shape[1]), min(math.ceil(seen.box.y1) + 1, image.shape[0])
     mask = np.zeros((max(y1 - y0, 1), max(x1 - x0, 1)), np.uint8)
     breaks = np.flatnonzero(np.isnan(seen.contour_px[:, 0]))
     pieces = [p[~np.isnan(p[:, 0])] for p in np.split(seen.contour_px, breaks)]

@@ -4,6 +4,7 @@ import copy
 from dataclasses import dataclass, field
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box
 from groundstation.single_camera.pixel_identity import TargetAppearance
 from groundstation.single_camera.pixel_motion import PixelMotion
 
@@ -16,7 +17,7 @@ class PixelTarget:
     ----------
     motion : where it is and where it goes.
     size_px : (w, h) of its silhouette, smoothed.
-    box : x, y, w, h of its last silhouette in px.
+    box : of its last silhouette in px.
     begun_s, newest_s, seen_s, checked_s : times of its first frame, of the newest one, of the last one that showed
         it, and of the last second look.
     proven : whether it was given and clearly there, or has shown itself often enough since it was found.
@@ -34,7 +35,7 @@ class PixelTarget:
     newest_s: float
     seen_s: float
     checked_s: float
-    box: tuple[float, float, float, float]
+    box: Box[float]
     proven: bool
     span_px: float | None
     whole_px: float | None = None

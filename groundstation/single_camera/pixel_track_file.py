@@ -45,7 +45,10 @@ def _cells(track: PixelTrack) -> list[str]:
     cells = [f"{track.t_s:.6f}"]
     if isinstance(track.result, Detection):
         found = track.result
-        cells += [f"{v:.3f}" if math.isfinite(v) else "" for v in (found.u_px, found.v_px, *found.box)]
+        cells += [
+            f"{v:.3f}" if math.isfinite(v) else ""
+            for v in (found.u_px, found.v_px, found.box.x0, found.box.y0, *found.box.size)
+        ]
     else:
         cells += [""] * 6
     return [*cells, track.status.value]

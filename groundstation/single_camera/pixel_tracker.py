@@ -9,19 +9,19 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box, box_of_size, overlap
 from groundstation.detection.image_conditioning import ImageConditioner
 from groundstation.detection.picture_shift import is_cut, small_copy
 from groundstation.detection.pixel_track import PixelTrack, in_full
-from groundstation.detection.target_search import ConfirmedTarget, TargetSearch, overlaps
-from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
+from groundstation.detection.target_search import ConfirmedTarget, TargetSearch
+from groundstation.messages import Detection, Miss, MissReason, TrackStatus
 from groundstation.single_camera.pixel_identity import TargetAppearance, looks_of
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_target import PixelTarget
 from groundstation.single_camera.pixel_tracker_config import PixelTrackerConfig
 from groundstation.single_camera.target_view import TargetView, in_place, is_aside, is_beside, on_path
 
-Box = tuple[float, float, float, float]
-Look = tuple[Roi | None, Detection | Miss]
+Look = tuple[Box[int] | None, Detection | Miss]
 
 _SIZE_RATE = 0.2
 _LEAST_MISSES = 10
@@ -48,7 +48,7 @@ class PixelTracker:
         self._view = TargetView(self._config, image_size_px)
         self._search = TargetSearch(self._config.search, self._config.acquisition, image_size_px)
         self._target: PixelTarget | None = None
-        self._given: Box | None = None  # where a start that is on trial was last seen
+        self._given: Box[float] | None = None  # where a start that is on trial was last seen
         self.start_confirmed = True
 
     def reset(self) -> None:
@@ -57,8 +57,8 @@ class PixelTracker:
         self._view.detector.reset()
         self._search.reset()
 
-    def start(self, image: ImageArray, t_s: float, box: Box) -> PixelTrack:
-        """Begin with the target inside ``box`` (x, y, w, h in px) of a frame (h, w, 3) BGR; return what is there.
+    def start(self, image: ImageArray, t_s: float, box: Box[float]) -> PixelTrack:
+        """Begin with the target inside ``box`` (px) of a frame (h, w, 3) BGR; return what is there.
 
         The box may be loose: what stands out in it is the target, at once where it does so clearly. Otherwise it is on
         trial, acquiring without a point, until as many frames have shown it as searching would ask for; where they do
@@ -66,17 +66,19 @@ class PixelTracker:
         """
         self.reset()
         working = self._picture.prepare(image)
-        x, y, w, h = (v * self._picture.scale for v in box)
-        sight = self._view.inside(working, (x, y, w, h))
+        scale = self._picture.scale
+        x, y, w, h = box.x0 * scale, box.y0 * scale, box.w * scale, box.h * scale
+        given = box_of_size(x, y, w, h)
+        sight = self._view.inside(working, given)
         if sight is None:
             # a box drawn by hand is larger than what is in it
             place, size = (x + 0.5 * w, y + 0.5 * h), (0.7 * w, 0.7 * h)
         else:
-            place, size = (float(sight.centre_px[0]), float(sight.centre_px[1])), sight.box[2:]
+            place, size = (float(sight.centre_px[0]), float(sight.centre_px[1])), sight.box.size
         target = self._begin(t_s, place, size, None, 2.0 + 0.1 * max(w, h))
         target.whole_px = None if sight is None else sight.size_px
-        self._given, self.start_confirmed = (x, y, w, h), False
-        return in_full(self._on_trial(target, (x, y, w, h), working, t_s), self._picture.scale)
+        self._given, self.start_confirmed = given, False
+        return in_full(self._on_trial(target, given, working, t_s), scale)
 
     def step(self, image: ImageArray, t_s: float) -> PixelTrack:
         """Look at the next frame, (h, w, 3) BGR, taken at ``t_s``, later than the last one."""
@@ -108,10 +110,10 @@ class PixelTracker:
             return None
         c = found.candidate
         held = self._target
-        target = self._begin(t_s, (c.u_px, c.v_px), c.box[2:], found.velocity_px_s, 2.0 + 0.05 * max(c.box[2:]))
-        target.whole_px = max(c.box[2:])
+        target = self._begin(t_s, (c.u_px, c.v_px), c.box.size, found.velocity_px_s, 2.0 + 0.05 * c.box.length)
+        target.whole_px = c.box.length
         roi, result = self._view.look(target, image)
-        if isinstance(result, Detection) and overlaps(result.box, c.box) and self._may_be(held, image, result, t_s):
+        if isinstance(result, Detection) and overlap(result.box, c.box) and self._may_be(held, image, result, t_s):
             self._search.reset()
             self._saw(target, result, t_s)
             target.small = small_copy(image)
@@ -141,19 +143,19 @@ class PixelTracker:
             newest_s=t_s,
             seen_s=t_s,
             checked_s=t_s,
-            box=(place[0] - 0.5 * size[0], place[1] - 0.5 * size[1], size[0], size[1]),
+            box=box_of_size(place[0] - 0.5 * size[0], place[1] - 0.5 * size[1], size[0], size[1]),
             proven=False,
             span_px=size[0],
         )
         return self._target
 
     # --------------------------------------------------------------------------------------- with a target
-    def _on_trial(self, target: PixelTarget, given: Box, image: ImageArray, t_s: float) -> PixelTrack:
+    def _on_trial(self, target: PixelTarget, given: Box[float], image: ImageArray, t_s: float) -> PixelTrack:
         """Follow what a start was given until it is sure, or until it is sure that there is nothing."""
         c = self._config.search
         track = self._follow(target, image, t_s)
         seen, miss = track.result, Miss(reason=MissReason.NOT_ACQUIRED)
-        if isinstance(seen, Detection) and overlaps(seen.box, given):
+        if isinstance(seen, Detection) and overlap(seen.box, given):
             clear = target.frames == 1 and seen.contrast_to_noise >= c.least_score
             if clear or (target.seen >= c.frames and t_s - target.begun_s >= c.span_s):
                 self._given, self.start_confirmed = None, True
@@ -215,7 +217,7 @@ class PixelTracker:
                         looks = looks_of(image, seen)
                     self._saw(target, seen, t_s)
                     if aside:
-                        target.span_px = seen.box[2]
+                        target.span_px = seen.box.w
                     if not seen.cut:
                         identity.learn(looks, target.motion, target.size_px, target.whole_px, t_s)
                     return look
@@ -247,7 +249,7 @@ class PixelTracker:
 
     def _saw(self, target: PixelTarget, seen: Detection, t_s: float) -> None:
         """Take a detection."""
-        size = (seen.box[2], seen.box[3])
+        size = seen.box.size
         target.motion.correct(seen.centroid_px, 1.0 + 0.05 * max(size))
         rate = 1.0 if target.seen == 0 else _SIZE_RATE
         if not seen.cut:

@@ -5,18 +5,17 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box, overlap
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.local_search import CLEAR_SCORE, Blob, LocalSearch, alike, best_blob
 from groundstation.detection.picture_shift import picture_shift
 from groundstation.detection.roi import place_roi
-from groundstation.detection.target_search import overlaps
-from groundstation.messages import Detection, Miss, MissReason, Roi
+from groundstation.messages import Detection, Miss, MissReason
 from groundstation.single_camera.pixel_identity import looks_of
 from groundstation.single_camera.pixel_target import PixelTarget
 from groundstation.single_camera.pixel_tracker_config import PixelTrackerConfig
 
-Box = tuple[float, float, float, float]
-Look = tuple[Roi | None, Detection | Miss]
+Look = tuple[Box[int] | None, Detection | Miss]
 
 _GIVEN_SPAN_SIGMA = 0.5
 _SIGHT_SIGMA_PX = 3.0
@@ -53,7 +52,7 @@ class TargetView:
         self._local = LocalSearch(config.acquisition)
         self.detector = Detector(config.detection, image_size_px)
 
-    def inside(self, image: ImageArray, box: Box) -> Blob | None:
+    def inside(self, image: ImageArray, box: Box[float]) -> Blob | None:
         """Return what stands out most inside a loose box."""
         return self._local.inside(image, box)
 
@@ -77,13 +76,13 @@ class TargetView:
         config = self._config.detection
         if basic_px is not None:
             config = replace(config, roi_basic_px=basic_px)
-        roi = place_roi(place, covariance, sight.box[2:], config, self._image_size)
+        roi = place_roi(place, covariance, sight.box.size, config, self._image_size)
         if roi is None:
             return None, Miss(reason=MissReason.OUT_OF_VIEW)
         hint = DetectionHint(
             predicted_px=place,
             predicted_covariance_px2=covariance,
-            expected_span_px=sight.box[2],
+            expected_span_px=sight.box.w,
             span_sigma_ratio=_GIVEN_SPAN_SIGMA,
         )
         return roi, self.detector.detect(image, roi, hint)
@@ -92,7 +91,7 @@ class TargetView:
         """Return whether a detection has to be looked at twice: another size, a jump, or simply its time."""
         c = self._config
         known = target.length_px
-        size, since_s = max(seen.box[2], seen.box[3]), t_s - target.checked_s
+        size, since_s = seen.box.length, t_s - target.checked_s
         # a size that keeps differing is not asked about in every frame
         soon = since_s > _UNSURE_CHECK * c.check_s
         other = not alike(size, known, c.size_change)
@@ -120,7 +119,7 @@ class TargetView:
         wider = _WIDER * target.misses * self._image_size[0]
         blobs = self._local.around(image, place, reach + wider)
         if isinstance(look[1], Detection):
-            sight = next((s for s in blobs if overlaps(s.box, look[1].box)), None)
+            sight = next((s for s in blobs if overlap(s.box, look[1].box)), None)
             if sight is not None and alike(sight.size_px, known, _SIMILAR_SIZE):
                 return self._whole(target, image, sight, (look[0], look[1]))
         ratio = _SIMILAR_SIZE if target.whole_px is not None else _UNSURE_SIZE
@@ -136,12 +135,14 @@ class TargetView:
                 return again
         return look
 
-    def _whole(self, target: PixelTarget, image: ImageArray, sight: Blob, look: tuple[Roi | None, Detection]) -> Look:
+    def _whole(
+        self, target: PixelTarget, image: ImageArray, sight: Blob, look: tuple[Box[int] | None, Detection]
+    ) -> Look:
         """Return the look at the whole thing where the detector has seen a part of it, or more than that.
 
         What is whole was learnt by earlier second looks: beside a pole or before a cloud they see more.
         """
-        seen = max(look[1].box[2], look[1].box[3])
+        seen = look[1].box.length
         if target.whole_px is None:
             if sight.score < CLEAR_SCORE and not alike(sight.size_px, seen, _ALIKE):
                 return look
@@ -166,10 +167,10 @@ class TargetView:
         blobs = [
             s for s in self._local.around(image, place, reach) if alike(s.size_px, target.length_px, _SIMILAR_SIZE)
         ]
-        tried: list[Box] = []
+        tried: list[Box[float]] = []
         for sight in sorted(blobs, key=lambda s: float(np.hypot(*(s.centre_px - place)))):
             # several readings of one thing need not all be looked at
-            if len(tried) >= _MOST_SIGHTS or any(overlaps(sight.box, t) for t in tried):
+            if len(tried) >= _MOST_SIGHTS or any(overlap(sight.box, t) for t in tried):
                 continue
             tried.append(sight.box)
             self.detector.reset()
@@ -212,9 +213,9 @@ def is_beside(target: PixelTarget, seen: Detection | Miss, other: Detection) -> 
     """
     if isinstance(seen, Miss):
         return False
-    return in_place(target, seen) and not in_place(target, other) and not overlaps(seen.box, other.box)
+    return in_place(target, seen) and not in_place(target, other) and not overlap(seen.box, other.box)
 
 
 def _shows(look: Look, sight: Blob) -> bool:
     """Return whether a look has seen what stands out there."""
-    return isinstance(look[1], Detection) and overlaps(look[1].box, sight.box)
+    return isinstance(look[1], Detection) and overlap(look[1].box, sight.box)

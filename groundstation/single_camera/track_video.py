@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from groundstation.box import Box
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError
 from groundstation.messages import Miss, MissReason, TrackStatus
@@ -17,8 +18,6 @@ from groundstation.sinks.overlay_video import OverlayVideo, draw_track
 from groundstation.sources.video_file import VideoFile, VideoFrame
 from groundstation.tracking.warm_up import warm_up
 
-Box = tuple[float, float, float, float]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackRequest:
@@ -27,7 +26,7 @@ class TrackRequest:
     Attributes
     ----------
     video, out : the video to read and the table to write.
-    init : box x, y, w, h in px around the target in the first frame; None to search for it.
+    init : box in px around the target in the first frame; None to search for it.
     from_frame, to_frame : first and last frame, both included; None for the end of the video.
     save_video : an MP4 file to write the drawn pictures to, None for none.
     view : show them live in Rerun's viewer.
@@ -35,7 +34,7 @@ class TrackRequest:
 
     video: Path
     out: Path
-    init: Box | None = None
+    init: Box[float] | None = None
     from_frame: int = 0
     to_frame: int | None = None
     save_video: Path | None = None
@@ -207,7 +206,7 @@ def _checked(request: TrackRequest, video: VideoFile) -> int | None:
         got = f"a video of {video.count} frames"
         raise InputError(str(video.path), got=got, wanted=f"more, to start from frame {first}")
     if request.init is not None:
-        x, y, w, h = request.init
+        x, y, (w, h) = request.init.x0, request.init.y0, request.init.size
         width, height = video.size_px
         if not (0 <= x + 0.5 * w < width and 0 <= y + 0.5 * h < height):
             got = f"a box at {x:g},{y:g} of {w:g} x {h:g} px"

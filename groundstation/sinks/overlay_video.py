@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box, expand
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError
 from groundstation.messages import Detection
@@ -33,20 +34,13 @@ def draw_track(image: ImageArray, index: int, track: PixelTrack) -> ImageArray:
     """Return a copy of a frame (h, w, 3) BGR with region of interest, outline, box, target point and status."""
     picture = image.copy()
     if track.roi is not None:
-        r = track.roi
-        cv2.rectangle(picture, (r.x, r.y), (r.x + r.w - 1, r.y + r.h - 1), _ROI, 1)
+        x0, y0, x1, y1 = track.roi
+        cv2.rectangle(picture, (x0, y0), (x1 - 1, y1 - 1), _ROI, 1)
     if isinstance(track.result, Detection):
         found = track.result
         cv2.polylines(picture, _pieces(found.contour_px), True, _CONTOUR, 1, cv2.LINE_AA, _SHIFT)
-        x, y, w, h = found.box
-        corner, opposite = (
-            (round(x) - _BOX_MARGIN_PX, round(y) - _BOX_MARGIN_PX),
-            (
-                round(x + w) + _BOX_MARGIN_PX,
-                round(y + h) + _BOX_MARGIN_PX,
-            ),
-        )
-        cv2.rectangle(picture, corner, opposite, _BOX, 1)
+        drawn = expand(Box(*(round(edge) for edge in found.box)), _BOX_MARGIN_PX)
+        cv2.rectangle(picture, (drawn.x0, drawn.y0), (drawn.x1, drawn.y1), _BOX, 1)
         _mark(picture, round(found.u_px), round(found.v_px))
     _write(picture, f"{index}  {track.t_s:.2f} s  {track.status.value}")
     return picture

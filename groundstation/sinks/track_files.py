@@ -159,7 +159,7 @@ def _detection_cells(camera: CameraReport) -> list[str]:
     else:
         cells += [""] * 4
     roi = camera.roi
-    cells += [""] * 4 if roi is None else [str(roi.x), str(roi.y), str(roi.w), str(roi.h)]
+    cells += [""] * 4 if roi is None else [str(v) for v in (roi.x0, roi.y0, *roi.size)]
     return [*cells, camera.status.value, _number(1e3 * camera.elapsed_s, ".3f")]
 
 

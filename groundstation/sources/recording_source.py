@@ -16,7 +16,7 @@ from groundstation.errors import RecordingError, SessionError
 from groundstation.files.image_header import MAX_PICTURE_PX
 from groundstation.files.read_budget import ReadBudget
 from groundstation.messages import Epoch, Event, Frame, PixelMeasurement
-from groundstation.picture import Kept, PartialPicture
+from groundstation.picture import PartialPicture, PicturePart
 from groundstation.recording.event_codec import (
     DroppedNote,
     FrameHeader,
@@ -293,5 +293,5 @@ def _picture_of(head: FrameHeader, note: PixelsNote, pictures: list[bytes], wher
     for part, data in zip(note.parts, pictures, strict=True):
         png = not part.topic.endswith("/raw")
         pixels = decode_image(data, png=png, size_px=(part.w, part.h), colour=note.colour, where=where)
-        parts.append(Kept(x=part.x, y=part.y, pixels=pixels))
+        parts.append(PicturePart(x=part.x, y=part.y, pixels=pixels))
     return PartialPicture(head.size_px, parts, head.pattern)

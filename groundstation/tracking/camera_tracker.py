@@ -13,12 +13,13 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
+from groundstation.box import Box
 from groundstation.detection.acquisition import CandidateFinder
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.initialise import CameraCandidate
-from groundstation.messages import Detection, Frame, Miss, MissReason, Roi
+from groundstation.messages import Detection, Frame, Miss, MissReason
 from groundstation.picture import Picture, as_picture
 from groundstation.rig.rig import Station
 from groundstation.tracking.config import Config
@@ -37,7 +38,7 @@ _CONTRAST_EVERY = 40
 class SearchResult:
     """Result of a detection attempt: region of interest, detection or miss, contrast of the channels."""
 
-    roi: Roi | None
+    roi: Box[int] | None
     result: Detection | Miss
     channel_contrast: Mapping[str, float] | None
 
@@ -128,7 +129,7 @@ class CameraTracker:
                 t_s=frame.t_s,
                 station=frame.station,
                 pixel=np.array([c.u_px, c.v_px]),
-                width_px=c.box[2],
+                width_px=c.box.w,
                 score=c.score,
                 pan_rad=pan_rad,
                 tilt_rad=tilt_rad,
@@ -168,8 +169,8 @@ class CameraTracker:
 
     def update_extent(self, detection: Detection) -> None:
         """Store the extent of the last silhouette, after the filter has accepted it."""
-        x, y, w, h = detection.box
-        middle = (x + 0.5 * w - detection.u_px, y + 0.5 * h - detection.v_px)
+        w, h = detection.box.size
+        middle = (detection.box.x0 + 0.5 * w - detection.u_px, detection.box.y0 + 0.5 * h - detection.v_px)
         self._extent = _Extent(size_px=(w, h), middle_px=middle, px_per_m=self._px_per_m)
 
     def hint(
@@ -203,28 +204,25 @@ class CameraTracker:
         )
 
 
-def _recorded(picture: Picture, roi: Roi, centre_px: FloatArray) -> Roi | None:
+def _recorded(picture: Picture, roi: Box[int], centre_px: FloatArray) -> Box[int] | None:
     """Return the available part of the region of interest; None if the target is expected outside it.
 
     Only recordings of partial images that are replayed with another configuration lack a part.
     """
-    window = picture.available((roi.x, roi.y, roi.x + roi.w, roi.y + roi.h))
-    if window is None:
-        return None
-    x0, y0, x1, y1 = window
-    if (roi.x, roi.y, roi.w, roi.h) == (x0, y0, x1 - x0, y1 - y0):
-        return roi
+    window = picture.available(roi)
+    if window is None or window == roi:
+        return window
     u, v = (float(c) for c in centre_px)
-    return Roi(x=x0, y=y0, w=x1 - x0, h=y1 - y0) if x0 <= u < x1 and y0 <= v < y1 else None
+    return window if window.x0 <= u < window.x1 and window.y0 <= v < window.y1 else None
 
 
-def silhouette_mask(found: Detection, roi: Roi) -> MaskArray:
+def silhouette_mask(found: Detection, roi: Box[int]) -> MaskArray:
     """Return the silhouette as a mask (roi.h, roi.w), filled from its contour."""
     mask = np.zeros((roi.h, roi.w), dtype=np.uint8)
     breaks = np.flatnonzero(np.isnan(found.contour_px[:, 0]))
     for piece in np.split(found.contour_px, breaks):
         points = piece[~np.isnan(piece[:, 0])]
         if len(points) >= 3:
-            corners = np.round(points - [roi.x, roi.y]).astype(np.int32)
+            corners = np.round(points - [roi.x0, roi.y0]).astype(np.int32)
             cv2.fillPoly(mask, [corners], 1)
     return mask > 0

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.box import Box
 from groundstation.estimation.config import Predictor
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.encoders import EncoderFeed
@@ -32,7 +33,6 @@ from groundstation.messages import (
     Miss,
     MissReason,
     PixelMeasurement,
-    Roi,
 )
 from groundstation.picture import as_picture
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
@@ -73,7 +73,7 @@ class _Outcome(NamedTuple):
     result: Detection | Miss
     predicted_px: FloatArray | None = None
     covariance_px2: FloatArray | None = None
-    roi: Roi | None = None
+    roi: Box[int] | None = None
     channel_contrast: Mapping[str, float] | None = None
 
 
@@ -327,12 +327,12 @@ class FrameUpdate:
         alone = all(t_s - seen > self._config.estimation.alone_after_s for seen in others)
         if alone or t_s - self._width_fused_s.get(name, -math.inf) >= _WIDTH_EVERY_S:
             self._width_fused_s[name] = t_s
-            self._ekf.update_width(name, found.box[2], span_m, alone=alone)
+            self._ekf.update_width(name, found.box.w, span_m, alone=alone)
 
     def _learn_span(self, camera: CameraTracker, found: Detection) -> None:
         after = self._ekf.predict_pixel(camera.station.name)
         if after is not None:
-            self._span.learn(found.box[2], float(camera.station.lens.focal_px[0]) / after.depth_m)
+            self._span.learn(found.box.w, float(camera.station.lens.focal_px[0]) / after.depth_m)
 
     def _roi_centre(self, record: Frame, prediction: PixelPrediction) -> FloatArray:
         """Project the point of the predictor; by default the filter's own prediction."""
@@ -352,7 +352,7 @@ class FrameUpdate:
             covariance_px2=np.eye(2) * self._config.estimation.labelled_sigma_px**2,
             noise_px2=np.eye(2) * self._config.estimation.labelled_sigma_px**2,
             centroid_px=np.array([record.u_px, record.v_px]),
-            box=(record.u_px, record.v_px, 0.0, 0.0),
+            box=Box(record.u_px, record.v_px, record.u_px, record.v_px),
             area_px=0.0,
             contour_px=np.zeros((0, 2), dtype=np.float32),
             contrast_to_noise=0.0,

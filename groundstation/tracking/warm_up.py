@@ -3,6 +3,7 @@
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box
 from groundstation.detection.acquisition import AcquisitionConfig, CandidateFinder
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.config import DetectionConfig
@@ -16,7 +17,6 @@ from groundstation.estimation.triangulation import TriangulationView, triangulat
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity import leave_one_out
-from groundstation.messages import Roi
 
 _WIDTH, _HEIGHT = 640, 480
 _SPAN_PX, _LARGE_SPAN_PX = 60.0, 320.0
@@ -50,7 +50,7 @@ def warm_up() -> None:
             detector.detect(picture, roi, hint)
     # a large target is looked at in a reduced picture
     place = np.array([320.0, 240.0])
-    measure_channels(_picture(place), Roi(x=0, y=0, w=_WIDTH, h=_HEIGHT), np.eye(_HEIGHT, _WIDTH, dtype=np.bool_))
+    measure_channels(_picture(place), Box(0, 0, _WIDTH, _HEIGHT), np.eye(_HEIGHT, _WIDTH, dtype=np.bool_))
     hint = _hint(place, known=True, span_px=_LARGE_SPAN_PX)
     roi = place_roi(place, hint.predicted_covariance_px2, (_LARGE_SPAN_PX, 60.0), config, lens.image_size_px)
     if roi is not None:

@@ -153,7 +153,7 @@ def _overlay(station: str, reports: Sequence[CameraReport]) -> list[ColumnBatch]
     base = entity_paths.image(station)
     rois = [r.roi for r in reports if r.roi is not None]
     half_sizes = np.array([(roi.w / 2, roi.h / 2) for roi in rois]).reshape(-1, 2)
-    corners = np.array([(roi.x, roi.y) for roi in rois], dtype=np.float64).reshape(-1, 2)
+    corners = np.array([(roi.x0, roi.y0) for roi in rois], dtype=np.float64).reshape(-1, 2)
     roi_columns = rr.Boxes2D.columns(centers=corners + half_sizes, half_sizes=half_sizes)
     return [
         ColumnBatch(entity=f"{base}/roi", t_s=t_s, columns=roi_columns.partition(present([r.roi for r in reports]))),

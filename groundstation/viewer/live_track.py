@@ -7,6 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.messages import Detection, TrackStatus
 from groundstation.viewer import entity_paths
@@ -66,8 +67,7 @@ class LiveTrackView:
         # an entity without elements clears what was drawn before
         strips = [] if found is None else outline_pieces(found.contour_px)
         points = [] if found is None else [(found.u_px + CORNER_FROM_CENTRE_PX, found.v_px + CORNER_FROM_CENTRE_PX)]
-        roi = None if track.roi is None else (track.roi.x, track.roi.y, track.roi.w, track.roi.h)
-        send.log(f"{PICTURE}/roi", _boxes(roi))
+        send.log(f"{PICTURE}/roi", _boxes(track.roi))
         send.log(f"{PICTURE}/box", _boxes(None if found is None else found.box, CORNER_FROM_CENTRE_PX))
         send.log(f"{PICTURE}/contour", rr.LineStrips2D.from_fields(strips=strips))
         send.log(f"{PICTURE}/target", rr.Points2D.from_fields(positions=points))
@@ -77,10 +77,10 @@ class LiveTrackView:
             send.log(STATUS, rr.TextLog(track.status.value, level=level))
 
 
-def _boxes(box: tuple[float, float, float, float] | None, offset_px: float = 0.0) -> rr.Boxes2D:
-    """Return one box x, y, w, h, or none."""
+def _boxes(box: Box[int] | Box[float] | None, offset_px: float = 0.0) -> rr.Boxes2D:
+    """Return one box, or none."""
     if box is None:
         return rr.Boxes2D.from_fields(centers=[], half_sizes=[])
-    x, y, w, h = box
-    centre = (x + 0.5 * w + offset_px, y + 0.5 * h + offset_px)
+    w, h = box.size
+    centre = (box.x0 + 0.5 * w + offset_px, box.y0 + 0.5 * h + offset_px)
     return rr.Boxes2D.from_fields(centers=[centre], half_sizes=[(0.5 * w, 0.5 * h)])

@@ -127,6 +127,6 @@ class LiveView:
         if camera.image is None or 0.0 <= camera.t_s - last_s < _PICTURE_EVERY_S:
             return
         self._shown_s[camera.station] = camera.t_s
-        picture = camera.image.glance()
+        picture = camera.image.preview()
         self._stream.set_time(entity_paths.TIMELINE, duration=np.timedelta64(round(camera.t_s * 1e9), "ns"))
         self._stream.log(entity_paths.image(camera.station), jpeg_image(picture))

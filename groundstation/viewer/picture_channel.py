@@ -67,7 +67,7 @@ class PictureChannel:
             if path is not None and self._shown(report.epoch):
                 self._keep(report.t_s, *encoded_file(path))
         elif report.image is not None and self._shown(report.epoch):
-            self.add_picture(report.t_s, report.epoch, report.image.glance())
+            self.add_picture(report.t_s, report.epoch, report.image.preview())
 
     def add_picture(self, t_s: float, number: int, picture: ImageArray) -> None:
         """Take frame ``number``, (h, w, 3) BGR."""

@@ -9,7 +9,6 @@ MOST_ARGUMENTS = 10
 LONG: set[str] = {
     "calibration.flight.problem.FlightProblem.predict",
     "calibration.flight.report_pictures.flight_pictures",
-    "groundstation.detection.background._subtract_background",
     "groundstation.detection.chan_vese.evolve",
     "groundstation.detection.contour_evolution.evolve_contour",
     "groundstation.detection.fuselage._weigh",

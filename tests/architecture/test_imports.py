@@ -21,7 +21,13 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.detection", "groundstation.estimation", "groundstation.pointing", "groundstation.recording"),
     ("groundstation.messages", "groundstation.rig"),
     ("groundstation.detection_messages", "groundstation.picture", "groundstation.files", "groundstation.geometry"),
-    ("groundstation.errors", "groundstation.arrays", "groundstation.thread_scheduling", "ptu_drivers"),
+    (
+        "groundstation.errors",
+        "groundstation.arrays",
+        "groundstation.box",
+        "groundstation.thread_scheduling",
+        "ptu_drivers",
+    ),
 )
 MOST_FLAT = 10
 # read no clock, no file, no socket and no environment

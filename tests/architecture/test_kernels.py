@@ -24,19 +24,12 @@ QUATERNIONS = {"q"}
 
 # read a packed vector today; an entry is removed with what it names, and none is added
 PACKED: set[str] = {
-    "groundstation.detection.appearance.features_of_regions(box)",
-    "groundstation.detection.background._subtract_background(hole)",
-    "groundstation.detection.background._subtract_background(within)",
     "groundstation.detection.contour_evolution.means_of(weights)",
     "groundstation.detection.flatten._resemble_block(room)",
     "groundstation.detection.frame_alignment._misplacements(rows)",
     "groundstation.detection.frame_alignment._shift(rows)",
     "groundstation.detection.regions._gather(near)",
-    "groundstation.detection.registration._textured(keep_out)",
-    "groundstation.detection.registration.mean_misfit(hidden)",
-    "groundstation.detection.registration.misplacement(hidden)",
     "groundstation.detection.registration.misplacement(rows)",
-    "groundstation.detection.registration.refine(hidden)",
     "groundstation.detection.registration.refine(rows)",
     "groundstation.estimation.silhouette._log_width(slope)",
     "groundstation.estimation.silhouette._log_width(x)",

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box, box_of_size
 
 SIZE = (480, 360)
 RATE_HZ = 30.0
-Box = tuple[float, float, float, float]
 Place = tuple[float, float]
 
 
@@ -54,10 +54,12 @@ class Film:
         x, y = self.view(k)
         return np.array([self.start[0] + k * self.speed_px[0] - x, self.start[1] + k * self.speed_px[1] - y])
 
-    def box(self, k: int) -> Box:
+    def box(self, k: int) -> Box[float]:
         """Return a loose box around the aircraft in frame ``k``."""
         u, v = self.place(k)
-        return u - 0.65 * self.span_px, v - 0.4 * self.span_px, 1.3 * self.span_px, 0.8 * self.span_px
+        return box_of_size(
+            float(u - 0.65 * self.span_px), float(v - 0.4 * self.span_px), 1.3 * self.span_px, 0.8 * self.span_px
+        )
 
     def frame(self, k: int) -> ImageArray:
         """Return frame ``k``, (h, w, 3)."""

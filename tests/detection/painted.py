@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box
 from groundstation.detection.detector import DetectionHint
-from groundstation.messages import Roi
 
 FINE = 8
 
@@ -62,9 +62,9 @@ def ground(size: tuple[int, int], rng: np.random.Generator) -> FloatArray:
     return scene
 
 
-def whole(image: ImageArray) -> Roi:
+def whole(image: ImageArray) -> Box[int]:
     """Return the region of interest that is the whole picture."""
-    return Roi(x=0, y=0, w=image.shape[1], h=image.shape[0])
+    return Box(0, 0, image.shape[1], image.shape[0])
 
 
 def look_at(

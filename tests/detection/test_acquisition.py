@@ -173,7 +173,7 @@ def test_candidates_are_sorted_bounded_and_inside_the_image(seed: int, size: tup
         assert len(found) <= most
         assert [c.score for c in found] == sorted((c.score for c in found), reverse=True)
         for c in found:
-            x, y, w, h = c.box
+            x, y, (w, h) = c.box.x0, c.box.y0, c.box.size
             assert 0 <= x <= x + w <= size[0]
             assert 0 <= y <= y + h <= size[1]
             assert w > 0

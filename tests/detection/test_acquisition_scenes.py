@@ -92,7 +92,7 @@ def test_finds_an_aircraft_in_the_sky_at_once(span_px: float, contrast: float, r
     right = hits(found, centre, max(0.25 * span_px, 3.0))
     assert right
     assert right[0] == 0
-    assert span_px / 2.0 <= found[right[0]].box[2] <= 2.0 * span_px + 6.0
+    assert span_px / 2.0 <= found[right[0]].box.w <= 2.0 * span_px + 6.0
 
 
 def test_a_wide_image_is_searched_reduced_and_answers_in_its_own_pixels(rng: np.random.Generator) -> None:
@@ -182,7 +182,7 @@ def test_candidates_are_sorted_bounded_and_inside_the_image(size: tuple[int, int
         assert len(found) <= AcquisitionConfig().max_candidates
         assert [c.score for c in found] == sorted((c.score for c in found), reverse=True)
         for c in found:
-            x, y, w, h = c.box
+            x, y, (w, h) = c.box.x0, c.box.y0, c.box.size
             assert w > 0
             assert h > 0
             assert x >= 0

@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box, box_of_size, shift
 from groundstation.detection import background as bg
 from groundstation.detection.flatten import planes
 from groundstation.picture import BgrPicture
 
-TARGET = (90, 60, 120, 76)
+TARGET = Box(90, 60, 120, 76)
 
 
 def texture(rng: np.random.Generator, h: int = 150, w: int = 220) -> ImageArray:
@@ -39,7 +40,7 @@ def by_pixel(
             a, b = math.floor(x), math.floor(y)
             if not (0 <= a < frame.shape[1] - 1 and 0 <= b < frame.shape[0] - 1) or misfit[i, j] < 8.0:
                 continue
-            if hole[0] <= x < hole[2] and hole[1] <= y < hole[3]:
+            if hole.x0 <= x < hole.x1 and hole.y0 <= y < hole.y1:
                 continue
             fx, fy = x - a, y - b
             four = frame[b : b + 2, a : a + 2].astype(float)
@@ -64,11 +65,11 @@ def test_a_frame_is_laid_under_a_window_as_pixel_by_pixel(
 ) -> None:
     rng, offset = np.random.default_rng(seed), (sixteenths[0] / 16, sixteenths[1] / 16)
     window, frame = (rng.integers(90, 130, (18, 30, 3)).astype(np.uint8) for _ in range(2))
-    edges = (hole[0], hole[1], hole[0] + hole[2], hole[1] + hole[3])
+    edges = box_of_size(*hole)
     before = rng.choice([3.0, 20.0, 60.0], (18, 30)) if again else np.full((18, 30), bg._UNKNOWN)
     misfit, residual = before.astype(np.float32), np.zeros((3, 18, 30), np.float32)
     edge = np.zeros((18, 30), np.float32)
-    args = (planes(window), planes(frame), offset, 0.2, (0, 0, 30, 18), edges)
+    args = (planes(window), planes(frame), offset, 0.2, Box(0, 0, 30, 18), edges)
     left = bg._subtract_background(*args, residual, edge, misfit)
     wanted, fit = by_pixel(window, frame, offset, edges, before)
     written = ~np.isnan(wanted[0])
@@ -84,9 +85,9 @@ def seen_after(scene: ImageArray, pictures: list[ImageArray], picture: ImageArra
     memory = bg.BackgroundModel()
     h, w = scene.shape[:2]
     for k, earlier in enumerate(pictures):
-        hidden = (TARGET[0] - 45 * (len(pictures) - k), TARGET[1], TARGET[2] - 45 * (len(pictures) - k), TARGET[3])
-        memory.remember(BgrPicture(earlier), (30, 20, w - 30, h - 20), hidden, 30.0)
-    found = memory.subtract(BgrPicture(picture), (30, 20), (w - 60, h - 40), TARGET)
+        hidden = shift(TARGET, -45 * (len(pictures) - k), 0)
+        memory.remember(BgrPicture(earlier), Box(30, 20, w - 30, h - 20), hidden, 30.0)
+    found = memory.subtract(BgrPicture(picture), Box(30, 20, w - 30, h - 20), TARGET)
     assert found is not None
     return found
 
@@ -116,14 +117,14 @@ def test_a_bird_in_one_earlier_frame_is_not_background(rng: np.random.Generator)
 def test_what_no_frame_shows_is_not_known_and_is_nothing(rng: np.random.Generator) -> None:
     scene = texture(rng)
     memory = bg.BackgroundModel()
-    hidden = (TARGET[0] - 30, TARGET[1], TARGET[2] - 30, TARGET[3])
+    hidden = shift(TARGET, -30, 0)
     # kept are 48 px more than what is around: columns up to 168
-    memory.remember(BgrPicture(scene), (60, 30, 120, 110), hidden, 30.0)
-    found = memory.subtract(BgrPicture(scene), (50, 20), (160, 110), TARGET)
+    memory.remember(BgrPicture(scene), Box(60, 30, 120, 110), hidden, 30.0)
+    found = memory.subtract(BgrPicture(scene), Box(50, 20, 210, 130), TARGET)
     assert found is not None
     x = np.arange(50, 210)
     assert not found.known[:, x >= 168].any()
-    assert found.known[:, (x < 167) & (x >= TARGET[2])].all()
+    assert found.known[:, (x < 167) & (x >= TARGET.x1)].all()
     assert np.all(found.residual[:, ~found.known] == 0)
     assert np.all(found.edge[~found.known] == 0)
 
@@ -131,8 +132,8 @@ def test_what_no_frame_shows_is_not_known_and_is_nothing(rng: np.random.Generato
 def test_a_sky_without_texture_is_left_to_the_spatial_background() -> None:
     sky = np.full((150, 220, 3), 180, np.uint8)
     memory = bg.BackgroundModel()
-    memory.remember(BgrPicture(sky), (30, 20, 190, 130), TARGET, 30.0)
-    assert memory.subtract(BgrPicture(sky), (30, 20), (160, 110), TARGET) is None
+    memory.remember(BgrPicture(sky), Box(30, 20, 190, 130), TARGET, 30.0)
+    assert memory.subtract(BgrPicture(sky), Box(30, 20, 190, 130), TARGET) is None
 
 
 def test_of_all_frames_kept_in_part_at_most_the_newest_is_held_whole(rng: np.random.Generator) -> None:
@@ -140,11 +141,11 @@ def test_of_all_frames_kept_in_part_at_most_the_newest_is_held_whole(rng: np.ran
     for k in range(3):
         frame = scene.copy()
         held.append(weakref.ref(frame))
-        hidden = (TARGET[0] - 45 * (3 - k), TARGET[1], TARGET[2] - 45 * (3 - k), TARGET[3])
-        memory.remember(BgrPicture(frame), (30, 20, 190, 130), hidden, 30.0)
+        hidden = shift(TARGET, -45 * (3 - k), 0)
+        memory.remember(BgrPicture(frame), Box(30, 20, 190, 130), hidden, 30.0)
         del frame
     assert [frame() is None for frame in held] == [True, True, False]
-    assert memory.subtract(BgrPicture(scene), (30, 20), (160, 110), TARGET) is not None
+    assert memory.subtract(BgrPicture(scene), Box(30, 20, 190, 130), TARGET) is not None
     assert held[2]() is None
 
 
@@ -155,9 +156,9 @@ def test_a_turned_camera_s_scene_is_found_again(rng: np.random.Generator, shift:
     flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
     turned = np.asarray(cv2.warpAffine(scene, under, (320, 220), flags=flags), np.uint8)
     memory = bg.BackgroundModel()
-    memory.remember(BgrPicture(scene), (60, 50, 260, 170), TARGET, 30.0)
-    target = (190, 110, 220, 126)
-    found = memory.subtract(BgrPicture(turned), (100, 60), (120, 90), target)
+    memory.remember(BgrPicture(scene), Box(60, 50, 260, 170), TARGET, 30.0)
+    target = Box(190, 110, 220, 126)
+    found = memory.subtract(BgrPicture(turned), Box(100, 60, 220, 150), target)
     assert found is not None
     assert found.known.mean() > 0.8
     assert float(np.abs(found.residual[:, found.known]).mean()) < 2.0

@@ -44,7 +44,8 @@ def test_a_bird_in_front(level: float, speed_px: float, ratio: float, miss_px: f
         image, bird = with_bird(film.frame(k), (u + away, v + 0.3 * away + miss_px), ratio * film.span_px, k)
         track = tracker.step(image, k / RATE_HZ) if k else tracker.start(image, 0.0, film.box(0))
         seen = track.result if isinstance(track.result, Detection) else None
-        score.add(None if seen is None else (seen.u_px, seen.v_px), film.box(k), bird)
+        label = film.box(k)
+        score.add(None if seen is None else (seen.u_px, seen.v_px), (label.x0, label.y0, *label.size), bird)
     assert not score.captured
     assert score.back_after_s is not None
     assert score.back_after_s <= 0.5

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
+from groundstation.box import Box
 from groundstation.detection.background import _FramePart
 from groundstation.detection.preprocess import _clutter_moments
 
 
-@pytest.mark.parametrize("keep_out", [(6, 4, 13, 9), (0, 0, 5, 5), (20, 10, 31, 17), (0, 0, 0, 0)])
+@pytest.mark.parametrize("keep_out", [Box(6, 4, 13, 9), Box(0, 0, 5, 5), Box(20, 10, 31, 17), Box(0, 0, 0, 0)])
 @pytest.mark.parametrize("partly", [True, False])
 def test_moments_are_those_of_every_second_pixel_outside_the_box(
-    rng: np.random.Generator, keep_out: tuple[int, int, int, int], partly: bool
+    rng: np.random.Generator, keep_out: Box[int], partly: bool
 ) -> None:
     residual = rng.normal(size=(3, 17, 31)).astype(np.float32)
     known = rng.random((17, 31)) < 0.7 if partly else np.ones((17, 31), dtype=bool)

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from groundstation.box import Box
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.config import Channel, DetectionConfig, TargetPoint
 from groundstation.detection.detector import Detector, warm_up
-from groundstation.messages import Detection, Miss, MissReason, Roi
+from groundstation.messages import Detection, Miss, MissReason
 from groundstation.tracking.camera_tracker import silhouette_mask
 from tests.detection.painted import Painting, coverage, ground, look_at, paint, sky, whole
 
@@ -36,7 +37,7 @@ def test_nose_is_found_between_pixels_on_a_shaded_sky(rng: np.random.Generator, 
         guess = (nose[0] + float(rng.normal(0, 3)), nose[1] + float(rng.normal(0, 3)))
         result = found(fresh().detect(image, whole(image), look_at(guess, span)))
         errors.append((result.u_px - nose[0], result.v_px - nose[1]))
-        assert result.box[2] == pytest.approx(span * np.cos(roll), rel=0.25, abs=3)
+        assert result.box.w == pytest.approx(span * np.cos(roll), rel=0.25, abs=3)
     rms_u, rms_v = np.sqrt(np.mean(np.square(errors), axis=0))
     assert rms_u < max(0.4, 0.01 * span)
     assert rms_v < max(0.7, 0.03 * span)
@@ -129,14 +130,14 @@ def test_region_that_goes_on_beyond_the_window_is_not_the_target(rng: np.random.
     scene = sky(SIZE)
     scene[60:70] = 70.0
     image = np.clip(scene + rng.normal(0, 1.5, scene.shape), 0, 255).astype(np.uint8)
-    window = Roi(x=40, y=20, w=180, h=90)
+    window = Box(40, 20, 220, 110)
     result = fresh().detect(image, window, look_at((130.0, 65.0)))
     assert isinstance(result, Miss)
 
 
 def test_prediction_outside_the_window_is_named(rng: np.random.Generator) -> None:
     image = paint(sky(SIZE), Painting(nose_px=(130, 65)), rng)
-    result = fresh().detect(image, Roi(x=0, y=0, w=40, h=40), look_at((250.0, 120.0), 10.0, sigma_px=1.0))
+    result = fresh().detect(image, Box(0, 0, 40, 40), look_at((250.0, 120.0), 10.0, sigma_px=1.0))
     assert isinstance(result, Miss)
     assert result.reason is MissReason.OUT_OF_VIEW
 
@@ -176,7 +177,7 @@ def test_large_targets_are_seen_reduced_and_reported_in_full_pixels(rng: np.rand
     result = found(Detector(DetectionConfig(), size).detect(image, whole(image), look_at((345.0, 158.0), 400.0)))
     assert result.u_px == pytest.approx(351.3, abs=4)
     assert result.v_px == pytest.approx(160.8, abs=8)
-    assert result.box[2] == pytest.approx(400, rel=0.05)
+    assert result.box.w == pytest.approx(400, rel=0.05)
     assert result.area_px == pytest.approx(coverage(size, Painting(nose_px=(351, 161), span_px=400)).sum(), rel=0.2)
 
 
@@ -186,7 +187,7 @@ def test_the_outline_of_a_target_seen_reduced_holds_all_of_its_pixels(rng: np.ra
     painting = Painting(nose_px=(351.3, 160.8), span_px=300)
     image = paint(sky(size), painting, rng)
     result = found(Detector(DetectionConfig(), size).detect(image, whole(image), look_at((345.0, 158.0), 300.0)))
-    filled = np.count_nonzero(silhouette_mask(result, Roi(x=0, y=0, w=size[0], h=size[1])))
+    filled = np.count_nonzero(silhouette_mask(result, Box(0, 0, size[0], size[1])))
     assert filled == pytest.approx(result.area_px, rel=0.02)
 
 

@@ -5,10 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from groundstation.box import Box
 from groundstation.detection.working_image import _LENGTH_PER_SPAN, expectation
 
 
-def box(forward: tuple[float, float] | None) -> tuple[int, int, int, int]:
+def box(forward: tuple[float, float] | None) -> Box[int]:
     look = SimpleNamespace(
         image=np.zeros((200, 300, 3), np.uint8),
         span=20.0,

@@ -2,11 +2,12 @@
 
 import pytest
 
+from groundstation.box import Box
 from groundstation.detection.candidates import Spot, joined
 
 
 def spot(x0: float, x1: float, mass: float) -> Spot:
-    return Spot(box=(x0, 0.0, x1, 4.0), centre=(0.5 * (x0 + x1), 2.0), contrast=mass, mass=mass)
+    return Spot(box=Box(x0, 0.0, x1, 4.0), centre=(0.5 * (x0 + x1), 2.0), contrast=mass, mass=mass)
 
 
 @pytest.mark.parametrize(

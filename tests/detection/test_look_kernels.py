@@ -4,13 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
+from groundstation.box import Box
 from groundstation.detection.appearance import features_of_regions
 from groundstation.detection.background_histogram import suppress_background_colours
 from groundstation.detection.flatten import _edges, _keep_edges, planes
 from groundstation.detection.preprocess import _levels, _soften
 from groundstation.detection.regions import soft_silhouette
 
-BOX = (6, 3, 31, 22)
+BOX = Box(6, 3, 31, 22)
 
 
 @pytest.fixture
@@ -59,7 +60,7 @@ def test_a_colour_counts_the_less_the_more_of_it_is_around(rng: np.random.Genera
     place = tuple(np.clip(places, 0, bins[:, None, None] - 1).astype(int))
     counted = np.zeros((28, 44), bool)
     counted[::2, ::2] = True
-    counted[BOX[1] : BOX[3], BOX[0] : BOX[2]] = False
+    counted[BOX.slices] = False
     count = np.zeros(bins + 2)
     np.add.at(count, tuple(p[counted] + 1 for p in place), 1.0 / np.count_nonzero(counted))
     share = sum(count[a : a + 32, b : b + 24, c : c + 16] for a in range(3) for b in range(3) for c in range(3))
@@ -74,7 +75,7 @@ def test_a_colour_counts_the_less_the_more_of_it_is_around(rng: np.random.Genera
 def test_levels_are_quantiles_near_the_prediction_and_elsewhere(rng: np.random.Generator) -> None:
     """To the width of the histogram's bins."""
     contrast = rng.gamma(2.0, 3.0, (101, 251)).astype(np.float32)
-    x0, y0, x1, y1 = box = (81, 30, 170, 79)
+    x0, y0, x1, y1 = box = Box(81, 30, 170, 79)
     columns, rows = rng.random(x1 - x0).astype(np.float32), rng.random(y1 - y0).astype(np.float32)
     near, far = _levels(contrast, box, columns, rows, 200.0)
     share = 200.0 / ((x1 - x0) * (y1 - y0))

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box
 from groundstation.detection import registration as reg
 
-NOWHERE = (0, 0, 0, 0)
-WINDOW = ((40, 30), (160, 100))
+NOWHERE = Box(0, 0, 0, 0)
+WINDOW = Box(40, 30, 200, 130)
 
 
 def scene(rng: np.random.Generator) -> ImageArray:
@@ -28,7 +29,7 @@ def moved(image: ImageArray, dx: float, dy: float) -> ImageArray:
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.4, -0.3), (1.7, 1.2)])
 def test_small_shifts_to_a_tenth_of_a_pixel(rng: np.random.Generator, shift: tuple[float, float]) -> None:
     reference = scene(rng)
-    rows = reg.textured(moved(reference, *shift), *WINDOW, NOWHERE)
+    rows = reg.textured(moved(reference, *shift), WINDOW, NOWHERE)
     sx, sy, sigma = reg.refine(rows, reg.grey_of(reference), NOWHERE, 0.0, 0.0)
     assert (sx, sy) == pytest.approx(shift, abs=0.1)
     assert sigma < 0.1
@@ -36,7 +37,7 @@ def test_small_shifts_to_a_tenth_of_a_pixel(rng: np.random.Generator, shift: tup
 
 def test_a_large_shift_needs_the_raster(rng: np.random.Generator) -> None:
     reference = scene(rng)
-    rows = reg.textured(moved(reference, 22.0, -17.0), *WINDOW, NOWHERE)
+    rows = reg.textured(moved(reference, 22.0, -17.0), WINDOW, NOWHERE)
     start = reg.coarse(rows, reg.grey_of(reference), NOWHERE, 0.0, 0.0)
     assert start == pytest.approx((22.0, -17.0), abs=4.0)
     sx, sy, _ = reg.refine(rows, reg.grey_of(reference), NOWHERE, *start)
@@ -45,13 +46,13 @@ def test_a_large_shift_needs_the_raster(rng: np.random.Generator) -> None:
 
 def test_a_plain_sky_has_nothing_to_hold_on_to(rng: np.random.Generator) -> None:
     sky = (180 + rng.normal(0, 1, (180, 260, 3))).astype(np.uint8)
-    rows = reg.textured(sky, *WINDOW, NOWHERE)
+    rows = reg.textured(sky, WINDOW, NOWHERE)
     assert rows.shape[0] < reg.MIN_TEXTURED
     assert reg.refine(rows, reg.grey_of(sky), NOWHERE, 0.0, 0.0)[2] > 1e6
 
 
 def test_misplacement_is_measured_by_how_misfits_grow_with_the_gradient(rng: np.random.Generator) -> None:
     reference = scene(rng)
-    rows = reg.textured(reference, *WINDOW, NOWHERE)
+    rows = reg.textured(reference, WINDOW, NOWHERE)
     measured = [reg.misplacement(rows, reg.grey_of(reference), NOWHERE, s, 0.0) for s in (0.0, 0.18, 1.0)]
     assert measured[0] < measured[1] < measured[2] == reg.MAX_EDGE_PX

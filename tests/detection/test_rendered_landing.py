@@ -80,7 +80,7 @@ def seen(landing_1: Path) -> tuple[int, list[Seen]]:
         result = detector.detect(image, roi, hint)
         looks += 1
         if isinstance(result, Detection):
-            last = (result.box[2], result.box[3])
+            last = result.box.size
             error = np.array([result.u_px, result.v_px]) - nose
             nis = float(error @ np.linalg.solve(result.covariance_px2, error))
             found.append(Seen(error=error, nis=nis, stated=result, epoch=k, span_px=SPAN_M * scale, ground=k >= GROUND))

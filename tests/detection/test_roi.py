@@ -13,15 +13,15 @@ def test_size_is_basic_size_plus_target_plus_sigmas() -> None:
     assert roi is not None
     assert roi.w == pytest.approx(250 + 40 + 2 * 3 * 2, abs=1)
     assert roi.h == pytest.approx(100 + 20 + 2 * 3 * 3, abs=1)
-    assert roi.x + (roi.w - 1) / 2 == pytest.approx(600, abs=1)
-    assert roi.y + (roi.h - 1) / 2 == pytest.approx(400, abs=1)
+    assert roi.x0 + (roi.w - 1) / 2 == pytest.approx(600, abs=1)
+    assert roi.y0 + (roi.h - 1) / 2 == pytest.approx(400, abs=1)
 
 
 def test_clips_to_the_image() -> None:
     roi = place_roi(np.array([5.0, 955.0]), np.eye(2), None, DetectionConfig(), SIZE)
     assert roi is not None
-    assert roi.x == 0
-    assert roi.y + roi.h == SIZE[1]
+    assert roi.x0 == 0
+    assert roi.y0 + roi.h == SIZE[1]
     assert roi.w > 100
 
 
@@ -43,7 +43,7 @@ def test_the_window_lies_where_the_silhouette_hangs() -> None:
     hanging = place_roi(point, np.eye(2), size, config, SIZE, (0.0, 66.0))
     assert plain is not None
     assert hanging is not None
-    assert (hanging.w, hanging.h, hanging.x) == (plain.w, plain.h, plain.x)
+    assert (hanging.w, hanging.h, hanging.x0) == (plain.w, plain.h, plain.x0)
     # 50 px are left around a silhouette about its nose, 25 around one that hangs
-    assert hanging.y == pytest.approx(plain.y + 66 - 25, abs=1)
+    assert hanging.y0 == pytest.approx(plain.y0 + 66 - 25, abs=1)
     assert place_roi(point, np.eye(2), size, config, SIZE, (10.0, 20.0)) == plain

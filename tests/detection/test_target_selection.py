@@ -159,7 +159,7 @@ def test_looks_decide_between_two_in_about_the_same_place() -> None:
         config = DetectionConfig(appearance_gate=3.0, gate_sigmas=8.0)
         chosen = select_target(regions, look, memory, config)
         assert isinstance(chosen, Group), chosen
-        assert (chosen.box[1], chosen.box[3]) == rows
+        assert (chosen.box.y0, chosen.box.y1) == rows
 
 
 @pytest.mark.parametrize(("width", "reason"), [(90, None), (150, MissReason.WRONG_SIZE), (40, MissReason.WRONG_SIZE)])

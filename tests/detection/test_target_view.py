@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from groundstation.box import box_of_size
 from groundstation.messages import Detection, Miss, MissReason
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_target import PixelTarget
@@ -11,7 +12,7 @@ from groundstation.single_camera.target_view import is_beside
 
 def target(place_px: tuple[float, float], length_px: float) -> PixelTarget:
     motion = PixelMotion(place_px, (0.0, 0.0), sigma_px=2.0, least_shake_px=0.5, most_shake_px=20.0)
-    box = (place_px[0] - length_px / 2, place_px[1] - 3.0, length_px, 6.0)
+    box = box_of_size(place_px[0] - length_px / 2, place_px[1] - 3.0, length_px, 6.0)
     return PixelTarget(
         motion=motion,
         size_px=(length_px, 6.0),
@@ -32,7 +33,7 @@ def seen(u_px: float, v_px: float, w_px: float = 10.0, h_px: float = 6.0) -> Det
         covariance_px2=np.eye(2),
         noise_px2=0.1 * np.eye(2),
         centroid_px=np.array([u_px, v_px]),
-        box=(u_px - w_px / 2, v_px - h_px / 2, w_px, h_px),
+        box=box_of_size(u_px - w_px / 2, v_px - h_px / 2, w_px, h_px),
         area_px=0.6 * w_px * h_px,
         contour_px=np.zeros((0, 2), np.float32),
         contrast_to_noise=20.0,

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from groundstation.box import Box
 from groundstation.detection.local_search import CLEAR_SCORE
 from groundstation.single_camera.target_view import TargetView
 
@@ -13,7 +14,7 @@ def test_it_is_the_first_clear_sight_and_follows_later_ones_slowly() -> None:
     view = TargetView.__new__(TargetView)
     view._config = SimpleNamespace(size_change=2.0)
     target = SimpleNamespace(whole_px=None)
-    detection = SimpleNamespace(box=(0, 0, 20, 8))
+    detection = SimpleNamespace(box=Box(0, 0, 20, 8))
     image = np.zeros((4, 4, 3), np.uint8)
 
     def look(size_px: float, score: float = CLEAR_SCORE) -> float | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from groundstation.box import Box
 from groundstation.evaluation.bounds import motion_matrices
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.geometry.station import StationGeometry
@@ -157,7 +158,7 @@ def _report(t_s, epoch, cameras, ml, covariance, state, P, sigma_px, rng) -> Ste
                 covariance_px2=sigma_px**2 * np.eye(2),
                 noise_px2=sigma_px**2 * np.eye(2),
                 centroid_px=pixel,
-                box=(0.0, 0.0, 10.0, 10.0),
+                box=Box(0.0, 0.0, 10.0, 10.0),
                 area_px=50.0,
                 contour_px=np.zeros((0, 2), np.float32),
                 contrast_to_noise=10.0,

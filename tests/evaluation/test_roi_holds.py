@@ -2,8 +2,8 @@
 
 import pytest
 
+from groundstation.box import Box
 from groundstation.experiments.detector_outcomes import _holds
-from groundstation.messages import Roi
 
 
 @pytest.mark.parametrize(
@@ -14,4 +14,4 @@ from groundstation.messages import Roi
     ],
 )
 def test_all_of_its_pixels_lie_inside(x: float, y: float, right: float, down: float, held: bool) -> None:
-    assert _holds(Roi(x=10, y=20, w=30, h=40), x, y, right, down) is held
+    assert _holds(Box(10, 20, 40, 60), x, y, right, down) is held

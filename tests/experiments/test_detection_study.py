@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from groundstation.box import Box
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import warm_up
 from groundstation.errors import SessionError
@@ -13,7 +14,6 @@ from groundstation.experiments import detection_plots as plots
 from groundstation.experiments import detection_tables as findings
 from groundstation.experiments.detector_outcomes import DetectorOutcome, watch
 from groundstation.experiments.truth_scenes import Scene, scenes
-from groundstation.messages import Roi
 from groundstation.session import load_session
 
 SEED = 3
@@ -38,7 +38,7 @@ def made_up(**changes: object) -> DetectorOutcome:
         t_s=1.0,
         background="sky",
         width_px=50,
-        roi=Roi(x=0, y=0, w=100, h=60),
+        roi=Box(0, 0, 100, 60),
         elapsed_s=0.01,
         segment_s=0.004,
         reason="found",

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from groundstation.box import Box
 from groundstation.files.text_file import AttachedFiles
 from groundstation.messages import (
     CameraReport,
@@ -31,7 +32,7 @@ from tests.session.folder import SESSION, SIZE, rig_text
 
 STATIONS = ("left", "right")
 FILES = {"session.toml": SESSION.encode(), "rig.toml": rig_text(STATIONS).encode(), "config.toml": b""}
-WINDOW = (10, 8, 30, 28)
+WINDOW = Box(10, 8, 30, 28)
 
 
 def small_rig() -> Rig:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from groundstation.box import Box, box_of_size, contains
 from groundstation.errors import RecordingError
 from groundstation.messages import Epoch, Event, FilterReset, Heartbeat, PixelMeasurement, PtuSample
 from groundstation.picture import BayerPattern
@@ -57,7 +58,7 @@ kinds = st.sampled_from(
     ["ptu", "frame", "pixel", "epoch", "reference", "heartbeat", "begun anew", "pixels", "dropped", "lost", "x"]
 )
 windows = st.tuples(st.integers(0, 60), st.integers(0, 40), st.integers(1, 30), st.integers(1, 30)).map(
-    lambda w: (w[0], w[1], w[0] + w[2], w[1] + w[3])
+    lambda w: box_of_size(*w)
 )
 
 
@@ -84,14 +85,14 @@ def test_bytes_that_are_no_line_are_refused(data: bytes) -> None:
 
 
 @given(st.lists(windows, max_size=20))
-def test_each_window_lies_in_one_part(read: list[tuple[int, int, int, int]]) -> None:
+def test_each_window_lies_in_one_part(read: list[Box[int]]) -> None:
     kept = merge_windows(read)
     assert len(kept) <= MAX_PARTS
     for w in read:
-        assert any(k[0] <= w[0] and k[1] <= w[1] and k[2] >= w[2] and k[3] >= w[3] for k in kept)
+        assert any(contains(k, w) for k in kept)
     if len(kept) > 1:
-        area = sum((k[2] - k[0]) * (k[3] - k[1]) for k in kept)
-        assert area <= sum((w[2] - w[0]) * (w[3] - w[1]) for w in read)
+        area = sum(k.area for k in kept)
+        assert area <= sum(w.area for w in read)
 
 
 @pytest.mark.parametrize("png", [True, False])

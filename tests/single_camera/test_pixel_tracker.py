@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import ImageArray
+from groundstation.box import Box
 from groundstation.detection.image_conditioning import ImageConditioner, noise_of
 from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.detection.pixel_track import PixelTrack
@@ -13,7 +14,7 @@ from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from tests.detection.flying import RATE_HZ, SIZE, Film, panorama
 
-NOWHERE = (0.0, 0.0, 0.0, 0.0)
+NOWHERE = Box(0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture
@@ -68,13 +69,13 @@ def test_the_box_covers_the_silhouette(film: Film) -> None:
     """Expected: as wide as the wings to a few px, and the target point in it."""
     for track in watch(film, 15, started=True)[5:]:
         assert isinstance(track.result, Detection)
-        x, y, w, h = track.result.box
+        x, y, (w, h) = track.result.box.x0, track.result.box.y0, track.result.box.size
         assert w == pytest.approx(film.span_px, abs=6.0)
         assert x <= track.result.u_px <= x + w
         assert y <= track.result.v_px <= y + h
         assert track.roi is not None
-        assert track.roi.x <= x
-        assert x + w <= track.roi.x + track.roi.w
+        assert track.roi.x0 <= x
+        assert x + w <= track.roi.x1
 
 
 def test_a_shaking_camera(film: Film) -> None:
@@ -150,7 +151,7 @@ def test_a_faint_start_proves_itself(film: Film) -> None:
 def test_a_start_where_nothing_is(film: Film, corner: tuple[float, float]) -> None:
     """Sky, hills: never a point, whatever the box."""
     film.hidden, film.corner = range(1000), corner
-    for box in ((60.0, 60.0, 40.0, 20.0), (200.0, 150.0, 90.0, 60.0)):
+    for box in (Box(60.0, 60.0, 100.0, 80.0), Box(200.0, 150.0, 290.0, 210.0)):
         tracker = PixelTracker(SIZE)
         tracks = [tracker.start(film.frame(0), 0.0, box)]
         tracks += [tracker.step(film.frame(k), k / RATE_HZ) for k in range(1, 12)]
@@ -221,11 +222,11 @@ def test_a_small_picture_answers_in_its_own_pixels(film: Film) -> None:
     tracker = PixelTracker((240, 180))
     for k in range(20):
         image = np.asarray(cv2.resize(film.frame(k), (240, 180), interpolation=cv2.INTER_AREA), np.uint8)
-        x, y, w, h = (0.5 * v for v in film.box(k))
-        track = tracker.start(image, 0.0, (x, y, w, h)) if k == 0 else tracker.step(image, k / RATE_HZ)
+        half = Box(*(0.5 * edge for edge in film.box(k)))
+        track = tracker.start(image, 0.0, half) if k == 0 else tracker.step(image, k / RATE_HZ)
         assert isinstance(track.result, Detection)
         assert np.hypot(*(track.result.centroid_px - 0.5 * film.place(k))) < 1.5
-        assert track.result.box[2] == pytest.approx(6.0, abs=2.5)
+        assert track.result.box.w == pytest.approx(6.0, abs=2.5)
         assert track.predicted_px is not None
         assert np.hypot(*(track.predicted_px - 0.5 * film.place(k))) < 8.0
 

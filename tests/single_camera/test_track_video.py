@@ -54,7 +54,7 @@ def video(recorded: Path, tmp_path: Path) -> Path:
 
 
 def init(film: Film, k: int = 0) -> str:
-    return ",".join(f"{v:.1f}" for v in film.box(k))
+    return ",".join(f"{v:.1f}" for v in (film.box(k).x0, film.box(k).y0, *film.box(k).size))
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -104,7 +104,7 @@ def test_it_searches_without_a_start(video: Path) -> None:
 
 def test_a_box_may_begin_beyond_the_left_border(film: Film, video: Path) -> None:
     """Expected: its minus sign makes no option of it."""
-    x, y, w, h = film.box(0)
+    x, y, (w, h) = film.box(0).x0, film.box(0).y0, film.box(0).size
     assert x > 0
     box = f"{-10.0 - x:.1f},{y:.1f},{w + 2.0 * (10.0 + x):.1f},{h:.1f}"
     rows = track(video, "--init", box, "--to-frame", "3")
@@ -155,8 +155,8 @@ def test_the_overlay_is_a_video_of_all_frames(film: Film, video: Path) -> None:
     drawn, plain = cv2.VideoCapture(str(seen)), cv2.VideoCapture(str(video))
     count = 0
     while (pair := (drawn.read(), plain.read()))[0][0]:
-        x, y, w, h = (round(v) for v in film.box(count))
-        off = np.abs(pair[0][1].astype(int) - pair[1][1].astype(int))[max(y, 0) : y + h, max(x, 0) : x + w]
+        x0, y0, x1, y1 = (round(v) for v in film.box(count))
+        off = np.abs(pair[0][1].astype(int) - pair[1][1].astype(int))[max(y0, 0) : y1, max(x0, 0) : x1]
         # coloured lines around the target, where it is seen
         assert (off.max() > 60) == (count not in HIDDEN), count
         count += 1

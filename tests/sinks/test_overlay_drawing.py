@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from groundstation.box import Box
 from groundstation.messages import Detection
 from groundstation.sinks.overlay_video import _CONTOUR, draw_track
 
@@ -18,7 +19,7 @@ def test_the_outline_is_closed_and_the_frame_is_left_as_it_is() -> None:
         covariance_px2=np.eye(2),
         noise_px2=np.eye(2),
         centroid_px=np.array([80.0, 60.0]),
-        box=(60.0, 40.0, 40.0, 40.0),
+        box=Box(60.0, 40.0, 100.0, 80.0),
         area_px=1600.0,
         contour_px=corners,
         contrast_to_noise=9.0,

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from groundstation.box import Box
 from groundstation.errors import InputError
 from groundstation.messages import (
     CameraReport,
@@ -14,7 +15,6 @@ from groundstation.messages import (
     Kinematics,
     Miss,
     MissReason,
-    Roi,
     StepReport,
     TrackEstimate,
     TrackState,
@@ -67,7 +67,7 @@ def _camera(found: bool) -> CameraReport:
         covariance_px2=np.array([[0.25, 0.1], [0.1, 1.0]]),
         noise_px2=np.diag([0.02, 0.1]),
         centroid_px=np.array([641.0, 481.0]),
-        box=(600.0, 470.0, 80.0, 20.0),
+        box=Box(600.0, 470.0, 680.0, 490.0),
         area_px=300.0,
         contour_px=np.zeros((0, 2), np.float32),
         contrast_to_noise=9.0,
@@ -79,7 +79,7 @@ def _camera(found: bool) -> CameraReport:
         epoch=0,
         status=DetectionStatus.OK if found else DetectionStatus.MISS,
         result=detection if found else Miss(reason=MissReason.LOW_CONTRAST),
-        roi=Roi(x=10, y=20, w=250, h=100) if found else None,
+        roi=Box(10, 20, 260, 120) if found else None,
         predicted_px=None,
         predicted_covariance_px2=None,
         pan_rad=0.0,

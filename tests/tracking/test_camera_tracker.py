@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from groundstation.box import Box
 from groundstation.detection.detector import DetectionHint
-from groundstation.messages import Detection, Frame, Roi
+from groundstation.messages import Detection, Frame
 from groundstation.picture import BgrPicture
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel, silhouette_mask
 from groundstation.tracking.config import Config
@@ -46,13 +47,13 @@ def test_a_silhouette_in_pieces_becomes_one_mask() -> None:
         covariance_px2=np.eye(2),
         noise_px2=0.1 * np.eye(2),
         centroid_px=np.zeros(2),
-        box=(0, 0, 1, 1),
+        box=Box(0.0, 0.0, 1.0, 1.0),
         area_px=100.0,
         contour_px=np.array(square(110, 60) + nan + square(130, 60), dtype=np.float32),
         contrast_to_noise=5.0,
         channel="grey",
     )
-    mask = silhouette_mask(found, Roi(x=100, y=50, w=60, h=30))
+    mask = silhouette_mask(found, Box(100, 50, 160, 80))
     assert mask.shape == (30, 60)
     assert mask.sum() == 2 * 50
     assert mask[10, 10]

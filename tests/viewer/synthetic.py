@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.box import Box, box_of_size
 from groundstation.messages import (
     CameraReport,
     Detection,
@@ -17,7 +18,6 @@ from groundstation.messages import (
     Kinematics,
     Miss,
     MissReason,
-    Roi,
     StepReport,
     TrackEstimate,
     TrackEvent,
@@ -115,7 +115,7 @@ class Landing:
                 covariance_px2=PIXEL_COVARIANCE,
                 noise_px2=0.1 * PIXEL_COVARIANCE,
                 centroid_px=(low + high).astype(np.float64) / 2,
-                box=(float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])),
+                box=Box(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
                 area_px=float(np.prod(high - low) / 3),
                 contour_px=contour,
                 contrast_to_noise=12.0,
@@ -132,7 +132,7 @@ class Landing:
             epoch=epoch,
             status=status,
             result=result,
-            roi=None if searching else Roi(x=int(corner[0]), y=int(corner[1]), w=width, h=height),
+            roi=None if searching else box_of_size(int(corner[0]), int(corner[1]), width, height),
             predicted_px=predicted,
             predicted_covariance_px2=None if predicted is None else np.array([[9.0, 2.0], [2.0, 4.0]]),
             pan_rad=pan,

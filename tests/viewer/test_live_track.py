@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from groundstation.box import Box
 from groundstation.detection.pixel_track import PixelTrack
-from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
+from groundstation.messages import Detection, Miss, MissReason, TrackStatus
 from groundstation.viewer import viewer_process as rerun_viewer
 from groundstation.viewer.live_track import APPLICATION, PICTURE, STATUS, LiveTrackView
 from groundstation.viewer.viewer_process import ViewerError, live_viewer_command, open_live_stream
@@ -19,7 +20,7 @@ SEEN = Detection(
     covariance_px2=np.eye(2),
     noise_px2=0.1 * np.eye(2),
     centroid_px=np.array([20.0, 15.0]),
-    box=(14.5, 12.5, 12.0, 5.0),
+    box=Box(14.5, 12.5, 26.5, 17.5),
     area_px=40.0,
     contour_px=np.array([[15.0, 13.0], [26.0, 13.0], [26.0, 17.0]], np.float32),
     contrast_to_noise=9.0,
@@ -30,7 +31,7 @@ SEEN = Detection(
 def track(t_s: float, *, seen: bool) -> PixelTrack:
     result = SEEN if seen else Miss(reason=MissReason.NO_REGION)
     status = TrackStatus.TRACKING if seen else TrackStatus.COASTING
-    return PixelTrack(t_s=t_s, status=status, result=result, roi=Roi(x=4, y=5, w=30, h=20), predicted_px=np.zeros(2))
+    return PixelTrack(t_s=t_s, status=status, result=result, roi=Box(4, 5, 34, 25), predicted_px=np.zeros(2))
 
 
 def test_frames_and_what_was_found_reach_the_recording(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import SessionError
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.messages import StepReport
-from groundstation.picture import Kept, PartialPicture
+from groundstation.picture import PartialPicture, PicturePart
 from groundstation.rig.rig import Rig
 from groundstation.viewer import picture_channel as rerun_pictures
 from groundstation.viewer.camera_channel import CameraChannel
@@ -297,8 +297,8 @@ def test_pictures_of_a_folder_go_in_as_they_lie_on_disk(
 def test_of_a_recorded_picture_the_windows_that_were_kept_are_shown(
     tmp_path: Path, landing: Landing, few: list[StepReport], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = Kept(x=600, y=400, pixels=np.full((100, 250, 3), 200, np.uint8))
-    picture = PartialPicture((1280, 960), [kept], None)
+    part = PicturePart(x=600, y=400, pixels=np.full((100, 250, 3), 200, np.uint8))
+    picture = PartialPicture((1280, 960), [part], None)
     seen = [replace(r, cameras=tuple(replace(c, image=picture) for c in r.cameras)) for r in few]
     media: dict[str, Media] = {name: RecordedWindows() for name in STATIONS}
     recording = _write(tmp_path / "few.rrd", landing.rig, seen, media=media)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from groundstation.box import Box
 from groundstation.picture import RawPicture
 from groundstation.sources.cameras.camera import (
     CameraCare,
@@ -78,7 +79,7 @@ def collect(cameras: list[LiveCamera], seconds: float, until: Callable[[], bool]
 def whole(frame: CameraFrame) -> bool:
     """Whether a picture is the fake's moving diagonal gradient everywhere: each row is the one above, moved by one."""
     assert isinstance(frame.picture, RawPicture)
-    raw = frame.picture.kept((0, 0, *frame.picture.size_px)).pixels
+    raw = frame.picture.recordable(Box(0, 0, *frame.picture.size_px)).pixels
     return bool(np.array_equal(raw[1:, :-1], raw[:-1, 1:]))
 
 
