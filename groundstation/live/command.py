@@ -16,7 +16,7 @@ from groundstation.live.head_manager import CLOSE_S, HeadManager
 from groundstation.live.keep_out_set_up import sun_text, with_keep_out
 from groundstation.live.memory import configure_allocator
 from groundstation.live.opened_cameras import opened_cameras
-from groundstation.live.operation import Operation, OperationResult, StatusSink
+from groundstation.live.operation import Operation, OperationOutputs, OperationResult, StatusSink
 from groundstation.live.operator_screen import StatusCallback, open_screen
 from groundstation.live.out_folder import removed_unless_started, require_free, written_files
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
@@ -27,10 +27,11 @@ from groundstation.live.station_simulator import StationSimulator
 from groundstation.live.status_board import LiveStatus
 from groundstation.messages import StepReport
 from groundstation.recording.mcap_metadata import RecordingHeader
+from groundstation.replay.reference_prior import ReferencePrior
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
-from groundstation.tracking.config import load_config
+from groundstation.tracking.config import Config, load_config
 from groundstation.tracking.warm_up import warm_up
 
 _BEGIN_AFTER_S = 3.0
@@ -104,15 +105,8 @@ def _live(
 ) -> LiveResult:
     """Operate into ``out``; ``begun`` is called once everything is open."""
     configure_allocator()
-    file = _file(request) if simulator is None else simulator.station_file(request.station, out)
-    rig = load_rig(file.rig)
-    check_against_rig(file, rig)
-    file = with_keep_out(file, rig, time.monotonic(), time.time())
-    if simulator is not None:
-        simulator.check(rig)
-    config = live_config(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
-    header = live_header(file, config)
-    known = live_reference(header, rig, config)
+    station = _load(request, out, simulator)
+    file, rig = station.file, station.rig
     # not before all files are known to be good
     out.mkdir(parents=True, exist_ok=True)
     with ExitStack() as opened:
@@ -130,32 +124,19 @@ def _live(
         heads.begin()
         say("compiling, once")
         warm_up()
-        faults: list[str] = []
-        tables = GuardedSink(TrackFilesSink(out), faults)
-        opened.callback(tables.close)
-        sinks: list[Sink] = [tables, *(() if simulator is None else simulator.sinks())]
-        recorder = _recorder(request, out, rig, header, opened, sinks)
+        outputs = _Outputs(out, opened, tell, simulator)
+        recorder = outputs.open_recorder(station) if request.record else None
         if recorder is not None:
             shutdown.watch_recorder(lambda: recorder.status.written_bytes)
-        operators: list[StatusSink] = [StatusCallback(tell)]
-        screen = open_screen(request.screen, rig, file, opened, shutdown, sinks, operators, say)
+        outputs.open_screen(request.screen, station, shutdown, say)
+        errors = station.reference.errors if station.header.learns_from_reference else None
         operation = Operation(
-            file,
-            rig,
-            config,
-            sinks=sinks,
-            recorders=[] if recorder is None else [recorder],
-            operators=operators,
-            start_s=start_s,
-            extra_status=lambda: ", ".join(w for w in (_recording(recorder), screen(), *faults) if w),
-            keep_images=request.screen != "none",
-            reference_errors=known.errors if header.learns_from_reference else None,
+            file, rig, station.config, outputs.of_operation(), start_s=start_s, reference_errors=errors
         )
-        sun_known, sun = sun_text(file, rig, time.time())
-        if file.sun_angle_rad != 0.0:
-            say(sun)
-            operation.log("info" if sun_known else "warning", sun)
-        reference = ReferenceReceiver(file, known, operation.input_queue, start_s=start_s, folder=out, faults=faults)
+        _report_sun(file, rig, operation, say)
+        reference = ReferenceReceiver(
+            file, station.reference, operation.input_queue, start_s=start_s, folder=out, faults=outputs.faults
+        )
         opened.callback(reference.close)
         say("opening the PTUs")
         heads.opened(stop)
@@ -172,17 +153,98 @@ def _live(
             cameras, heads, lambda: shutdown.requested() or time.monotonic() >= end_s, reference.worker, shutdown
         )
         reference.close(recorder)
-    if recorder is not None and recorder.status.trouble:
-        faults.insert(0, f"{_RECORDING}: {recorder.summary()}")
-    return LiveResult(
-        operation=result,
-        files=written_files(out),
-        begin_s=begin_s - start_s,
-        incomplete=tuple(faults),
-        recorded="" if recorder is None else recorder.written_summary(),
-        lost=recorder is not None and recorder.status.written_bytes == 0,
-        losses=tuple(heads.log.losses),
-    )
+    return outputs.result(result, begin_s - start_s, tuple(heads.log.losses))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _LiveStation:
+    """What a station's files say, before anything is opened."""
+
+    file: StationFile
+    rig: Rig
+    config: Config
+    header: RecordingHeader
+    reference: ReferencePrior
+
+
+def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -> _LiveStation:
+    """Read and check the files of a station; raises `InputError` or `ConfigError`."""
+    file = _file(request) if simulator is None else simulator.station_file(request.station, out)
+    rig = load_rig(file.rig)
+    check_against_rig(file, rig)
+    file = with_keep_out(file, rig, time.monotonic(), time.time())
+    if simulator is not None:
+        simulator.check(rig)
+    config = live_config(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
+    header = live_header(file, config)
+    return _LiveStation(file=file, rig=rig, config=config, header=header, reference=live_reference(header, rig, config))
+
+
+class _Outputs:
+    """Track files, recorder and screen of an operation; ``faults`` collects what the disk did not take."""
+
+    def __init__(
+        self, out: Path, opened: ExitStack, tell: Callable[[LiveStatus], None], simulator: StationSimulator | None
+    ) -> None:
+        self.faults: list[str] = []
+        self._out, self._opened = out, opened
+        tables = GuardedSink(TrackFilesSink(out), self.faults)
+        opened.callback(tables.close)
+        self._sinks: list[Sink] = [tables, *(() if simulator is None else simulator.sinks())]
+        self._operators: list[StatusSink] = [StatusCallback(tell)]
+        self._recorder: LiveRecorder | None = None
+        self._screen_status: Callable[[], str] = str
+        self._keep_images = False
+
+    def open_recorder(self, station: _LiveStation) -> LiveRecorder:
+        """Open the recorder."""
+        self._recorder = self._opened.enter_context(open_recorder(self._out / _RECORDING, station.rig, station.header))
+        self._sinks.append(self._recorder)
+        return self._recorder
+
+    def open_screen(self, kind: str, station: _LiveStation, shutdown: Shutdown, say: Callable[[str], None]) -> None:
+        """Open the operator's screen, "desktop", "browser" or "none"."""
+        self._keep_images = kind != "none"
+        self._screen_status = open_screen(
+            kind, station.rig, station.file, self._opened, shutdown, self._sinks, self._operators, say
+        )
+
+    def of_operation(self) -> OperationOutputs:
+        """Return the outputs that were opened."""
+        return OperationOutputs(
+            sinks=self._sinks,
+            recorders=[] if self._recorder is None else [self._recorder],
+            operators=self._operators,
+            extra_status=self._status,
+            keep_images=self._keep_images,
+        )
+
+    def result(self, result: OperationResult, begin_s: float, losses: tuple[str, ...]) -> LiveResult:
+        """Return the result of the run, after everything was closed."""
+        recorder = self._recorder
+        if recorder is not None and recorder.status.trouble:
+            self.faults.insert(0, f"{_RECORDING}: {recorder.summary()}")
+        return LiveResult(
+            operation=result,
+            files=written_files(self._out),
+            begin_s=begin_s,
+            incomplete=tuple(self.faults),
+            recorded="" if recorder is None else recorder.written_summary(),
+            lost=recorder is not None and recorder.status.written_bytes == 0,
+            losses=losses,
+        )
+
+    def _status(self) -> str:
+        recording = "not recording" if self._recorder is None else self._recorder.summary()
+        return ", ".join(w for w in (recording, self._screen_status(), *self.faults) if w)
+
+
+def _report_sun(file: StationFile, rig: Rig, operation: Operation, say: Callable[[str], None]) -> None:
+    """Report and log where the Sun is, where lenses are kept away from it."""
+    known, text = sun_text(file, rig, time.time())
+    if file.sun_angle_rad != 0.0:
+        say(text)
+        operation.log("info" if known else "warning", text)
 
 
 def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> None:
@@ -238,18 +300,3 @@ def _file(request: LiveRequest) -> StationFile:
     if request.station is None:
         raise InputError("STATION", got="none", wanted="a station file, or --simulate")
     return load_station(request.station)
-
-
-def _recorder(
-    request: LiveRequest, out: Path, rig: Rig, header: RecordingHeader, opened: ExitStack, sinks: list[Sink]
-) -> LiveRecorder | None:
-    """Open the recorder, if there is to be one."""
-    if not request.record:
-        return None
-    recorder = opened.enter_context(open_recorder(out / _RECORDING, rig, header))
-    sinks.append(recorder)
-    return recorder
-
-
-def _recording(recorder: LiveRecorder | None) -> str:
-    return "not recording" if recorder is None else recorder.summary()

@@ -75,20 +75,32 @@ class OperationResult:
     busy_s: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OperationOutputs:
+    """Receivers of an operation's results.
+
+    ``sinks`` get every report, the recorder among them, ``recorders`` every event and ``operators`` the status;
+    ``extra_status`` returns the status of recorder and screen, ``keep_images`` leaves the pictures in the reports for
+    a screen.
+    """
+
+    sinks: Sequence[Sink] = ()
+    recorders: Sequence[EventSink] = ()
+    operators: Sequence[StatusSink] = ()
+    extra_status: Callable[[], str] = str
+    keep_images: bool = False
+
+
 class Operation:
     """One run of a station.
 
     Parameters
     ----------
-    file, rig, config : what stands where, and how it is used.
-    sinks : take every report; the recorder among them.
-    recorders : take every event.
-    operators : take the status.
+    file, rig, config : the station's devices, geometry and tuning.
+    outputs : receivers of the results; none by default.
     clock : monotonic, s; the devices stamp with the same one.
     start_s : the session's time zero on that clock; None for now.
-    also : what recorder and screen have to say of themselves, for the status.
-    keep_images : whether reports carry the pictures, for a screen.
-    reference_errors : what is not known of a reference receiver that the filter learns from; None without one.
+    reference_errors : prior of the errors of a reference receiver that the filter learns from; None without one.
     """
 
     def __init__(
@@ -96,21 +108,18 @@ class Operation:
         file: StationFile,
         rig: Rig,
         config: Config,
+        outputs: OperationOutputs | None = None,
         *,
-        sinks: Sequence[Sink] = (),
-        recorders: Sequence[EventSink] = (),
-        operators: Sequence[StatusSink] = (),
         clock: Callable[[], float] = time.monotonic,
         start_s: float | None = None,
-        extra_status: Callable[[], str] = lambda: "",
-        keep_images: bool = False,
         reference_errors: ParameterPrior | None = None,
     ) -> None:
         self._file, self._rig, self._config = file, rig, config
-        self._sinks, self._recorders, self._operators = sinks, recorders, operators
+        outputs = outputs or OperationOutputs()
+        self._sinks, self._recorders, self._operators = outputs.sinks, outputs.recorders, outputs.operators
         self._clock = clock
-        self._extra_status = extra_status
-        self._keep_images = keep_images
+        self._extra_status = outputs.extra_status
+        self._keep_images = outputs.keep_images
         self._reference_errors = reference_errors
         self._reference: ReferenceWorker | None = None
         self.start_s = clock() if start_s is None else start_s

@@ -9,7 +9,7 @@ import pytest
 from groundstation.live.core import HEARTBEAT_EVERY_S, LiveCore, LiveStep, live_config
 from groundstation.live.head_manager import HeadManager
 from groundstation.live.input_queue import DeviceLogLine
-from groundstation.live.operation import Operation
+from groundstation.live.operation import Operation, OperationOutputs
 from groundstation.live.pairing import Pairing
 from groundstation.live.status_board import LiveStatus
 from groundstation.messages import Heartbeat, Kinematics, PtuSample, Purpose, StepReport, TrackState, TrackStatus
@@ -192,7 +192,8 @@ class Operator:
 def operated(tmp_path: Path) -> tuple[Operation, Operator, list[float]]:
     file = simulated_station_file(tmp_path, 30.0, None)
     now, operator = [0.0], Operator()
-    operation = Operation(file, load_rig(file.rig), Config(), operators=[operator], clock=lambda: now[0], start_s=0.0)
+    outputs = OperationOutputs(operators=[operator])
+    operation = Operation(file, load_rig(file.rig), Config(), outputs, clock=lambda: now[0], start_s=0.0)
     operation._core(HeadManager({}, 0.0))
     return operation, operator, now
 
