@@ -16,7 +16,7 @@ class UnitState(StrEnum):
     STARTING = "starting"
     """The unit answers, but it was reset or power-cycled and homes, or its settings have to be set again."""
     LINE_LOST = "line lost"
-    """The line is gone, or nobody answers; it is opened again and again."""
+    """The line is closed or without answers; it is opened again until it works."""
     CLOSED = "closed"
 
 
@@ -32,7 +32,7 @@ class FailureReason(StrEnum):
     ECHO_MISMATCH = "echo mismatch"
     """The answer is for another question: it came late, or replies are shifted by one."""
     UNEXPECTED = "unexpected line"
-    """A line that nobody asked for: banner, leftover, joystick text."""
+    """An unsolicited line: banner, leftover, joystick text."""
     REFUSED = "refused"
     """The unit answered a query with an error."""
     OUT_OF_RANGE = "out of range"

@@ -104,7 +104,7 @@ class DeviceClock:
         self._bounds.append(new)
         offset = intersection(self._bounds, device, _DRIFT)
         if offset is None:
-            # a clock that jumped, or a frequency that is not what it was said to be: begin anew with this exchange
+            # a clock that jumped, or a wrong nominal frequency: restart with this exchange
             self._bounds.clear()
             self._bounds.append(new)
             offset = new

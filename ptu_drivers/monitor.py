@@ -194,7 +194,7 @@ def halted(unit: PanTiltUnit) -> str:
     try:
         unit.halt()
     except PtuError:
-        return "nobody answered to a halt: it may still move"
+        return "no answer to the halt: it may still move"
     return "it was halted"
 
 

@@ -25,7 +25,7 @@ _LOOK_S = 0.02
 _AGAIN_S = 0.05
 # a unit that does not acknowledge is told so long that it is to halt
 HALTING_S = 2.0
-# and so long once nobody is left to ask for it again
+# and for so long once no process is left that would renew it
 _ORPHANED_S = 10.0
 _BEATS = 2
 _NICE = -10

@@ -46,7 +46,7 @@ def open_ptu(
 
     Raises
     ------
-    LineError : the line cannot be opened. ProtocolError : who answers does not speak the protocol, or nobody does;
+    LineError : the line cannot be opened. ProtocolError : no answer, or one of another protocol;
     an unknown protocol or option. MissingPackageError : a package is not installed.
     """
     if protocol not in PROTOCOLS:

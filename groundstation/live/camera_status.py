@@ -4,7 +4,7 @@ from groundstation.sources.cameras.camera import CameraCounts
 from groundstation.sources.cameras.clock_fit import ClockFitConfig, ClockFitState
 
 _SETTLED = ClockFitConfig().settled
-# what is known no better than that tells nobody anything
+# an offset with a larger sigma is of no use and not shown
 _COARSE_S = 0.1
 
 

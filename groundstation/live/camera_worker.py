@@ -34,12 +34,12 @@ class CameraWorker:
         self._thread = threading.Thread(target=self._work, name=f"frames-{station}", daemon=True)
 
     def start(self) -> None:
-        """Begin; what the camera's short queue dropped until now, while nobody listened, is no loss."""
+        """Start; frames that the camera's short queue dropped before are not counted as lost."""
         self.counts_before = self.camera.counts
         self._thread.start()
 
     def stop(self) -> None:
-        """End; the camera itself is closed by whoever opened it."""
+        """Stop; the caller closes the camera."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(timeout=_END_S)

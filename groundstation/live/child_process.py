@@ -91,7 +91,7 @@ class ChildProcess:
         if self._process.is_alive():
             self._process.kill()
         self._process.join(_KILLED_S)
-        # a send that waited has failed by now: nobody reads
+        # a blocked send has failed by now, without a reader
         with self._using:
             self.pipe.close()
 

@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection
 
 
 class DelayLine:
-    """Sends into a pipe when it is due, from a thread of its own, so that whoever exposes goes on exposing.
+    """Sends items into a pipe when they are due, from a thread of its own, so that exposures are not delayed.
 
     Parameters
     ----------
@@ -16,7 +16,7 @@ class DelayLine:
 
     def __init__(self, pipe: Connection, clock: Callable[[], float]) -> None:
         self.broken = False
-        """Whether nobody reads any more."""
+        """Whether the reading end is closed."""
         self._pipe, self._clock = pipe, clock
         self._waiting: deque[tuple[float, object]] = deque()
         self._changed = threading.Condition()

@@ -1,4 +1,4 @@
-"""All PTUs in a process of their own: an angle's instant is only as good as the promptness of whoever reads the line.
+"""All PTUs in a process of their own: the time stamp of an angle is as good as the reader of the line is prompt.
 
 In the pipeline's process a serial reply may lie for tens of milliseconds until the interpreter is free. Here nothing
 else runs. Commands go in and readings come out through a pipe; if the pipeline's process ends, however it ends, the
@@ -56,7 +56,7 @@ class _PipeSink:
 
 
 def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, leases: MotionLeases, pipe: Connection) -> None:
-    """Open the heads, tell what they are, then read and move them until told to stop, or nobody is there any more.
+    """Open the heads, report them, then read and move them until a stop is requested or the parent has ended.
 
     A ``MemoryError`` ends it as any other way out does: halted first. So does a head whose thread has ended or hangs,
     with exit code 1: the supervisor begins all of it again.

@@ -61,7 +61,7 @@ class KeepOutUnit(PanTiltUnit):
     clock : the unit's.
     lease_s : motion by rate goes on for so long without a further command (`UnitSettings.watchdog_s`); longer where
         the unit's own lease is, which is all that stops it once the host has died.
-    watch : look after motion in a thread of its own where nobody reads; without, with each call (simulated time).
+    watch : supervise motion in a thread of its own between reads; without, with each call (simulated time).
 
     ``report`` is called with a line when motion is halted before a zone; ``stops`` and ``refused`` count.
     """
@@ -297,7 +297,7 @@ class KeepOutUnit(PanTiltUnit):
             self._watchdog = Watchdog(self._watch, _WATCH_S)
 
     def _watch(self) -> None:
-        """Look after motion where nobody reads."""
+        """Supervise motion between reads."""
         with self._lock:
             due = (self._moves() or self._halt_owed) and self._age_s() > _WATCH_S
         if due:

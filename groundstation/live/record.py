@@ -78,7 +78,7 @@ def live_header(file: StationFile, config: Config) -> RecordingHeader:
         session["origin"] = dataclasses.asdict(file.origin)
     files = {
         SESSION: config_to_toml(session).encode() + b"\n",
-        # as it is: written anew, angles in degrees might read back different in the last bit
+        # unchanged: rewritten, angles in degrees might read back different in the last bit
         RIG: file.rig.read_bytes(),
         CONFIG: config_to_toml(config_to_mapping(config)).encode() + b"\n",
     }

@@ -18,7 +18,7 @@ class ReceiverLine(Protocol):
     Attributes
     ----------
     refused : how many datagrams came from senders that are not allowed; nothing of them is read.
-    refused_sender : who sent the newest of them, "" for nobody.
+    refused_sender : who sent the newest of them, "" for none.
     """
 
     refused: int

@@ -23,7 +23,7 @@ class HttpLine(Line, Protocol):
 
         Raises
         ------
-        ExchangeFailed : no whole answer until then, or a halt waits. LineError : nobody is there.
+        ExchangeFailed : no whole answer until then, or a halt waits. LineError : no connection.
         """
 
 

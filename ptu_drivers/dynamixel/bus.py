@@ -117,7 +117,7 @@ class SdkPort:
         )
 
     def leftover(self) -> int:
-        """Return how many bytes came that nobody took."""
+        """Return the number of received bytes that were not read."""
         return len(self._buffer)
 
 

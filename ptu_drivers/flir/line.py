@@ -118,7 +118,7 @@ class FlirLine:
         return one, self._finish(question, deadline_s)
 
     def resynchronise(self, deadline_s: float) -> None:
-        """Empty the line, and ask what nobody asked before: what comes after that answer belongs to us.
+        """Empty the line, and send a question not sent before: what follows its answer answers later questions.
 
         The question is an illegal command with a number, which the unit echoes and refuses; it also spoils whatever
         half a command the unit may hold, without carrying it out.
@@ -295,7 +295,7 @@ class FlirLine:
         return parsed
 
     def _sweep(self) -> None:
-        """Look at what came while nobody asked: anything but limit messages is a reason to reject what follows."""
+        """Read what came without a question: anything but limit messages is a reason to reject what follows."""
         chunk = self.transport.read(self.transport.now())
         lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s()) if chunk.data else []
         for line in lines:

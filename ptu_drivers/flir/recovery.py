@@ -16,7 +16,7 @@ _IDLE_S = 0.02
 _RESYNCHRONISE = ""
 # no unit boots and homes faster
 _BOOT_S = 1.0
-# then the question is asked anew: power may have been lost meanwhile, and the question with it
+# then the question is repeated: power may have been lost meanwhile, and the question with it
 _AWAIT_S = 2.0
 
 
@@ -111,11 +111,11 @@ class Recovery:
             if self._line.transport.now() - self._answered_s > _BOOT_S:
                 self._restart()
             else:
-                # no time to boot: somebody changed the setting
+                # no time to boot: the setting was changed by another program
                 self._queue = deque(("EE", "FT"))
 
     def _restart(self) -> None:
-        """Set everything anew, after it has homed."""
+        """Repeat the whole set-up, after homing."""
         if not self._queue:
             self._counter.restarts += 1
         self.restarted = True

@@ -20,7 +20,7 @@ from ptu_drivers.preemption import LineLock
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import BITS_PER_CHARACTER
 
-# the line is emptied for so long at most before it is asked anew
+# the line is emptied for so long at most before the question is repeated
 DRAINING_S = 0.25
 _HALTS = 3
 _WATCH_S = 0.1

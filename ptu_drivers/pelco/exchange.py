@@ -150,7 +150,7 @@ class PelcoExchange:
         self._unanswered.clear()
 
     def drain(self) -> None:
-        """Take what is there and belongs to nobody."""
+        """Discard received bytes that belong to no exchange."""
         for _ in range(_CHUNKS):
             if not self.line.read(self.line.now()).data:
                 return

@@ -189,7 +189,7 @@ class PelcoUnit(PolledUnit):
         """Return when the angle was true, and 1 sigma, s.
 
         The unit reads its angle between the end of the question and the start of the answer. With an ordinary delay
-        that is its latency before the answer; with a longer one nobody knows, and the whole interval stands.
+        that is its latency before the answer; with a longer one the instant is unknown within the whole interval.
         """
         latency_s, spread_s = self._settings.latency_s, self._settings.latency_sigma_s
         delay_s = answer.first_bit_s - answer.asked_s
@@ -239,7 +239,7 @@ class PelcoUnit(PolledUnit):
             self._line.wait(self._pause_s())
 
     def _check_answer(self) -> None:
-        """Ask where the unit is, to know that somebody hears; commands have no answer of their own."""
+        """Ask for the position, to verify that the unit answers; commands have no answer of their own."""
         self._exchange.query(self._exchange.barrier()[0], self._answer_by_s())
         self._health.exchanges = self._exchange.sent
 

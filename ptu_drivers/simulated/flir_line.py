@@ -62,7 +62,7 @@ class SimulatedUnit(SimulatedPeer):
         self.flir.echo = echo
 
     def connect(self, t_s: float) -> None:
-        """Somebody opened the line."""
+        """Handle the opening of the line."""
         if self.line.banner:
             self.say(t_s + self.line.banner_s, self.line.banner.encode() + b"\r\n")
 

@@ -27,7 +27,7 @@ class VirtualHttp:
         self.dead = False
         """Nothing is answered."""
         self.gone = False
-        """Nobody listens."""
+        """Refuse connections."""
         self.trickle_s = 0.0
         """What each byte of an answer takes, s; requests are heard."""
         self._delay_s = delay_s

@@ -71,7 +71,7 @@ class VirtualLine:
         self.unit = unit
         self.faults = LineFaults()
         self.dead = False
-        """Bytes are lost both ways, nobody notices: a half-open connection, a broken wire."""
+        """Lose bytes in both directions without an error: a half-open connection, a broken wire."""
         self.gone = False
         """The adapter is unplugged: every use is an error."""
         self.trickle_s = 0.0
@@ -174,7 +174,7 @@ class VirtualLine:
         self._advance(self._t_s + duration_s)
 
     def take(self) -> bytes:
-        """Return what has come until now, whoever listens: for a server that hands it on."""
+        """Return what was received until now, for a server that forwards it."""
         data = bytes(self._inbox)
         self._inbox.clear()
         if self.record and data:

@@ -50,7 +50,7 @@ class SimulatedPeer(ABC):
         return _character_s(self.baud)
 
     def connect(self, t_s: float) -> None:  # noqa: B027 - most units have nothing to say to that
-        """Somebody opened the line."""
+        """Handle the opening of the line."""
 
     def say(self, t_s: float, data: bytes) -> None:
         """Put bytes on the line, at the speed of now."""

@@ -35,7 +35,7 @@ class _Pty:
         tty.setraw(self._slave)
         try:
             if link.is_symlink() and (not link.exists() or link.readlink().is_relative_to(_PTYS)):
-                # one that no longer leads anywhere, or to a pty that is somebody else's by now
+                # a dangling link, or one to a pty that belongs to another process by now
                 link.unlink()
             link.symlink_to(os.ttyname(self._slave))
         except OSError as fault:
@@ -46,20 +46,20 @@ class _Pty:
         return self._master
 
     def baud(self) -> int:
-        """Return the speed that whoever opened the other end has set."""
+        """Return the speed that was set at the other end."""
         return _SPEEDS.get(termios.tcgetattr(self._slave)[5], 0)
 
     def read(self) -> bytes:
         return os.read(self._master, 4096)
 
     def write(self, data: bytes) -> None:
-        # nobody reads: a real line would lose it, too
+        # no reader: a real line would lose it, too
         if select.select([], [self._master], [], 0)[1]:
             os.write(self._master, data)
 
     def close(self) -> None:
         with contextlib.suppress(OSError):
-            # unless somebody has put something else there
+            # unless it was replaced meanwhile
             if str(self._link.readlink()) == os.ttyname(self._slave):
                 self._link.unlink()
         self._close_ends()
@@ -164,7 +164,7 @@ class SimulatedServer:
     ) -> None:
         self.line = line
         self.lock = threading.Lock()
-        """Held while the unit is being changed: whoever looks at its axes from another thread holds it, too."""
+        """Lock of the unit's state; another thread that reads its axes takes it, too."""
         self._link = link
         self._clock = clock
         self._faults, self._rate, self._on_fault = tuple(faults), faults_per_minute / 60.0, on_fault

@@ -66,7 +66,8 @@ def undeclared(folders: Iterable[str], always: set[str], sometimes: set[str]) ->
     for folder in folders:
         for path in sorted((ROOT / folder).rglob("*.py")):
             for package, on_import in imports(path):
-                brought_by = {canonicalize_name(d) for d in of_package().get(package, ())} or {canonicalize_name(package)}
+                # the package itself where no distribution of it is installed
+                brought_by = {canonicalize_name(d) for d in of_package().get(package, (package,))}
                 if not brought_by & (always if on_import else always | sometimes):
                     found.append(f"{path.relative_to(ROOT)}: {package} ({', '.join(sorted(brought_by))})")
     return found

@@ -1,4 +1,4 @@
-"""The disk before the flight: enough for the search that nobody hopes for, and a folder that can be written to."""
+"""The disk before the flight: room for the longest search, and a folder that can be written to."""
 
 import shutil
 from dataclasses import replace

@@ -20,7 +20,7 @@ from groundstation.simulation.closed_loop import ClosedLoopFault, ClosedLoopFaul
 from groundstation.simulation.simulated_station_file import simulated_station_file
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
-from tests.live.test_begun_anew import flown_and_replayed
+from tests.live.test_filter_reset import flown_and_replayed
 from tests.stereo_rig import make_rig, with_angle_noise
 
 STATIONS = ("left", "right")

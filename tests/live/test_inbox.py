@@ -69,7 +69,7 @@ def test_what_was_taken_makes_room() -> None:
 
 
 def test_readings_do_not_push_out_frames_nor_frames_readings() -> None:
-    """Expected: of too many readings the oldest goes, whoever's; words count among them."""
+    """Expected: of too many readings the oldest is dropped, of any head; log lines count among them."""
     input_queue = InputQueue(frames=1, others=3)
     input_queue.put(shot("left", 0.0))
     words = DeviceLogLine(t_s=0.1, level="info", text="left: ready")

@@ -1,4 +1,4 @@
-"""Ctrl-C or a closed terminal: nobody is left behind, and nobody complains."""
+"""Ctrl-C or a closed terminal: no process is left, and no traceback is printed."""
 
 import os
 import signal

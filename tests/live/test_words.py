@@ -56,7 +56,7 @@ def test_what_is_written_is_booked_to_what_the_track_did() -> None:
         tracking = 100 < k <= 300
         status = TrackStatus.TRACKING if tracking else TrackStatus.SEARCHING
         at += 100_000 if tracking else 2_000_000
-        # a gap of the clock, and one that went back, are nobody's
+        # a gap of the clock, and a step back, belong to no camera
         t_s = 0.05 * k + (50.0 if k > 350 else 0.0)
         book.answered(replace(answers[0], t_s=t_s, status=status), at)
     rates = book.rates

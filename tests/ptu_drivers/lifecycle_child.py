@@ -7,7 +7,7 @@ import time
 
 from ptu_drivers import UnitSettings, open_ptu
 
-# whoever runs the tests in the background or under nohup has these ignored, and children inherit that
+# tests in the background or under nohup have these ignored, and children inherit that
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 url, motion, end = sys.argv[1:]

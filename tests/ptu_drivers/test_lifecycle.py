@@ -227,7 +227,7 @@ def test_a_halt_that_was_not_heard_is_tried_until_it_is() -> None:
     unit = DeafUnit(DeafLine(), UnitSettings(watchdog_s=0.2), DEAF, HealthCounter(), watch=True)
     unit.move_at(pan_rad_s=0.1, tilt_rad_s=0.0)
     unit.deaf = True
-    # nobody reads, nobody commands: the watchdog halts, is not heard, and must not give up
+    # no reads, no commands: the watchdog's halt is not received, and it must not give up
     time.sleep(1.0)
     assert unit.turning
     unit.deaf = False

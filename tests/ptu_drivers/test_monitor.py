@@ -1,4 +1,4 @@
-"""What `groundstation ptu jog` says of a move, in virtual time: arrived, missed, or nobody knows."""
+"""The result of a move that `groundstation ptu jog` reports, in virtual time: arrived, missed or unknown."""
 
 import itertools
 from collections.abc import Callable
@@ -50,7 +50,7 @@ def test_arrived() -> None:
 
 @pytest.mark.parametrize("make", [flir, pelco])
 def test_a_line_that_stays_lost_is_no_missed_target(make: Callable[[], tuple[VirtualLine, PanTiltUnit]]) -> None:
-    """Nobody knows where it is: no number of steps is said, and it is not waited for for ever."""
+    """Without readings the position is unknown: no number of steps is reported, and the wait has an end."""
     line, unit = make()
     began = line.now()
     with pytest.raises(
@@ -105,4 +105,4 @@ def test_a_halt_that_nobody_hears_is_not_called_one() -> None:
     assert halted(unit) == "it was halted"
     unit.move_to(pan_rad=-FAR_RAD)
     line.dead = True
-    assert halted(unit) == "nobody answered to a halt: it may still move"
+    assert halted(unit) == "no answer to the halt: it may still move"

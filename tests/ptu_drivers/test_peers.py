@@ -2,7 +2,7 @@
 
 MRPT's driver is compiled C++ (Debian: libmrpt-hwdrivers-dev), flirptu is Python (`make peers` installs it in a venv of
 its own). Where they cannot be had their tests are skipped, or fail (tests/peers.py). The transcripts in peers/ are what
-passed between them and the unit: run this file with --record to write them anew.
+passed between them and the unit: run this file with --record to write them again.
 """
 
 import re

@@ -110,7 +110,7 @@ def test_the_line_is_lost_and_comes_back(flir: Flir) -> None:
         unit.move_to(pan_rad=2.5)
         lost_and_back(unit, server.pull_out, server.plug_in)
         assert unit.health().reconnects >= 1
-        # what moved while nobody was heard was halted when the line was back
+        # motion during the outage was halted when the line was back
         assert simulated.flir.axes["P"].speed(time.monotonic() + 1.0) == 0.0
 
 

@@ -59,7 +59,7 @@ def test_each_fault_is_survived(name: str) -> None:
 
 
 def test_a_late_answer_never_passes_for_the_next() -> None:
-    """The unit answers 0.4 s late, after the query was given up and asked anew: the old answer is thrown away."""
+    """The unit answers 0.4 s late, after the query was given up and repeated: the old answer is discarded."""
     device, line = opened()
     device.move_to(pan_rad=2.5)
     assert isinstance(device.read(), Reading)

@@ -1,4 +1,4 @@
-"""A filter that fails in the midst of a flight: it begins anew, says so, and its replay gives the same track."""
+"""A filter that fails during a flight: it is reset, reports it, and its replay gives the same track."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -121,23 +121,23 @@ def test_one_that_fails_when_asked_for_the_heads_target_does_as_well(tmp_path: P
 
 
 def test_what_failed_is_in_the_recording_with_its_pixels(tmp_path: Path) -> None:
-    """Expected: frames that nobody will report on any more do not hold up those behind them, and none is missing."""
+    """Expected: frames without a report any more do not delay later ones, and none is missing."""
     path, given = tmp_path / "flight.mcap", list(events(20, np.random.default_rng(1)))
-    anew = FilterReset(t_s=100.3, why="LinAlgError: Singular matrix", in_vain=True)
+    reset = FilterReset(t_s=100.3, why="LinAlgError: Singular matrix", in_vain=True)
     failing = next(k for k, e in enumerate(given) if isinstance(e, Frame) and e.epoch == 9)
-    given.insert(failing + 1, anew)
+    given.insert(failing + 1, reset)
     with Recorder(path, small_rig(), header(), RecorderConfig(chunk_s=0.0)) as recorder:
         for k, event in enumerate(given):
             recorder.take(event)
             if k == failing:
                 looked_at(event)
-            elif event is not anew:
+            elif event is not reset:
                 recorder.write(looked_at(event))
         assert not recorder._unseen
     back, source = played(path)
     assert not source.missing
     assert all(same(one, other) for one, other in zip(given, back, strict=True))
-    assert back[failing + 1] == anew
+    assert back[failing + 1] == reset
     taken = list(apply_filter_resets(iter(back)))
     assert len(taken) == len(given) - 1
     assert taken[failing] == FilterReset(t_s=100.3, why="LinAlgError: Singular matrix", in_vain=False)
