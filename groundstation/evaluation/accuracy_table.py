@@ -17,7 +17,7 @@ _UNITS = (
     ("principal_point", "px", 1.0),
 )
 _NAMES = {"truth": "against the truth", "dgps": "against DGPS"}
-# an improvement measured on fewer epochs than this says nothing
+# an improvement measured on fewer epochs is not significant
 FEW_EPOCHS = 10
 _HEADER = (
     f"{'':<13}{'epochs':>7} │{'EKF x':>8}{'y':>7}{'z':>7} │{'triang. x':>10}{'y':>7}{'z':>7} │"
@@ -152,7 +152,7 @@ def _reference_lines(reference: dict[str, Any]) -> list[str]:
 
 
 def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
-    """Return what the filter carried of the rig's errors, and what it learnt where it was told the DGPS."""
+    """Return what the filter carried of the rig's errors, and what it estimated of them with the DGPS."""
     errors = calibration["errors"]
     until_s = calibration["learnt_until_s"]
     learnt = [e for e in errors if e["estimated"] and (until_s is not None or calibration["use"] == "estimate")]

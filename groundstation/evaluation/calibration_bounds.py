@@ -19,7 +19,7 @@ from groundstation.rig.covariance import READOUT
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ConsiderBound:
-    """Noise and the effect of considered nuisances, kept apart so that each one's share can be told.
+    """Noise and the effect of considered nuisances, kept separate so that each contribution can be computed.
 
     Attributes
     ----------

@@ -81,7 +81,7 @@ def check_reference(
 ) -> CheckedReference:
     """Find clock offset and bad stretches of a DGPS log by the track (or the triangulated points) of the session.
 
-    Where ``clocks_given`` says that the session's clock is the DGPS clock, the offset found is a check of that
+    If ``clocks_given``, the session's clock is the DGPS clock: the offset found is a check of that
     and is not applied.
     """
     reference = reference_from_fixes(fixes)

@@ -17,7 +17,7 @@ from groundstation.arrays import FloatArray
 from groundstation.evaluation.metrics import PhaseLike
 from groundstation.evaluation.position_series import BoolArray
 
-# Okabe and Ito's palette, told apart with any colour vision; markers and line styles tell the series apart besides
+# Okabe and Ito's palette, distinguishable with any colour vision; markers and line styles also distinguish the series
 EKF, TRIANGULATION, DGPS, TRUTH, BOUND, SMOOTHED = "#0072B2", "#E69F00", "#009E73", "#000000", "#CC79A7", "#D55E00"
 _PHASE_SHADES = {"sky": "#56B4E9", "mixed": "#F0E442", "ground": "#8C6D46"}
 _PHASE_ALPHA = 0.13
@@ -50,7 +50,7 @@ class ReportFigure:
     ----------
     name : of its files, without ending.
     title : above it.
-    caption : says what to see in it.
+    caption : text below it.
     alt : what it shows, for those who do not see it.
     draw : fills an empty figure.
     height_in : of the figure, in inches.
@@ -78,7 +78,7 @@ class ReportFigure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderedFigure:
-    """A figure as an SVG element that says what it shows, and as a PNG file."""
+    """A figure as an SVG element with a description, and as a PNG file."""
 
     picture: ReportFigure
     svg: str

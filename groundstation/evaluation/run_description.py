@@ -23,7 +23,7 @@ class TruthLike(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunDescription:
-    """What the session says of itself, as far as the evaluation needs it.
+    """Description of the session for the evaluation.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class RunDescription:
     fused_late : how many readings and frames came late and were fused in their place, by kind.
     faults : what could not be used (a broken reference file, a video cut short), one line each.
     carried_errors : what the filter knows in the end of the errors of calibration and clocks.
-    learnt_until_s : up to this time of the DGPS clock the filter was told the DGPS; None if never.
+    learnt_until_s : up to this time of the DGPS clock the filter used the DGPS; None if never.
     """
 
     name: str

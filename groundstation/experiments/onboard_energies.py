@@ -1,6 +1,6 @@
 """The runway-edge paper's table 1 as its figures 9 and 10 were made: each descent from the last picture's edges.
 
-No filter, and no prediction of the edges. The pose that the sensors say, with its errors, tells the rows, the bands'
+No filter, and no prediction of the edges. The sensors' pose, with its errors, gives the rows, the bands'
 widths and, for bands across the runway, which way they lie; where the edges are it does not tell.
 """
 

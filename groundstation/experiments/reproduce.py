@@ -58,7 +58,7 @@ def reproduce(request: ReproduceRequest, say: Callable[[str], None] = lambda wor
     _make(request.out)
     page = request.out / _PAGE
     if page.is_dir():
-        # said before minutes of work, and not after them
+        # checked before minutes of work
         raise InputError(str(page), got="a folder", wanted="a file that can be written")
     warm_up()
     found, elapsed, files = [], [], []
@@ -85,7 +85,7 @@ def _make(folder: Path) -> None:
 
 @contextlib.contextmanager
 def _writable(path: Path) -> Iterator[None]:
-    """Turn what the disk says into an error in words; it names the file where the system does."""
+    """Convert an operating system error into an `InputError` that names the file if known."""
     try:
         yield
     except OSError as fault:

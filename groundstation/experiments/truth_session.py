@@ -35,7 +35,7 @@ class TruthSession:
     ----------
     folder : of the session; it needs pictures, truth.csv, masks.npz and the wing span.
     from_s, to_s : session times; None is the recording's own end.
-    say : is told in a few words what is being computed.
+    say : receives progress messages.
     take_off : such a session of a take-off, for the experiment that has one; None simulates its pixels.
     """
 

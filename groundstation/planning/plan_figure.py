@@ -15,7 +15,7 @@ from groundstation.arrays import FloatArray, MaskArray
 from groundstation.planning.forecast import Forecast
 from groundstation.planning.site import Site
 
-# Okabe and Ito's palette, told apart with any colour vision; each line also has a dash of its own
+# Okabe and Ito's palette, distinguishable with any colour vision; each line also has a dash of its own
 _FIX, _TRACK, _TOTAL, _WANTED = "#E69F00", "#0072B2", "#000000", "#CC79A7"
 _WANTED_DASHES: tuple[Any, ...] = ((0, (1, 1.5)), (0, (5, 1, 1, 1)), (0, (8, 2)))
 # white on yellow would be lost

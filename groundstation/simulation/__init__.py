@@ -1,6 +1,6 @@
 """Simulated flights at the level of angles and pixels, without pictures: time-ordered events and exact truth.
 
-A `Scenario` says what flies, what the stations are in truth, and what their user believes them to be;
+A `Scenario` holds the trajectory, the true rig and the rig that the user believes in;
 `simulate` turns it into a `SimulatedFlight`. Everything random comes from the scenario's seed.
 """
 

@@ -21,7 +21,7 @@ from groundstation.tracking.config import Config
 class RenderedClosedLoopSimulation(ClosedLoopSimulation):
     """One simulated landing in operation, filmed.
 
-    Parameters are `ClosedLoopSimulation`'s; ``span_m`` is told to the pipeline, as the station file would.
+    Parameters are `ClosedLoopSimulation`'s; ``span_m`` is passed to the pipeline.
     """
 
     def __init__(

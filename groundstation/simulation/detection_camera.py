@@ -75,7 +75,7 @@ class SimulatedDetections:
     t_s : (n,) mid-exposures (of the middle row), true session time.
     pixel_px : (n, 2) where the target truly is; zero where it is not in front of the camera.
     visible : (n,) whether that is in the image.
-    reported_px : (n, 2) what the detector says; of use where ``reported`` (n,).
+    reported_px : (n, 2) the reported pixel; valid where ``reported`` (n,).
     outlier : (n,) whether that is a gross outlier.
     pointing : the head's angles and rates at ``t_s``, (n, 2) each.
     """

@@ -2,7 +2,7 @@
 
 It runs in a process of its own, so that the station in operation is alone in hers, as it would be in the field: they
 meet at ptys, and at pictures that arrive through shared memory with a frame number and a device's stamp, like those of
-a camera on a network. What truly was is told with each picture, for the evaluation alone.
+a camera on a network. The truth is sent with each picture, for the evaluation only.
 """
 
 import contextlib
@@ -73,7 +73,7 @@ class DeviceSimulatorConfig:
     ----------
     rig : the rig file; the simulated hardware is exactly that.
     folder : where the links to the ptys are made.
-    flight : the target point over time; it begins when `DeviceSimulator.begin` says so, and is far away before.
+    flight : the target point over time; started by `DeviceSimulator.begin`; far away before.
     frame_rate_hz : of both cameras, triggered together.
     delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
     baud : of the PTUs' lines.

@@ -72,7 +72,7 @@ def take_fixes(
     if model.frozen is not None:
         measured = _held(measured, model.frozen.holds(t, nose))
     stamps = t + model.clock_offset_s + model.clock_drift_ppm * 1e-6 * t
-    # a receiver that is said to be perfect still has to give a sigma > 0, or none
+    # a noiseless receiver still has to report a sigma > 0, or none
     sigma = model.sigma_m if np.all(model.sigma_m > 0) else None
     there = model.available.holds(t, nose)
     return tuple(

@@ -55,7 +55,7 @@ class FixedPointing:
 class LoopLimits:
     """What each axis can do, and its play: rad/s, rad/s², s and rad.
 
-    ``command_delay_s`` is the age of the bearing that the loop is told. The head follows the motor within
+    ``command_delay_s`` is the age of the commanded bearing. The head follows the motor within
     ± half of ``backlash_rad``.
     """
 

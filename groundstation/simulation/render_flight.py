@@ -56,7 +56,7 @@ class RenderResult:
 def render_flight(
     request: RenderRequest, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> RenderResult:
-    """Film one flight into a session folder; ``progress`` is told pairs done and pairs in all.
+    """Render one flight into a session folder; ``progress(done, total)`` counts pairs.
 
     Raises `InputError` where rig, faults or folder are at fault.
     """

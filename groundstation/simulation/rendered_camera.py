@@ -88,7 +88,7 @@ class RenderedCamera:
     station : geometry, lens and rolling shutter; its clock plays no part.
     optics : exposure and sensor.
     seed : of the noise.
-    number : tells cameras of one seed apart.
+    number : distinguishes cameras of one seed.
     around : what `surroundings_of` has drawn for this eye before; None draws it, which takes some seconds.
     """
 

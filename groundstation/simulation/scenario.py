@@ -70,7 +70,7 @@ class Scenario:
     def without_noise(self) -> "Scenario":
         """Return the same flight with exact pixels, angles and fixes; calibration and clock errors stay.
 
-        The believed rig stays too: its user still counts on the noise that it says. So the two rigs differ, and an
+        The believed rig is unchanged, with its stated noise. So the two rigs differ, and an
         error of the truth is to be made from ``true_rig``.
         """
         stations = tuple(replace(s, ptu_sigma_rad=0.0, ptu_resolution_rad=0.0) for s in self.true_rig.stations)

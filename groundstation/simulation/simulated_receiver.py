@@ -75,7 +75,7 @@ class SimulatedReceiver:
     ----------
     link : where the pty is found.
     flight : the antenna, on the host's monotonic clock.
-    since_s : says when the flight began on that clock.
+    since_s : returns the start time of the flight on that clock.
     """
 
     def __init__(

@@ -62,7 +62,7 @@ def score(
     flight: RepeatedLandings,
     begin_s: float,
     estimates: FloatArray,
-    told: Mapping[str, NoseTruth],
+    nose_truths: Mapping[str, NoseTruth],
     rig: Rig,
     host_begin_s: float,
 ) -> SimulationScore:
@@ -92,7 +92,7 @@ def score(
             )
             rows.append(row)
     central = []
-    for name, pictures in told.items():
+    for name, pictures in nose_truths.items():
         seen = pictures.rows()
         seen = seen[flight.approaching(seen[:, 0] - host_begin_s)]
         size = np.array(rig[name].lens.image_size_px)

@@ -43,7 +43,7 @@ AXES = ("x", "y", "z")
 EKF_COLOUR = Colour((90, 220, 255))
 # colours are chosen for it; a viewer whose theme is light would show them on white
 BACKGROUND = Colour((13, 16, 17))
-# the filter's colour in the middle; lightness alone tells the range, so that it is read without colours too
+# the filter's colour in the middle; lightness alone encodes the range, so that it is readable without colour vision
 RANGE_SCALE_M = (0.0, 300.0, 600.0)
 RANGE_COLOURS = (Colour((235, 252, 255)), EKF_COLOUR, Colour((40, 105, 235)))
 COASTING_COLOUR = Colour((255, 190, 60))
@@ -61,12 +61,12 @@ STATION_COLOURS = (Colour((160, 145, 255)), Colour((255, 160, 90)), Colour((110,
 
 
 def base(station: str) -> str:
-    """Return the entity that says where a station's base stands."""
+    """Return the entity of the pose of a station's base."""
     return f"{STATIONS}/{station}/base"
 
 
 def head(station: str) -> str:
-    """Return the entity that says how a station's head is turned."""
+    """Return the entity of the attitude of a station's head."""
     return f"{STATIONS}/{station}/head"
 
 

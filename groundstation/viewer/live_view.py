@@ -23,7 +23,7 @@ from groundstation.viewer.rerun_sink import RerunSink
 _PICTURE_EVERY_S = 0.2
 _MOST_WAITING = 300
 _FLUSH_EPOCHS = 3
-# without a status for so long, what is shown is said to be old
+# a warning is shown if the status is older than this
 _SILENT_S = 2.0
 _LOOK_EVERY_S = 0.5
 

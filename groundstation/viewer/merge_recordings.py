@@ -188,7 +188,7 @@ def chunks(path: Path) -> Iterator[Chunk]:
     """Return what a file's first recording holds, without its properties; raises `InputError` if it is damaged."""
     try:
         with warnings.catch_warnings():
-            # a cut file warns of its missing end before it fails, and what it fails at is said below
+            # a cut file warns of its missing end before it fails, and the failure is reported below
             warnings.simplefilter("ignore")
             reader = RrdReader(path)
         stores = reader.recordings()

@@ -38,8 +38,8 @@ def check_recording(path: Path) -> None:
     except subprocess.TimeoutExpired as late:
         raise InputError(str(path), got=f"a recording that is not read in {_WITHIN_S:g} s", wanted=_WANTED) from late
     if done.returncode != 0:
-        said = done.stdout.splitlines()
-        got = said[0] if done.returncode == 1 and said else "a damaged recording, on which Rerun's reader ends"
+        output = done.stdout.splitlines()
+        got = output[0] if done.returncode == 1 and output else "a damaged recording, on which Rerun's reader ends"
         raise InputError(str(path), got=got, wanted=_WANTED)
 
 

@@ -14,7 +14,7 @@ import rerun as rr
 
 from groundstation.errors import GroundstationError
 
-# a viewer that cannot start says so within this time
+# a viewer that cannot start exits within this time
 STARTUP_S = 2.0
 _END_S = 10.0
 # what a viewer that comes late may still see
