@@ -17,9 +17,6 @@ LONG: set[str] = {
     "groundstation.estimation.filter_core.FilterCore.__init__",
     "groundstation.live.command._live",
     "groundstation.onboard.visual_inertial.corner_finder.find_corners",
-    "groundstation.onboard.edges.coordinate_ascent.best_displacements",
-    "groundstation.onboard.edges.energy.spatially_variant",
-    "groundstation.onboard.edges.profile_kernel.misfits",
     "groundstation.onboard.scenes.ground_kernel.render_ground",
     "groundstation.replay.replay.replay",
 }
@@ -30,10 +27,6 @@ MANY_ARGUMENTS: set[str] = {
     "groundstation.estimation.linearisation._add_speed_noise",
     "groundstation.estimation.measurement._fuse_angles",
     "groundstation.live.operation.Operation.__init__",
-    "groundstation.onboard.edges.gradient_descent._descend",
-    "groundstation.onboard.edges.line_kernel.fill_frame_geometry",
-    "groundstation.onboard.pose.levenberg_marquardt.levenberg_marquardt",
-    "groundstation.onboard.pose.levenberg_marquardt.rows",
     "groundstation.simulation.render_kernels.surroundings",
 }
 

@@ -18,11 +18,63 @@ change with distance pull the lines aside. Hence ``across``, which the paper has
 Crossings x (4,): line 1 at the upper and lower row, line 2 likewise; line 1 is the left one. Colours run from 0 to 1.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.sampling import add_colour, inside, sample
+
+
+class _BandNormal(NamedTuple):
+    """Direction (x, y) of a line's band, outwards, and its derivative by the line's width w = x_bottom − x_top."""
+
+    x: float
+    y: float
+    x_by_w: float
+    y_by_w: float
+
+
+class _BandSums(NamedTuple):
+    """Sums over the samples of one place: colours inside ``u`` (3,) and outside ``v`` (3,), and by the two crossings.
+
+    ``du`` and ``dv`` (2, 3); ``colour`` (9,) is one sample with its derivatives.
+    """
+
+    u: FloatArray
+    v: FloatArray
+    du: FloatArray
+    dv: FloatArray
+    colour: FloatArray
+
+
+@njit(cache=True, nogil=True)
+def _sum_band(
+    image: ImageArray, cx: float, cy: float, normal: _BandNormal, ell: float, t: float, n_s: int, sums: _BandSums
+) -> None:
+    """Fill the sums over ``n_s`` samples on either side of a line's place (cx, cy), at share ``t`` of its height."""
+    u, v, du, dv, colour = sums.u, sums.v, sums.du, sums.dv, sums.colour
+    u[:] = 0.0
+    v[:] = 0.0
+    du[:] = 0.0
+    dv[:] = 0.0
+    for m in range(n_s):
+        s = (m + 0.5) * ell / n_s
+        for way in range(2):
+            r = -s if way == 0 else s
+            sample(image, cx + r * normal.x, cy + r * normal.y, colour)
+            for c in range(3):
+                gx, gy = colour[3 + c], colour[6 + c]
+                turn = r * (gx * normal.x_by_w + gy * normal.y_by_w)
+                if way == 0:
+                    u[c] += colour[c]
+                    du[0, c] += gx * (1.0 - t) - turn
+                    du[1, c] += gx * t + turn
+                else:
+                    v[c] += colour[c]
+                    dv[0, c] += gx * (1.0 - t) - turn
+                    dv[1, c] += gx * t + turn
 
 
 @njit(cache=True, nogil=True)
@@ -45,8 +97,7 @@ def spatially_variant(
     height = rows[1] - rows[0]
     grad[:] = 0.0
     energy = 0.0
-    colour = np.empty(9)
-    u, v, du, dv = np.empty(3), np.empty(3), np.empty((2, 3)), np.empty((2, 3))
+    sums = _BandSums(u=np.empty(3), v=np.empty(3), du=np.empty((2, 3)), dv=np.empty((2, 3)), colour=np.empty(9))
     for line in range(2):
         side = -1.0 if line == 0 else 1.0
         top, bottom = x[2 * line], x[2 * line + 1]
@@ -58,6 +109,7 @@ def spatially_variant(
         ax, ay = -side * height * w / cube, side * (w * w / cube - 1.0 / length)
         if across[0] != 0.0:
             nx, ny, ax, ay = side * across[0], side * across[1], 0.0, 0.0
+        normal = _BandNormal(nx, ny, ax, ay)
         sum_squares = 0.0
         for k in range(n_t):
             t = (k + 0.5) / n_t
@@ -65,32 +117,13 @@ def spatially_variant(
             ell = widths[line, 0] + (widths[line, 1] - widths[line, 0]) * t
             if not (inside(image, cx - ell * nx, cy - ell * ny) and inside(image, cx + ell * nx, cy + ell * ny)):
                 continue
-            u[:] = 0.0
-            v[:] = 0.0
-            du[:] = 0.0
-            dv[:] = 0.0
-            for m in range(n_s):
-                s = (m + 0.5) * ell / n_s
-                for way in range(2):
-                    r = -s if way == 0 else s
-                    sample(image, cx + r * nx, cy + r * ny, colour)
-                    for c in range(3):
-                        gx, gy = colour[3 + c], colour[6 + c]
-                        turn = r * (gx * ax + gy * ay)
-                        if way == 0:
-                            u[c] += colour[c]
-                            du[0, c] += gx * (1.0 - t) - turn
-                            du[1, c] += gx * t + turn
-                        else:
-                            v[c] += colour[c]
-                            dv[0, c] += gx * (1.0 - t) - turn
-                            dv[1, c] += gx * t + turn
+            _sum_band(image, cx, cy, normal, ell, t, n_s, sums)
             scale = 1.0 / n_s
             for c in range(3):
-                difference = (u[c] - v[c]) * scale
+                difference = (sums.u[c] - sums.v[c]) * scale
                 sum_squares += difference * difference
                 for end in range(2):
-                    grad[2 * line + end] -= length / n_t * difference * (du[end, c] - dv[end, c]) * scale
+                    grad[2 * line + end] -= length / n_t * difference * (sums.du[end, c] - sums.dv[end, c]) * scale
         energy -= 0.5 * length / n_t * sum_squares
         stretch = -0.5 * (w / length) / n_t * sum_squares
         grad[2 * line] -= stretch

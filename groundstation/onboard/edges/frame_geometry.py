@@ -9,7 +9,13 @@ from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.config import MeasurementModel, TrackerConfig
 from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
 from groundstation.onboard.edges.kalman import LineState
-from groundstation.onboard.edges.line_kernel import band_widths_of, fill_frame_geometry, noise_of_pose
+from groundstation.onboard.edges.line_kernel import (
+    BandLimits,
+    GeometryArrays,
+    band_widths_of,
+    fill_frame_geometry,
+    noise_of_pose,
+)
 from groundstation.onboard.edges.lines import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose, corrected_pose
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
@@ -70,13 +76,9 @@ def geometry_between_rows(
         camera.kappa,
         state.mean,
         rows,
-        (config.band_m, config.least_band_px, config.most_band_px),
+        BandLimits(config.band_m, config.least_band_px, config.most_band_px),
         config.bands_across,
-        predicted,
-        h,
-        by_pose,
-        widths,
-        across,
+        GeometryArrays(predicted, h, by_pose, widths, across),
     )
     return FrameGeometry(
         pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths, across=across
@@ -88,7 +90,9 @@ def widths_of(
 ) -> FloatArray:
     """Return the widths ℓ (2, 2) of bands of ``band_m`` about lines (4,), px."""
     widths, across = np.empty((2, 2)), across_direction(e) if config.bands_across else np.zeros(2)
-    band_widths_of(mean, e, rows, crossings, (band_m, config.least_band_px, config.most_band_px), across, widths)
+    band_widths_of(
+        mean, e, rows, crossings, BandLimits(band_m, config.least_band_px, config.most_band_px), across, widths
+    )
     return widths
 
 

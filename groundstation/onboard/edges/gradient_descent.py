@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -57,48 +58,46 @@ class DescentResult:
     gamma: float
 
 
+class EnergyTerms(NamedTuple):
+    """One of the three energies, ``kind``, and its data, as in `energy`; ``far`` of the non-variant one alone."""
+
+    kind: int
+    image: ImageArray
+    rows: FloatArray
+    widths: FloatArray
+    across: FloatArray
+    far: FloatArray
+    counts: tuple[int, int]
+
+
+class StepLimits(NamedTuple):
+    """The first step and the smallest one, px, and the most evaluations."""
+
+    first_px: float
+    least_px: float
+    most: int
+
+
 @njit(cache=True, nogil=True)
-def evaluate(
-    kind: int,
-    image: ImageArray,
-    x: FloatArray,
-    rows: FloatArray,
-    widths: FloatArray,
-    across: FloatArray,
-    far: FloatArray,
-    counts: tuple[int, int],
-    grad: FloatArray,
-) -> float:
+def evaluate(energy: EnergyTerms, x: FloatArray, grad: FloatArray) -> float:
     """Return one of the three energies, without γ's part, and fill its gradient (4,)."""
-    if kind == 0:
-        return spatially_variant(image, x, rows, widths, across, counts, grad)
-    if kind == 1:
-        return spatially_variant_as_printed(image, x, rows, widths, counts, grad)
-    return non_variant(image, x, rows, far, grad)
+    if energy.kind == 0:
+        return spatially_variant(energy.image, x, energy.rows, energy.widths, energy.across, energy.counts, grad)
+    if energy.kind == 1:
+        return spatially_variant_as_printed(energy.image, x, energy.rows, energy.widths, energy.counts, grad)
+    return non_variant(energy.image, x, energy.rows, energy.far, grad)
 
 
 @njit(cache=True, nogil=True)
-def _descend(
-    kind: int,
-    image: ImageArray,
-    x: FloatArray,
-    rows: FloatArray,
-    widths: FloatArray,
-    across: FloatArray,
-    far: FloatArray,
-    counts: tuple[int, int],
-    gamma: float,
-    steps: tuple[float, float, int],
-    energies: FloatArray,
-) -> int:
+def _descend(terms: EnergyTerms, x: FloatArray, gamma: float, steps: StepLimits, energies: FloatArray) -> int:
     """Move ``x`` (4,) downhill in place; fills energies (2,) at start and end, returns the evaluations done."""
-    step, least, most = steps
+    step = steps.first_px
     prior, trial = x.copy(), x.copy()
     grad, new_grad = np.empty(4), np.empty(4)
-    energy = evaluate(kind, image, x, rows, widths, across, far, counts, grad)
+    energy = evaluate(terms, x, grad)
     energies[0] = energy
     done = 1
-    while done < most and step >= least:
+    while done < steps.most and step >= steps.least_px:
         norm = np.sqrt((grad * grad).sum())
         if norm < 1e-12:
             break
@@ -108,7 +107,7 @@ def _descend(
         if trial[2] - trial[0] < _LEAST_GAP_PX or trial[3] - trial[1] < _LEAST_GAP_PX:
             step *= 0.5
             continue
-        found = evaluate(kind, image, trial, rows, widths, across, far, counts, new_grad)
+        found = evaluate(terms, trial, new_grad)
         for k in range(4):
             found += gamma * (trial[k] - prior[k]) ** 2
             new_grad[k] += 2.0 * gamma * (trial[k] - prior[k])
@@ -178,9 +177,10 @@ def descend(
     gamma = config.gamma
     if config.adaptive_gamma:
         gamma *= 1.0 + min(float(clutter(image, x, rows_px, widths_px, counts)), 100.0)
-    steps = (config.step_px, config.least_step_px, config.most_steps)
+    steps = StepLimits(config.step_px, config.least_step_px, config.most_steps)
     far = far_sides(x, rows_px, widths_px)
-    done = _descend(config.energy.value, image, x, rows_px, widths_px, along, far, counts, gamma, steps, energies)
+    terms = EnergyTerms(config.energy.value, image, rows_px, widths_px, along, far, counts)
+    done = _descend(terms, x, gamma, steps, energies)
     return DescentResult(
         crossings_px=x, energy=float(energies[1]), start_energy=float(energies[0]), steps=int(done), gamma=gamma
     )

@@ -6,6 +6,7 @@ position the projection centre (3,) in the threshold frame, m.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -192,29 +193,37 @@ def widths_between(
             out[line, end] = max(abs(other[k] - crossings[k]) / stretch, least)
 
 
+class BandLimits(NamedTuple):
+    """Width of a band on the ground, m, and the least and the most in the picture, px."""
+
+    width_m: float
+    least_px: float
+    most_px: float
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def band_widths_of(
     mean: FloatArray,
     e: FloatArray,
     rows: FloatArray,
     crossings: FloatArray,
-    band: tuple[float, float, float],
+    band: BandLimits,
     across: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Fill the widths ℓ (2, 2) of bands about lines (a, b, c, d, …), px; ``band`` is m, and least and most in px."""
+    """Fill the widths ℓ (2, 2) of bands about lines (a, b, c, d, …), px; limited by ``band``."""
     apart = mean[2] - mean[3]
-    wide = min(band[0], 0.45 * abs(apart))
+    wide = min(band.width_m, 0.45 * abs(apart))
     moved = mean[:4].copy()
     sign = 1.0 if mean[2] >= mean[3] else -1.0
     moved[2] += sign * wide
     moved[3] -= sign * wide
     outer, unused = np.empty(4), np.empty((4, 4))
     project(moved, e, rows, outer, unused)
-    widths_between(crossings, outer, rows, band[1], across, out)
+    widths_between(crossings, outer, rows, band.least_px, across, out)
     for line in range(2):
         for end in range(2):
-            out[line, end] = min(out[line, end], band[2])
+            out[line, end] = min(out[line, end], band.most_px)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -227,6 +236,16 @@ def correlated_part(by_pose: FloatArray, rotation: FloatArray, out: FloatArray) 
         out[k, 0], out[k, 1], out[k, 2] = by_pose[k, 2], by_pose[k, 0], up
 
 
+class GeometryArrays(NamedTuple):
+    """What `fill_frame_geometry` fills, named and shaped as in `frame_geometry.FrameGeometry`."""
+
+    predicted: FloatArray
+    h: FloatArray
+    by_pose: FloatArray
+    widths: FloatArray
+    across: FloatArray
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill_frame_geometry(
     rotation: FloatArray,
@@ -234,29 +253,26 @@ def fill_frame_geometry(
     kappa: FloatArray,
     mean: FloatArray,
     rows: FloatArray,
-    band: tuple[float, float, float],
+    band: BandLimits,
     bands_across: bool,
-    predicted: FloatArray,
-    h: FloatArray,
-    by_pose: FloatArray,
-    widths: FloatArray,
-    across: FloatArray,
+    out: GeometryArrays,
 ) -> FloatArray:
     """Fill the arrays of `FrameGeometry` for lines (4,) or (7,) between rows (2,); returns the line map E (3, 3)."""
     e = line_map_of(rotation, position, kappa)
-    project(mean, e, rows, predicted, h)
-    move_with_pose(predicted, rows, rotation, position, kappa, by_pose)
+    project(mean, e, rows, out.predicted, out.h)
+    move_with_pose(out.predicted, rows, rotation, position, kappa, out.by_pose)
     if mean.size > 4:
-        correlated_part(by_pose, rotation, h[:, 4:])
-    horizon_direction(e, across)
-    band_widths_of(mean, e, rows, predicted, band, across if bands_across else np.zeros(2), widths)
+        correlated_part(out.by_pose, rotation, out.h[:, 4:])
+    horizon_direction(e, out.across)
+    band_widths_of(mean, e, rows, out.predicted, band, out.across if bands_across else np.zeros(2), out.widths)
     return e
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def noise_of_pose(by_pose: FloatArray, turn: float, shift: tuple[float, float, float]) -> FloatArray:
     """Return the covariance (4, 4) px² of crossings that move by (4, 6) with a pose of these sigmas, rad and m."""
-    variances = (turn**2, turn**2, turn**2, shift[0] ** 2, shift[1] ** 2, shift[2] ** 2)
+    x, y, z = shift
+    variances = (turn**2, turn**2, turn**2, x**2, y**2, z**2)
     out = np.zeros((4, 4))
     for i in range(4):
         for j in range(4):

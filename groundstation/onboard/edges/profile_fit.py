@@ -7,6 +7,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.coordinate_ascent import best_displacements
 from groundstation.onboard.edges.profile_kernel import (
+    ExcessPrior,
     gather,
     line_likelihood,
     misfits,
@@ -142,8 +143,8 @@ def fit_layouts(
         excess, stiffness = usual.excess * there[:, None, None], usual.stiffness
     for line in range(2):
         misfits(
-            profiles.total[line], profiles.weight[line], profiles.blurs[line], bars[line], excess, stiffness,
-            misfit[line], levels[line],
+            profiles.total[line], profiles.weight[line], profiles.blurs[line], bars[line],
+            ExcessPrior(excess=excess, stiffness=stiffness), misfit[line], levels[line],
         )  # fmt: skip
         least = misfit[line].min(axis=2)
         power = 0.5 * profiles.coarse * freedom[line] / values_as_one

@@ -1,6 +1,7 @@
 """Compiled arithmetic of the profile across an edge: gathering it, levels by least squares, a line's likelihood."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -78,14 +79,144 @@ def _product(a: FloatArray, i: int, b: FloatArray, j: int, shift: int, first: in
     return total
 
 
+class ExcessPrior(NamedTuple):
+    """Expected excess (bars, blocks, 3) of each bar over what it lies on, and its weight (bars,), in pixels."""
+
+    excess: FloatArray
+    stiffness: FloatArray
+
+
+# The parts of `misfits` take arrays one by one: a named tuple of arrays costs each call 50 ns, a third of their time.
+# All shapes lie on the bins of the widest shift; of a trial, those from ``shift`` on count.
+
+
+@njit(cache=True, nogil=True)
+def _fill_steps(steps: FloatArray, blur: float, origin: int) -> None:
+    """Fill the blurred pavement and ground (2, bins), the edge at bin ``origin``."""
+    for i in range(steps.shape[1]):
+        steps[1, i] = _under((i - origin) / blur)
+        steps[0, i] = 1.0 - steps[1, i]
+
+
+@njit(cache=True, nogil=True)
+def _fill_bar(
+    shape: FloatArray, inner: float, outer: float, blur: float, origin: int, limits: NDArray[np.int64]
+) -> None:
+    """Fill a blurred bar (bins,) between its ``limits``: the first bin, and the one behind the last; none has none."""
+    limits[0] = max(math.floor(inner - _FROM * blur) + origin, 0)
+    limits[1] = min(math.ceil(outer + _FROM * blur) + origin + 1, shape.size)
+    if inner == outer:
+        limits[1] = limits[0]
+    for i in range(limits[0], limits[1]):
+        z = float(i - origin)
+        shape[i] = _under((z - inner) / blur) - _under((z - outer) / blur)
+
+
+@njit(cache=True, nogil=True)
+def _fill_colours(total: FloatArray, weight: FloatArray, colours: FloatArray) -> float:
+    """Fill the colours (3, bins) of a block's sums (bins, 3); returns their squares over the weights (bins,)."""
+    square = 0.0
+    for i in range(weight.size):
+        for c in range(3):
+            colours[c, i] = total[i, c]
+            if weight[i] > 0.0:
+                square += colours[c, i] ** 2 / weight[i]
+    return square
+
+
+@njit(cache=True, nogil=True)
+def _fill_common(
+    weight: FloatArray, colours: FloatArray, steps: FloatArray, shift: int, weighed: FloatArray, common: FloatArray
+) -> None:
+    """Fill the weighted steps (2, bins), and ``common`` (2, 5): the matrix and the right sides of the steps."""
+    bins = weight.size
+    for m in range(2):
+        for i in range(bins):
+            weighed[m, i] = weight[i] * steps[m, i + shift]
+        for n in range(m + 1):
+            common[m, n] = _product(weighed, m, steps, n, shift, 0, bins)
+        for c in range(3):
+            common[m, 2 + c] = _product(colours, c, steps, m, shift, 0, bins)
+
+
+@njit(cache=True, nogil=True)
+def _fill_bars(
+    weight: FloatArray,
+    weighed: FloatArray,
+    colours: FloatArray,
+    shapes: FloatArray,
+    limits: NDArray[np.int64],
+    shift: int,
+    matrix: FloatArray,
+    right: FloatArray,
+) -> None:
+    """Fill the rows of a layout's bars, ``shapes`` (bars, bins), in the matrix and the right sides (3, size)."""
+    for m in range(shapes.shape[0]):
+        first, last = max(limits[m, 0] - shift, 0), min(limits[m, 1] - shift, weight.size)
+        for n in range(2):
+            matrix[2 + m, n] = _product(weighed, n, shapes, m, shift, first, last)
+        for n in range(m + 1):
+            own = 0.0
+            for i in range(max(first, limits[n, 0] - shift), min(last, limits[n, 1] - shift)):
+                own += weight[i] * shapes[m, i + shift] * shapes[n, i + shift]
+            matrix[2 + m, 2 + n] = own
+        for c in range(3):
+            right[c, 2 + m] = _product(colours, c, shapes, m, shift, first, last)
+
+
+@njit(cache=True, nogil=True)
+def _factorise(matrix: FloatArray, stiffness: FloatArray, lower: FloatArray, diagonal: FloatArray) -> None:
+    """Fill L and D of Cholesky's L D Lᵀ, with the prior's weights (bars,); they are the same for all colours."""
+    for m in range(matrix.shape[0]):
+        matrix[m, m] += _SQUARE + (stiffness[m - 2] if m > 1 else 0.0)
+        diagonal[m] = matrix[m, m]
+        for n in range(m):
+            own = matrix[m, n]
+            for p in range(n):
+                own -= lower[m, p] * lower[n, p] * diagonal[p]
+            lower[m, n] = own / diagonal[n]
+            diagonal[m] -= lower[m, n] ** 2 * diagonal[n]
+        diagonal[m] = max(diagonal[m], _SQUARE)
+
+
+@njit(cache=True, nogil=True)
+def _solve_levels(
+    lower: FloatArray,
+    diagonal: FloatArray,
+    right: FloatArray,
+    stiffness: FloatArray,
+    excess: FloatArray,
+    k: int,
+    square: float,
+    y: FloatArray,
+    levels: FloatArray,
+) -> float:
+    """Fill the levels (size, 3) of block ``k`` by substitution, ``y`` (size,) between; returns the misfit."""
+    left, size = square, y.size
+    for c in range(3):
+        for m in range(size):
+            y[m] = right[c, m]
+            if m > 1:
+                y[m] += stiffness[m - 2] * excess[m - 2, k, c]
+                left += stiffness[m - 2] * excess[m - 2, k, c] ** 2
+            for n in range(m):
+                y[m] -= lower[m, n] * y[n]
+            left -= y[m] ** 2 / diagonal[m]
+        for m in range(size - 1, -1, -1):
+            own = y[m] / diagonal[m]
+            for n in range(m + 1, size):
+                own -= lower[n, m] * levels[n, c]
+            levels[m, c] = own
+    return max(left, 1e-9)
+
+
 @njit(cache=True, nogil=True)
 def misfits(
     total: FloatArray,
     weight: FloatArray,
     blurs: FloatArray,
     bars: FloatArray,
-    usual: FloatArray,
-    stiffness: FloatArray,
+    prior: ExcessPrior,
     misfit: FloatArray,
     levels: FloatArray,
 ) -> None:
@@ -99,95 +230,39 @@ def misfits(
     total, weight : (blocks, bins, 3) and (blocks, bins), of `gather`.
     blurs : (blocks,) sigma of the picture, in bins.
     bars : (layouts, bars, blocks, 2) inner and outer side of each bar; one of no width is none.
-    usual : (bars, blocks, 3) each bar's usual excess over what it lies on, held with ``stiffness`` (bars,), in pixels.
     misfit, levels : (layouts, blocks, trials), and (layouts, blocks, trials, 2 + bars, 3): pavement, ground, each bar's
         excess.
     """
     blocks, bins = weight.shape
+    excess, stiffness = prior.excess, prior.stiffness
     layouts, count, trials = bars.shape[0], bars.shape[1], misfit.shape[2]
-    half, middle, size = bins // 2, trials // 2, 2 + count
-    steps, shapes = np.empty((2, bins + trials)), np.empty((layouts * count, bins + trials))
-    begin, end = np.empty(layouts * count, np.int64), np.empty(layouts * count, np.int64)
-    plain, sums = np.empty((2, 2)), np.empty((3, 2))
-    normal, low, ratio = np.empty((size, size)), np.zeros((size, size)), np.empty(size)
-    b, y = np.empty((3, size)), np.empty(size)
-    # weights, and weights times the step's two sides, shifted to the trial
-    weighed, colours = np.empty((3, bins)), np.empty((3, bins))
+    middle, size = trials // 2, 2 + count
+    origin = bins // 2 + middle
+    steps, shapes = np.empty((2, bins + trials)), np.empty((layouts, count, bins + trials))
+    limits, common = np.empty((layouts, count, 2), np.int64), np.empty((2, 5))
+    weighed, colours = np.empty((2, bins)), np.empty((3, bins))
+    matrix, right = np.empty((size, size)), np.empty((3, size))
+    lower, diagonal, y = np.zeros((size, size)), np.empty(size), np.empty(size)
     for k in range(blocks):
-        for i in range(bins + trials):
-            steps[1, i] = _under((i - half - middle) / blurs[k])
-            steps[0, i] = 1.0 - steps[1, i]
-        for n in range(layouts * count):
-            inner, outer = bars[n // count, n % count, k, 0], bars[n // count, n % count, k, 1]
-            begin[n] = max(math.floor(inner - _FROM * blurs[k]) + half + middle, 0)
-            end[n] = min(math.ceil(outer + _FROM * blurs[k]) + half + middle + 1, bins + trials)
-            if inner == outer:
-                end[n] = begin[n]
-            for i in range(begin[n], end[n]):
-                z = float(i - half - middle)
-                shapes[n, i] = _under((z - inner) / blurs[k]) - _under((z - outer) / blurs[k])
-        square = 0.0
-        for i in range(bins):
-            weighed[0, i] = weight[k, i]
-            for c in range(3):
-                colours[c, i] = total[k, i, c]
-                if weight[k, i] > 0.0:
-                    square += colours[c, i] ** 2 / weight[k, i]
+        _fill_steps(steps, blurs[k], origin)
+        for n in range(layouts):
+            for m in range(count):
+                _fill_bar(shapes[n, m], bars[n, m, k, 0], bars[n, m, k, 1], blurs[k], origin, limits[n, m])
+        square = _fill_colours(total[k], weight[k], colours)
         for o in range(trials):
             shift = 2 * middle - o
-            for m in range(2):
-                for i in range(bins):
-                    weighed[1 + m, i] = weight[k, i] * steps[m, i + shift]
-                for n in range(m + 1):
-                    plain[m, n] = _product(weighed, 1 + m, steps, n, shift, 0, bins)
-                for c in range(3):
-                    sums[c, m] = _product(colours, c, steps, m, shift, 0, bins)
-            for layout in range(layouts):
+            _fill_common(weight[k], colours, steps, shift, weighed, common)
+            for n in range(layouts):
                 for m in range(2):
-                    for n in range(m + 1):
-                        normal[m, n] = plain[m, n]
+                    for other in range(m + 1):
+                        matrix[m, other] = common[m, other]
                     for c in range(3):
-                        b[c, m] = sums[c, m]
-                for m in range(count):
-                    at = layout * count + m
-                    first, last = max(begin[at] - shift, 0), min(end[at] - shift, bins)
-                    for n in range(2):
-                        normal[2 + m, n] = _product(weighed, 1 + n, shapes, at, shift, first, last)
-                    for n in range(m + 1):
-                        own = 0.0
-                        to = layout * count + n
-                        for i in range(max(first, begin[to] - shift), min(last, end[to] - shift)):
-                            own += weight[k, i] * shapes[at, i + shift] * shapes[to, i + shift]
-                        normal[2 + m, 2 + n] = own
-                    for c in range(3):
-                        b[c, 2 + m] = _product(colours, c, shapes, at, shift, first, last)
-                # Cholesky's L D Lᵀ of the levels, the same for all colours
-                for m in range(size):
-                    normal[m, m] += _SQUARE + (stiffness[m - 2] if m > 1 else 0.0)
-                    ratio[m] = normal[m, m]
-                    for n in range(m):
-                        own = normal[m, n]
-                        for p in range(n):
-                            own -= low[m, p] * low[n, p] * ratio[p]
-                        low[m, n] = own / ratio[n]
-                        ratio[m] -= low[m, n] ** 2 * ratio[n]
-                    ratio[m] = max(ratio[m], _SQUARE)
-                left = square
-                for c in range(3):
-                    for m in range(size):
-                        y[m] = b[c, m]
-                        if m > 1:
-                            y[m] += stiffness[m - 2] * usual[m - 2, k, c]
-                            left += stiffness[m - 2] * usual[m - 2, k, c] ** 2
-                        for n in range(m):
-                            y[m] -= low[m, n] * y[n]
-                        left -= y[m] ** 2 / ratio[m]
-                    for m in range(size - 1, -1, -1):
-                        own = y[m] / ratio[m]
-                        for n in range(m + 1, size):
-                            own -= low[n, m] * levels[layout, k, o, n, c]
-                        levels[layout, k, o, m, c] = own
-                misfit[layout, k, o] = max(left, 1e-9)
+                        right[c, m] = common[m, 2 + c]
+                _fill_bars(weight[k], weighed, colours, shapes[n], limits[n], shift, matrix, right)
+                _factorise(matrix, stiffness, lower, diagonal)
+                misfit[n, k, o] = _solve_levels(
+                    lower, diagonal, right, stiffness, excess, k, square, y, levels[n, k, o]
+                )
 
 
 @njit(cache=True, nogil=True)

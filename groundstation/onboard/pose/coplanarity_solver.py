@@ -1,4 +1,4 @@
-"""The pose as in the paper on runway pose by unit dual quaternion (docs/onboard-pose.md), to measure against.
+"""The pose from coplanarity constraints, as in the paper on runway pose by unit dual quaternion: the reference method.
 
 Two constraints for each pair of corners: n·(R d) = 0, eq. (16), and n·(R p + t) = 0, eq. (17), n the normal of the
 plane through the camera and both corners, d the direction from one to the other. All residuals count alike. Of the two
@@ -13,7 +13,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, IntArray
 from groundstation.geometry.dual_quaternion import normalised
 from groundstation.onboard.pose.camera_kernel import matrix_of, pose_of, turned_to_front
-from groundstation.onboard.pose.levenberg_marquardt import COPLANARITY, levenberg_marquardt
+from groundstation.onboard.pose.levenberg_marquardt import COPLANARITY, PoseCost, levenberg_marquardt
 from groundstation.onboard.pose.pose_solver import (
     TOLERANCE,
     PointCorrespondences,
@@ -55,10 +55,11 @@ def solve_coplanarity(
         if not len(starts):
             return None
         q = starts[0]
-    _, steps, converged = levenberg_marquardt(
-        COPLANARITY, q, view.points, view.rays, view.tangents, _NO_ROWS,
-        pair_normals(view.rays, pairs), pairs, view.scale_m, _MOST_STEPS, TOLERANCE,
-    )  # fmt: skip
+    normals = pair_normals(view.rays, pairs)
+    problem = PoseCost(
+        COPLANARITY, view.points, view.rays, view.tangents, _NO_ROWS, normals=normals, pairs=pairs, metres=view.scale_m
+    )
+    _, steps, converged = levenberg_marquardt(problem, q, _MOST_STEPS, TOLERANCE)
     turned_to_front(view.points, view.rays, q)
     unit = normalised(q)
     unit[4:] *= view.scale_m

@@ -4,6 +4,8 @@ The unknown is ``camera_from_runway`` (8,), lengths in a unit of the runway's ow
 ms for these eight numbers; this one is held against it in tests/onboard/pose/test_solver.py.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -130,48 +132,43 @@ def reprojection_residuals(
     return True
 
 
-@njit(cache=True)
-def rows(
-    kind: int,
-    q: FloatArray,
-    points: FloatArray,
-    rays: FloatArray,
-    tangents: FloatArray,
-    attitude: FloatArray,
-    normals: FloatArray,
-    pairs: IntArray,
-    metres: float,
-    r: FloatArray,
-    J: FloatArray,
-) -> bool:
-    """Fill residuals and Jacobian of one of the two costs."""
-    if kind == COPLANARITY:
-        return coplanarity_residuals(q, points, normals, pairs, metres, r, J)
-    return reprojection_residuals(q, points, rays, tangents, attitude, r, J)
+class PoseCost(NamedTuple):
+    """One of the two costs, ``kind``, with its data.
+
+    ``points`` (n, 3), ``rays`` (n, 3), ``tangents`` (n, 2, 3); ``attitude`` (k, 4) of the reprojection cost alone;
+    ``normals`` (m, 3) of ``pairs`` (m, 2) of points, and ``metres`` in a unit of length, of the coplanarity cost.
+    """
+
+    kind: int
+    points: FloatArray
+    rays: FloatArray
+    tangents: FloatArray
+    attitude: FloatArray
+    normals: FloatArray
+    pairs: IntArray
+    metres: float
 
 
 @njit(cache=True)
-def levenberg_marquardt(
-    kind: int,
-    q: FloatArray,
-    points: FloatArray,
-    rays: FloatArray,
-    tangents: FloatArray,
-    attitude: FloatArray,
-    normals: FloatArray,
-    pairs: IntArray,
-    metres: float,
-    most: int,
-    tolerance: float,
-) -> tuple[float, int, bool]:
+def residuals(cost: PoseCost, q: FloatArray, r: FloatArray, J: FloatArray) -> bool:
+    """Fill residuals and Jacobian of a cost; false where a point is not in front of the camera."""
+    if cost.kind == COPLANARITY:
+        return coplanarity_residuals(q, cost.points, cost.normals, cost.pairs, cost.metres, r, J)
+    return reprojection_residuals(q, cost.points, cost.rays, cost.tangents, cost.attitude, r, J)
+
+
+@njit(cache=True)
+def levenberg_marquardt(problem: PoseCost, q: FloatArray, most: int, tolerance: float) -> tuple[float, int, bool]:
     """Minimise from ``q`` (8,) in place; returns the sum of squares, the steps tried, and whether it converged.
 
     The damping follows Marquardt's scaling with the largest diagonal seen, so units do not matter.
     """
-    count = 2 * len(pairs) + 2 if kind == COPLANARITY else 2 * len(points) + len(attitude) + 2
+    count = 2 * len(problem.points) + len(problem.attitude) + 2
+    if problem.kind == COPLANARITY:
+        count = 2 * len(problem.pairs) + 2
     r, J = np.empty(count), np.empty((count, 8))
     r_new, J_new = np.empty(count), np.empty((count, 8))
-    if not rows(kind, q, points, rays, tangents, attitude, normals, pairs, metres, r, J):
+    if not residuals(problem, q, r, J):
         return np.inf, 0, False
     cost = (r * r).sum()
     damping = _FIRST_DAMPING
@@ -189,7 +186,7 @@ def levenberg_marquardt(
             A[k, k] += damping * max(largest[k], floor)
         move = np.linalg.solve(A, g)
         q_new = q - move
-        good = rows(kind, q_new, points, rays, tangents, attitude, normals, pairs, metres, r_new, J_new)
+        good = residuals(problem, q_new, r_new, J_new)
         cost_new = (r_new * r_new).sum() if good else np.inf
         small = np.sqrt((move * move).sum()) <= tolerance * (tolerance + np.sqrt((q * q).sum()))
         if cost_new <= cost:

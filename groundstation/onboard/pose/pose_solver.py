@@ -20,7 +20,7 @@ from groundstation.onboard.pose.camera_kernel import (
     turned_to_front,
 )
 from groundstation.onboard.pose.curvature_kernel import second_order
-from groundstation.onboard.pose.levenberg_marquardt import COPLANARITY, REPROJECTION, levenberg_marquardt
+from groundstation.onboard.pose.levenberg_marquardt import COPLANARITY, REPROJECTION, PoseCost, levenberg_marquardt
 from groundstation.onboard.pose.p3p_kernel import three_point_starts
 
 MOST_STEPS = 60
@@ -230,10 +230,10 @@ def all_pairs(count: int) -> IntArray:
 
 def _weighted(view: SolverInput, attitude: FloatArray, q: FloatArray) -> tuple[float, int]:
     """Minimise the weighted cost from ``q`` in place; infinite where points lie behind or it does not converge."""
-    cost, steps, good = levenberg_marquardt(
-        REPROJECTION, q, view.points, view.rays, view.tangents, attitude,
-        _NO_NORMALS, _NO_PAIRS, 1.0, MOST_STEPS, TOLERANCE,
-    )  # fmt: skip
+    problem = PoseCost(
+        REPROJECTION, view.points, view.rays, view.tangents, attitude, normals=_NO_NORMALS, pairs=_NO_PAIRS, metres=1.0
+    )
+    cost, steps, good = levenberg_marquardt(problem, q, MOST_STEPS, TOLERANCE)
     return (cost if good else np.inf), steps
 
 
@@ -241,9 +241,10 @@ def _polynomial(view: SolverInput, q: FloatArray) -> int:
     """Minimise the paper's cost, which has no depth to divide by and so may start anywhere; in place."""
     pairs = all_pairs(len(view.points))
     normals = pair_normals(view.rays, pairs)
-    _, steps, _ = levenberg_marquardt(
-        COPLANARITY, q, view.points, view.rays, view.tangents, _NO_ROWS, normals, pairs, 1.0, MOST_STEPS, 1e-4
+    problem = PoseCost(
+        COPLANARITY, view.points, view.rays, view.tangents, _NO_ROWS, normals=normals, pairs=pairs, metres=1.0
     )
+    _, steps, _ = levenberg_marquardt(problem, q, MOST_STEPS, 1e-4)
     return int(steps)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from groundstation.onboard.edges.line_kernel import band_widths_of
+from groundstation.onboard.edges.line_kernel import BandLimits, band_widths_of
 
 
 @pytest.mark.parametrize(
@@ -17,5 +17,5 @@ def test_they_are_of_so_many_metres_within_bounds(
     mean, crossings = np.array([1.0, 0.0, -15.0, -45.0]), np.array([15.0, 15.0, 45.0, 45.0])
     widths = np.empty((2, 2))
     rows, across = np.array([10.0, 60.0]), np.zeros(2)
-    band_widths_of(mean, np.eye(3), rows, crossings, (metres, least_px, most_px), across, widths)
+    band_widths_of(mean, np.eye(3), rows, crossings, BandLimits(metres, least_px, most_px), across, widths)
     np.testing.assert_allclose(widths, expected)

@@ -16,7 +16,7 @@ from groundstation.onboard.edges.pose import intrinsic_matrix
 from groundstation.onboard.edges.profile import edges_by_profile
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import OUTWARDS
-from groundstation.onboard.edges.profile_kernel import gather, line_likelihood, misfits, moments
+from groundstation.onboard.edges.profile_kernel import ExcessPrior, gather, line_likelihood, misfits, moments
 from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_rows
 from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer, varied
 from tests.onboard.edges.seen import smooth_picture
@@ -162,7 +162,15 @@ def test_levels_and_displacement_of_a_profile_are_found() -> None:
     # the line as it is, none, and one elsewhere
     bars, usual = np.array([[[bar]], [[(0.0, 0.0)]], [[(2.0, 4.0)]]]), np.zeros((1, 1, 3))
     misfit, found = np.empty((3, 1, trials)), np.empty((3, 1, trials, 3, 3))
-    misfits(weight[..., None] * colours[None], weight, np.array([blur]), bars, usual, np.zeros(1), misfit, found)
+    misfits(
+        weight[..., None] * colours[None],
+        weight,
+        np.array([blur]),
+        bars,
+        ExcessPrior(usual, np.zeros(1)),
+        misfit,
+        found,
+    )
     assert misfit[0, 0].argmin() == at
     assert misfit[0, 0, at] < 1e-5
     assert np.delete(misfit[0, 0], at).min() > 1e-3
@@ -170,7 +178,15 @@ def test_levels_and_displacement_of_a_profile_are_found() -> None:
     np.testing.assert_array_equal(found[1, 0, :, 2], 0.0)
     assert misfit[1:].min() > 1e-2
     # held stiffly to what is usual, the line is that
-    misfits(weight[..., None] * colours[None], weight, np.array([blur]), bars, usual, np.full(1, 1e9), misfit, found)
+    misfits(
+        weight[..., None] * colours[None],
+        weight,
+        np.array([blur]),
+        bars,
+        ExcessPrior(usual, np.full(1, 1e9)),
+        misfit,
+        found,
+    )
     np.testing.assert_allclose(found[0, 0, :, 2], 0.0, atol=1e-4)
     assert misfit[0, 0, at] > 1e-2
 

@@ -10,7 +10,7 @@ from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vect
 from groundstation.onboard.pose import pose_solver
 from groundstation.onboard.pose.coplanarity_solver import FOUR_SIDES, SIX_PAIRS, dual_part, solve_coplanarity
 from groundstation.onboard.pose.inertial_filter import rotation_vector
-from groundstation.onboard.pose.levenberg_marquardt import COPLANARITY, REPROJECTION, rows
+from groundstation.onboard.pose.levenberg_marquardt import COPLANARITY, REPROJECTION, PoseCost, residuals
 from groundstation.onboard.pose.pose_solver import (
     KnownAttitude,
     PointCorrespondences,
@@ -29,9 +29,8 @@ def evaluate(kind: int, q: np.ndarray, view: SolverInput, attitude: np.ndarray) 
     count = 2 * len(SIX_PAIRS) + 2 if kind == COPLANARITY else 2 * len(view.points) + len(attitude) + 2
     r, J = np.empty(count), np.empty((count, 8))
     normals = pair_normals(view.rays, SIX_PAIRS)
-    good = rows(
-        kind, q, view.points, view.rays, view.tangents, attitude, normals, SIX_PAIRS, view.scale_m, r, J
-    )  # fmt: skip
+    problem = PoseCost(kind, view.points, view.rays, view.tangents, attitude, normals, SIX_PAIRS, view.scale_m)
+    good = residuals(problem, q, r, J)
     assert good
     return r, J
 
