@@ -58,8 +58,8 @@ class LandmarkSighting:
 class Landmark:
     """A mark that does not move.
 
-    ``place`` (3,) is a point in m, runway frame; of kind ``direction`` a unit vector, runway frame; None where nobody
-    knows it. ``sigma`` (3,) is one sigma of each component, m, or rad of a direction.
+    ``place`` (3,) is a point in m, runway frame; of kind ``direction`` a unit vector, runway frame; None where it
+    is unknown. ``sigma`` (3,) is one sigma of each component, m, or rad of a direction.
     """
 
     name: str
@@ -103,7 +103,7 @@ def read_landmarks(path: Path) -> dict[str, Landmark]:
 def require_consistent(
     sightings: Sequence[LandmarkSighting], landmarks: Mapping[str, Landmark], stations: Sequence[str], path: Path
 ) -> None:
-    """Raise `InputError` for the first sighting whose landmark or station nobody knows."""
+    """Raise `InputError` for the first sighting whose landmark or station is unknown."""
     for sighting in sightings:
         where = f"{path.name}: line {sighting.line}"
         if sighting.station not in stations:

@@ -33,7 +33,7 @@ KNOWN_PRINCIPAL_POINT_PX = 10.0
 KNOWN_DISTORTION = 0.02
 KNOWN_ANTENNA_M = 0.5
 DGPS_CLOCK_S = 1.0
-# a detector's nose lies beside the nose by 2 % of the width of a silhouette
+# a detector's nose is off the nose by 2 % of the width of a silhouette
 POINT_SIGMA_M = 0.05
 # no flight vouches for less: a mount settles, gears play, stamps are rounded
 FLOOR_ROTATION_RAD = float(np.radians(0.0002))

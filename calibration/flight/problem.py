@@ -252,40 +252,22 @@ class FlightProblem:
         by_point, by_angle = by_state[:, :, :3], by_state[:, :, 3:]
         by_track = np.einsum("nij,nj->ni", by_point, track.nose_velocity_m_s(antenna))
         by_turning = np.einsum("nij,nj->ni", by_angle, angles.rates_rad_s)
-        later = by_track + by_turning
-        columns: dict[str, FloatArray] = {
-            "camera_clock.offset": later,
-            "camera_clock.drift": later * from_middle[:, None],
-            "ptu_clock.offset": -by_turning,
-            "readout": later * looks.row_share[:, None],
-        }
-        jacobian = np.zeros((n, 2, len(self.names)))
+        jacobian = self._clock_columns(station, by_track, by_turning, from_middle)
         for place, short in self.own(station):
-            known = short in CALIBRATION_PARAMETERS
-            jacobian[:, :, place] = by_rig[:, :, CALIBRATION_PARAMETERS.index(short)] if known else columns[short]
-        if DGPS_OFFSET in self.names:
-            jacobian[:, :, self.names.index(DGPS_OFFSET)] = by_track
+            if short in CALIBRATION_PARAMETERS:
+                jacobian[:, :, place] = by_rig[:, :, CALIBRATION_PARAMETERS.index(short)]
         by_antenna = -by_point @ track.runway_from_body
         for axis, name in enumerate(ANTENNA):
             if name in self.names:
                 jacobian[:, :, self.names.index(name)] = by_antenna[:, :, axis]
         usable = angles.usable & track.usable & (depth > MIN_DEPTH_M)
         jacobian[~usable] = 0.0
-        noise = looks.sigma_px[:, :, None] ** 2 * np.eye(2)
-        encoder = rig.angle_sigma_rad**2 * angles.variance_share
-        by_readings = by_angle @ np.swapaxes(by_angle, 1, 2) * encoder[:, None, None]
-        own = noise + np.where(angles.curved[:, None, None], 0.0, by_readings)
-        own[~usable] = np.eye(2)
-        noise = noise + by_readings
-        # pixels between the same two fixes share these fixes' noise
-        crowd = max(1.0, self.track.step_s * (n - 1) / max(float(np.ptp(looks.t_s)), 1e-9)) if n > 1 else 1.0
-        blurred = by_point * track.sigma_m[:, None, :]
-        noise = noise + crowd * blurred @ np.swapaxes(blurred, 1, 2)
-        noise[~usable] = np.eye(2)
+        own, shared = self._pixel_covariances(station, angles, by_angle, by_point * track.sigma_m[:, None, :])
+        own[~usable], shared[~usable] = np.eye(2), np.eye(2)
         return Predicted(
             pixel_px=pixel,
             jacobian=jacobian,
-            covariance_px2=noise,
+            covariance_px2=shared,
             usable=usable,
             own_px2=own,
             by_point_px_m=np.where(usable[:, None, None], by_point, 0.0),
@@ -293,6 +275,41 @@ class FlightProblem:
             reference_s=by_log,
             reading_s=by_unit,
         )
+
+    def _clock_columns(
+        self, station: str, by_track: FloatArray, by_turning: FloatArray, from_middle: FloatArray
+    ) -> FloatArray:
+        """Return the Jacobian (n, 2, p) with the columns of clocks and readout; the others are zero.
+
+        ``by_track``, ``by_turning`` (n, 2) px/s: the pixels' motion by the aircraft and by the head.
+        """
+        later = by_track + by_turning
+        columns: dict[str, FloatArray] = {
+            "camera_clock.offset": later,
+            "camera_clock.drift": later * from_middle[:, None],
+            "ptu_clock.offset": -by_turning,
+            "readout": later * self.looks[station].row_share[:, None],
+        }
+        jacobian = np.zeros((len(later), 2, len(self.names)))
+        for place, short in self.own(station):
+            if short in columns:
+                jacobian[:, :, place] = columns[short]
+        if DGPS_OFFSET in self.names:
+            jacobian[:, :, self.names.index(DGPS_OFFSET)] = by_track
+        return jacobian
+
+    def _pixel_covariances(
+        self, station: str, angles: AnglesAtObservations, by_angle: FloatArray, by_fix: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return each pixel's covariance (n, 2, 2) px² without and with the noise that paths share."""
+        looks, n = self.looks[station], len(self.looks[station])
+        noise = looks.sigma_px[:, :, None] ** 2 * np.eye(2)
+        encoder = self.stations[station].angle_sigma_rad ** 2 * angles.variance_share
+        by_readings = by_angle @ np.swapaxes(by_angle, 1, 2) * encoder[:, None, None]
+        own = noise + np.where(angles.curved[:, None, None], 0.0, by_readings)
+        # pixels between the same two fixes share these fixes' noise
+        crowd = max(1.0, self.track.step_s * (n - 1) / max(float(np.ptp(looks.t_s)), 1e-9)) if n > 1 else 1.0
+        return own, noise + by_readings + crowd * by_fix @ np.swapaxes(by_fix, 1, 2)
 
 
 def left_jacobian(turn_rad: FloatArray) -> FloatArray:

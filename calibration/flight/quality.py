@@ -1,4 +1,4 @@
-"""What a flight's calibration is good for: one sigma of a fix along, across and up, beside the fix's own noise."""
+"""What a flight's calibration is good for: one sigma of a fix along, across and up, next to the fix's own noise."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from groundstation.rig.rig import Rig
 RANGES_M = (100.0, 200.0, 400.0)
 _SHARES = (0.05, 0.35, 0.65, 0.95)
 _AXES_LEAST = 1e-9
-# px; nobody labels a pixel worse than that
+# px; no label is worse than that
 _LABELLED = 3.0
 # within such a share of a range, the aircraft was there
 _THERE = 0.1
@@ -65,7 +65,7 @@ def range_qualities(after: Rig, fit: FlightFit) -> list[RangeQuality]:
         chosen = [int(np.argmin(np.abs(away - r))) for r in ranges]
     found = []
     for k, range_m in zip(chosen, ranges, strict=True):
-        # where nobody flew, a point beyond the nearest that was
+        # where there was no flight, a point beyond the nearest that was
         place = _FixPlace(
             point_m=middle + (flown[k] - middle) * (range_m / away[k]),
             velocity_m_s=velocity[k],

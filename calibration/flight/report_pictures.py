@@ -43,11 +43,27 @@ class _Content:
     verdict: FlightVerdict
 
 
+_WantedPicture = tuple[str, str, str, tuple[float, float], Callable[[Figure, _Content], None]]
+
+
 def flight_pictures(after: Rig, fit: FlightFit, verdict: FlightVerdict) -> list[ReportPicture]:
     """Draw all pictures of a calibration; needs no window system."""
     content = _Content(after=after, fit=fit, verdict=verdict)
-    rows = len(fit.stations)
-    wanted: list[tuple[str, str, str, tuple[float, float], Callable[[Figure, _Content], None]]] = [
+    wanted = _pictures_of(content)
+    if not verdict.ranges:
+        wanted = [w for w in wanted if w[0] != "ranges"]
+    if not np.isfinite(fit.problem.prior_sigma).any():
+        wanted = [w for w in wanted if w[0] != "learnt"]
+    return [
+        ReportPicture(name=name, title=title, caption=caption, png=_png(content, size, draw))
+        for name, title, caption, size, draw in wanted
+    ]
+
+
+def _pictures_of(content: _Content) -> list[_WantedPicture]:
+    """Return name, title, caption, size in inches and drawing function of each picture."""
+    rows = len(content.fit.stations)
+    return [
         (
             "geometry",
             "Where it flew, and who saw it",
@@ -85,7 +101,7 @@ def flight_pictures(after: Rig, fit: FlightFit, verdict: FlightVerdict) -> list[
             "How much was learnt",
             "One sigma after the flight over one sigma before it, where something was known before. Near 1, nothing "
             "was learnt.",
-            (6.4, 1.2 + 0.22 * min(len(fit.problem.names), 80)),
+            (6.4, 1.2 + 0.22 * min(len(content.fit.problem.names), 80)),
             _learnt,
         ),
         (
@@ -95,14 +111,6 @@ def flight_pictures(after: Rig, fit: FlightFit, verdict: FlightVerdict) -> list[
             (6.4, 4.2),
             _ranges,
         ),
-    ]
-    if not verdict.ranges:
-        wanted = [w for w in wanted if w[0] != "ranges"]
-    if not np.isfinite(fit.problem.prior_sigma).any():
-        wanted = [w for w in wanted if w[0] != "learnt"]
-    return [
-        ReportPicture(name=name, title=title, caption=caption, png=_png(content, size, draw))
-        for name, title, caption, size, draw in wanted
     ]
 
 

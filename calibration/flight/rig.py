@@ -134,7 +134,7 @@ def _drifted_s(fit: FlightFit, station: str) -> float:
 
 
 def _covariance(station: Station, fit: FlightFit) -> tuple[tuple[str, ...], FloatArray]:
-    """Return names and matrix: what was found, not below the floors, and beside it what the rig said of the rest."""
+    """Return names and matrix: what was found, not below the floors, and what the rig states of the rest."""
     own = [(k, short) for k, short in fit.problem.own(station.name) if short in CALIBRATION_PARAMETERS]
     found = [short for _, short in own]
     rest = [k for k, short in enumerate(station.covariance_parameters) if short not in found]

@@ -36,9 +36,9 @@ CUBIC = 3
 ORDERS = (3, 2)
 # s over σ is sought between these
 _STIFF, _LOOSE = 1e-4, 1e2
-# a difference so many sigmas off breaks the path: with so many beside it, it is then as good as free
+# a difference so many sigmas off breaks the path: with so many neighbours on each side, it is then as good as free
 _BREAK_SIGMA = 4.5
-_BESIDE = 2
+_NEIGHBOURS = 2
 _FREE = 1e-4
 _USUAL = 10.0
 _MOST_BREAKS = 20
@@ -95,9 +95,9 @@ class Smoothness:
         odd[s > _USUAL * np.median(s)] = 0.0
         free = s.copy()
         for k in np.flatnonzero(odd > _BREAK_SIGMA):
-            beside = slice(max(k - _BESIDE, 0), k + _BESIDE + 1)
-            if odd[k] == odd[beside].max():
-                free[beside] = np.median(s) / np.sqrt(_FREE)
+            neighbours = slice(max(k - _NEIGHBOURS, 0), k + _NEIGHBOURS + 1)
+            if odd[k] == odd[neighbours].max():
+                free[neighbours] = np.median(s) / np.sqrt(_FREE)
         return replace(self, difference=free)
 
 
@@ -135,7 +135,7 @@ def _fit(evidence: "Evidence", usual: float) -> _Fit:
         worst = int(np.argmax(odd))
         if odd[worst] < _BREAK_SIGMA:
             break
-        weight[max(worst - _BESIDE, 0) : worst + _BESIDE + 1] = _FREE
+        weight[max(worst - _NEIGHBOURS, 0) : worst + _NEIGHBOURS + 1] = _FREE
         ratio, noise = evidence.best(weight, usual)
     smoothness = Smoothness(
         order=evidence.order, difference=ratio * noise / np.sqrt(weight), noise_factor=noise / usual

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.flight.confusion import (
+from calibration.flight.fit import FlightFit
+from calibration.flight.observability import (
     CorrelatedParameters,
     advice_for,
     correlated_parameters,
     unobservable_parameters,
 )
-from calibration.flight.fit import FlightFit
 from calibration.flight.problem import SLOW_S
 from calibration.flight.quality import RangeQuality, range_qualities
 from groundstation.rig.covariance import READOUT
@@ -21,7 +21,7 @@ _MOST_CONDITION = 1e10
 # errors that last raise a sigma so much where labels, lens or target point are off in a pattern
 _LASTING = 3.0
 _GROSS_SHARE = 0.05
-# of what whoever found the pixels states; and of pixels without a sigma
+# of the sigma stated with the pixels; and of pixels without a sigma
 _MOST_NOISE, _WORST_LABELS_PX = 3.0, 4.5
 # sigmas from what was known before: worth a word, and none of chance's
 _NOTED, _CONTRADICTED = 3.0, 4.0

@@ -115,7 +115,7 @@ def solve_check(
         _require_two(looks, seen, stations[looks.station])
     then = [gather_observations(reference, station, places) for station in stations.values()]
     then = [looks for looks in then if len(looks)]
-    # what the rig says of an orientation may come from these very sightings: it is found anew from them
+    # what the rig says of an orientation may come from these very sightings: it is estimated from them again
     free = [f"{looks.station}.runway_from_base.{axis}" for looks in then for axis in AXES]
     before = rig.calibration_covariance()
 

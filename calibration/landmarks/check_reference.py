@@ -27,7 +27,7 @@ _ROUNDED_S = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparisonTable:
-    """A table to compare with, or None, and a line for the reader; ``kept`` where it was found beside the rig."""
+    """A table to compare with, or None, and a line for the reader; ``kept`` where it was found next to the rig."""
 
     path: Path | None
     kept: bool
@@ -35,17 +35,17 @@ class ComparisonTable:
 
 
 def reference_path(rig: Path) -> Path:
-    """Return where the sightings of a rig's own survey stand: rig.toml has rig.sightings.csv beside it."""
+    """Return where the sightings of a rig's own survey stand: rig.toml has rig.sightings.csv next to it."""
     return rig.with_suffix(".sightings.csv")
 
 
 def refuse_keeping_onto(rig: Path, read: Sequence[Path | None]) -> None:
-    """Raise `InputError` where the table that is kept beside a rig to write would replace one that is read."""
+    """Raise `InputError` where the table that is kept next to a rig to write would replace one that is read."""
     refuse_overwriting(read, [Output(path=reference_path(rig))])
 
 
 def keep_reference(sightings: Path, rig: Path) -> Path:
-    """Copy the table that a rig was surveyed with to its place beside it, and return that."""
+    """Copy the table that a rig was surveyed with to its place next to it, and return that."""
     kept = reference_path(rig)
     if not (kept.exists() and kept.samefile(sightings)):
         try:
@@ -56,7 +56,7 @@ def keep_reference(sightings: Path, rig: Path) -> Path:
 
 
 def find_reference(rig: Path, asked: Path | None) -> ComparisonTable:
-    """Return the table asked for, else the one beside the rig, if there is one; ``none`` asks for none."""
+    """Return the table asked for, else the one next to the rig, if there is one; ``none`` asks for none."""
     if asked is not None:
         if str(asked) == NONE:
             return ComparisonTable(path=None, kept=False, note="compared with the rig alone")
@@ -72,7 +72,7 @@ def require_new_sightings(
 ) -> None:
     """Raise `InputError` where today's rows are those of the reference: a table agrees with itself, whatever moved.
 
-    Numbers are compared, not their text: a program that rounded them has seen nothing anew.
+    Numbers are compared, not their text: rounded numbers are no new sightings.
     """
     same = _count_same(today, then)
     if same > _MOST_SAME * len(today):

@@ -67,7 +67,7 @@ def run_survey(request: SurveyRequest) -> SurveyDone:
 class CheckRequest:
     """What to check; ``out`` None refuses what has moved, a path corrects it.
 
-    Without a ``reference`` the survey's table beside the rig is taken, where there is one; ``none`` takes none.
+    Without a ``reference`` the survey's table next to the rig is taken, where there is one; ``none`` takes none.
     """
 
     sightings: Path

@@ -83,7 +83,7 @@ def _geometry(survey: Survey) -> list[str]:
         least, *_, most = np.sqrt(np.linalg.eigvalsh(turn))
         if most > max(_ALONE * least, _MATTERS_RAD):
             steps.append(
-                f"{name}: a landmark well beside the line of the others: the turn about that line is known to"
+                f"{name}: a landmark well off the line of the others: the turn about that line is known to"
                 f" {np.degrees(most):.2f} deg only"
             )
     return steps

@@ -90,7 +90,7 @@ def _require_enough(station: Station, looks: LandmarkObservations, landmarks: Se
     places = np.array([landmarks[k].place for k in points])
     spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
     if len(points) == len(numbers) and spread[1] < _ON_A_LINE * spread[0]:
-        wanted = "another one, well beside that line, or a surveyed position of the station"
+        wanted = "another one, well off that line, or a surveyed position of the station"
         raise LandmarkFitError(f"station {name}: got {_count(len(points))}, all in one line; wanted {wanted}")
 
 

@@ -27,7 +27,7 @@ class BoardView:
     ids : (n,) which of ``CalibrationBoard.corners_m``.
     board_m : (n, 3) the corners on the board, in m.
     pixel : (n, 2) where they were found, px.
-    edge_px : width of the edges beside the corners, px (median); a sharp picture has about 2.
+    edge_px : width of the edges next to the corners, px (median); a sharp picture has about 2.
     """
 
     name: str

@@ -323,7 +323,7 @@ def _focal_distance_correlation(
 ) -> float:
     """Return the correlation of log f (mean of fx, fy) with the mean log distance of the boards.
 
-    A pose's error is −(PᵀP)⁻¹PᵀL times the lens's error, beside its own noise; P, L the derivatives by pose and lens.
+    A pose's error is −(PᵀP)⁻¹PᵀL times the lens's error, plus its own noise; P, L the derivatives by pose and lens.
     """
     by_lens = np.zeros(9)
     own = 0.0

@@ -1,7 +1,7 @@
 """The part of YAML that lens files are written in: nested keys, numbers, words, lists.
 
 OpenCV's own reader refuses Kalibr's files (lists at their key's indent), and YAML libraries refuse OpenCV's header and
-matrices and read ``1e-05`` as a word. What lies outside this part is an error or, where nobody asks for it, a string.
+matrices and read ``1e-05`` as a word. What lies outside this part is an error or, where it is not read, a string.
 """
 
 import re

@@ -59,7 +59,7 @@ class MountCalibration:
 
 
 def marks_of(landmarks: Mapping[str, Landmark], names: Sequence[str]) -> tuple[Mark, ...]:
-    """Return the marks of names; one that nobody describes is a point of unknown place."""
+    """Return the marks of names; one without a description is a point of unknown place."""
     marks = []
     for name in names:
         known = landmarks.get(name)
@@ -173,7 +173,7 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     count, standing = len(seen), len(np.unique(fit.problem.stand[fit.kept]))
     unknowns = sum(not name.startswith(("mark ", *POSITION)) for name in fit.problem.names)
     told = pointing_sigma(fit, told=True).worst_deg
-    # one board whose place nobody knows cannot tell it better, and is good for the rest
+    # one board of unknown place cannot tell it better, and is good for the rest
     tied = any(mark.kind.known for mark in fit.problem.marks)
     if not tied:
         _require_aimed(fit, told)
@@ -238,9 +238,9 @@ def calibrate_mounts(
     found = [calibrate_station(rig[name], sightings, marks, words) for name, sightings in seen.items()]
     after = {one.after.name: one.after for one in found}
     # what was known of it together with other stations was known of the values of before
-    anew = {f"{one.after.name}.{name}" for one in found for name in one.fit.problem.names}
+    fitted = {f"{one.after.name}.{name}" for one in found for name in one.fit.problem.names}
     shared = rig.shared_covariance
-    keep = [k for k, name in enumerate(shared.names) if name not in anew or name.split(".")[1] == "ptu_position"]
+    keep = [k for k, name in enumerate(shared.names) if name not in fitted or name.split(".")[1] == "ptu_position"]
     shared = ParameterCovariance(names=tuple(shared.names[k] for k in keep), matrix=shared.matrix[np.ix_(keep, keep)])
     stations = tuple(after.get(s.name, s) for s in rig.stations)
     return MountCalibration(stations=tuple(found), rig=replace(rig, stations=stations, shared_covariance=shared))

@@ -8,7 +8,7 @@ import pytest
 from calibration.clocks.calibrate import TimingCalibration
 from calibration.flight import start as flight_start
 from calibration.flight import verdict as flight_verdict
-from calibration.flight.confusion import _TAUGHT, unobservable_parameters
+from calibration.flight.observability import _TAUGHT, unobservable_parameters
 from calibration.flight.start import find_start
 from calibration.flight.verdict import _summary
 

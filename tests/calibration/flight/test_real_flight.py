@@ -107,7 +107,7 @@ def test_a_second_camera_that_comes_back(session: Session, tmp_path: Path) -> No
     assert float(error.off_m.max()) < 0.3
 
 
-def test_where_nobody_has_surveyed(shared_data: Path, tmp_path: Path) -> None:
+def test_poses_without_a_survey_are_found(shared_data: Path, tmp_path: Path) -> None:
     """No position, no orientation: RTK gives the frame; the three Sonys within 0.45 m, the wide lens within 1 m."""
     surveyed = shared_data / "drone-flight-3"
     if not surveyed.is_dir():

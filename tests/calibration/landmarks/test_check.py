@@ -308,7 +308,7 @@ def test_the_survey_s_own_table_is_not_todays(
     "how", ["u_px to 3 decimals", "pixels to 2 decimals", "angles to 3 decimals", "no t_s", "sorted"]
 )
 def test_a_table_is_the_same_however_it_is_written(tmp_path: Path, rng: np.random.Generator, how: str) -> None:
-    """What rounding leaves of the survey's table shows no knock either; seen anew, the same words are another table."""
+    """What rounding leaves of the survey's table shows no knock either; new sightings are another table."""
     day = morning(rng)
     path, survey = tmp_path / "today.csv", tmp_path / "rig.sightings.csv"
     write_sightings(survey, look(day.true, day.stands, rng, 6))
@@ -341,7 +341,7 @@ def test_a_table_is_the_same_however_it_is_written(tmp_path: Path, rng: np.rando
 def test_sightings_of_another_set_up_are_no_reference(
     tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Stations put up anew, calibrated without a survey, and the old table still beside the rig."""
+    """Stations put up again, calibrated without a survey, and the old table still next to the rig."""
     day = morning(rng)
     moved = knocked(day.true, "left", 2, np.radians(0.4))
     write_landmarks(tmp_path / "marks.csv", day.table)

@@ -389,6 +389,6 @@ def test_landmarks_on_one_line_are_said(rng: np.random.Generator) -> None:
     day = morning(rng)
     line = {n: replace(m, place=np.array([0.0, 40.0 + 40.0 * k, 1.0])) for k, (n, m) in enumerate(day.table.items())}
     steps = advise_survey(solve_survey(day.believed, look(day.true, line, rng, 12), line)).next_steps
-    assert sum("well beside the line of the others: the turn about that line is known to 0." in s for s in steps) == 2
+    assert sum("well off the line of the others: the turn about that line is known to 0." in s for s in steps) == 2
     around = advise_survey(solve_survey(day.believed, look(day.true, day.stands, rng, 12), day.table)).next_steps
-    assert not any("beside the line" in s for s in around)
+    assert not any("off the line" in s for s in around)

@@ -32,7 +32,7 @@ def test_parameters_lie_within_their_sigmas() -> None:
 
 
 def test_sigmas_hold_where_a_view_errs_as_a_whole() -> None:
-    """Boards bent anew in each view: each parameter's error over its sigma over 40 draws, and all together.
+    """Boards bent differently in each view: each parameter's error over its sigma over 40 draws, and all together.
 
     With each sigma raised by itself eᵀC⁻¹e came to 13 of 9.
     """

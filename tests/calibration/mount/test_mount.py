@@ -359,7 +359,7 @@ def test_what_was_approached_from_one_side_only_has_no_backlash(made, rng) -> No
     one = calibrate_station(station, seen.keep(keep), marks, USUAL_WORDS)
     assert {"pan_backlash", "tilt_backlash"} <= set(one.fit.held)
     assert one.after.ptu_axes.pan_backlash_rad == 0.0
-    # and the boresight bears that nobody knows it
+    # and the boresight carries its uncertainty
     free = calibrate_station(station, seen, marks, USUAL_WORDS)
     assert one.fit.sigma("head_from_camera.x") > 3.0 * free.fit.sigma("head_from_camera.x")
 
