@@ -48,7 +48,7 @@ class FlightRequest:
 
     ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known; ``report`` is a
     folder for report.html and its pictures. ``point_sigma_m`` is how far along the body the point that pixels are of
-    may lie from the nose, and so from the antenna, in addition to what session.toml states; the same all the time, 1 sigma. None
+    may lie from the nose, on top of the offset in session.toml; the same all the time, 1 sigma. None
     is `POINT_SIGMA_M` for ``detections``, which a program found, and nothing for pixels that the session itself gives.
     """
 

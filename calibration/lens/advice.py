@@ -65,10 +65,10 @@ def advise(found: Intrinsics) -> LensAdvice:
     angle = middle_angle_deg(found)
     reach = ACROSS_M / float(np.radians(angle)) if angle > 0 else float("inf")
     word = next((word for limit, word in _WORDS if angle <= limit), "Not good enough")
-    compared = "less" if angle < PTU_STEP_DEG else "more"
+    than = "less" if angle < PTU_STEP_DEG else "more"
     verdict = (
         f"{word}: in the middle of the image the lens is known to {angle:.2g}° (1 σ, camera's orientation found with "
-        f"it), {compared} than a pan-tilt step of {PTU_STEP_DEG}°; in the corners to {found.map.aligned_deg.max():.2g}°. "
+        f"it), {than} than a pan-tilt step of {PTU_STEP_DEG}°; in the corners to {found.map.aligned_deg.max():.2g}°. "
         f"Across, the middle's stays below {ACROSS_M:g} m up to {_rounded(reach)} m; at 500 m it is "
         f"{across_m(angle, 500):.2g} m across and {along_m(angle, 500):.2g} m along for two such cameras "
         f"{BASELINE_M:g} m apart."

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from landmark_study.simulated import PLACES_M, Morning, look, morning, turned_rad, write_landmarks, write_sightings
+from landmark_study.simulated import PLACES_M, SurveyScene, look, morning, turned_rad, write_landmarks, write_sightings
 from scipy.stats import chi2
 
 from calibration.joint_covariance import with_covariance
@@ -25,11 +25,13 @@ from groundstation.rig.rig import Station, load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 
 
-def surveyed(day: Morning, generator: np.random.Generator, readings: int = 10, words: tuple[str, ...] = ()) -> Survey:
+def surveyed(
+    day: SurveyScene, generator: np.random.Generator, readings: int = 10, words: tuple[str, ...] = ()
+) -> Survey:
     return solve_survey(day.believed, look(day.true, day.stands, generator, readings), day.table, words)
 
 
-def pose_error(survey: Survey, day: Morning, groups: tuple[str, ...]) -> tuple[list[str], np.ndarray]:
+def pose_error(survey: Survey, day: SurveyScene, groups: tuple[str, ...]) -> tuple[list[str], np.ndarray]:
     names: list[str] = []
     off: list[float] = []
     for true in day.true.stations:
