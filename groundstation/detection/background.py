@@ -213,7 +213,7 @@ def _clear_unknown(misfit: Float32Array, residual: Float32Array, edge: Float32Ar
 class _FramePart:
     """A part (h, w, 3) of an earlier frame, with its corner in it, px.
 
-    It stays in its frame until somebody needs it, which before the sky nobody does.
+    It is a view of its frame until it is used; with sky behind the target it never is.
     """
 
     image: ImageArray

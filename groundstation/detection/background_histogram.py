@@ -51,10 +51,10 @@ def _palette(bins: Bins, keep_out: Box[int]) -> Float32Array:
     used = np.empty(count.size, np.int32)
     n, different = 0, 0
     for i in range(0, bins.shape[0], 2):
-        row, beside = bins[i], y0 <= i < y1
+        row, crosses_box = bins[i], y0 <= i < y1
         for part in range(2):
             first, last = (0, x0) if part == 0 else ((x1 + 1) // 2 * 2, row.size)
-            if not beside:
+            if not crosses_box:
                 first, last = (0, row.size) if part == 0 else (0, 0)
             for j in range(first, last, 2):
                 place = row[np.uint32(j)]

@@ -12,7 +12,7 @@ Places = tuple[NDArray[np.int32], NDArray[np.int32], Float32Array]
 
 @njit(cache=True, nogil=True)
 def places_between(size: int, count: int, cells_per_px: float) -> Places:
-    """Return for each of ``size`` pixels the two of ``count`` cells beside it, and how far it is from the first, 0–1.
+    """Return for each of ``size`` pixels its two nearest of ``count`` cells and its distance from the first, 0–1.
 
     All three are (size,). Before the first cell's middle and beyond the last one's both are that cell.
     """

@@ -154,7 +154,7 @@ def evolve_contour(
         raised[queue[k]] = True
         _raise(phi, u, queue[k] // w, queue[k] % w, drive)
     bend, slope, level = drive
-    # what lies beside them goes by its data alone, unless these hardly hold it
+    # their neighbours get the height that their data alone give, unless the data hardly hold them
     of_contour = count
     for ring in range(2):
         first, last = (0, of_contour) if ring == 0 else (of_contour, count)

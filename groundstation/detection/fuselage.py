@@ -90,7 +90,7 @@ def _follow(
     while 0 <= i < h:
         core = _core(level, i, middle, half)
         if core < _FILLED and last == i - step and band[0] - 3.0 <= i <= band[1] + 3.0:
-            # beyond the wing the body may come out beside the line followed
+            # beyond the wing the body may lie to one side of the line followed
             middle = _aside(level, i, middle, half, _ASIDE * span)
             core = _core(level, i, middle, half)
         if core >= _FILLED:

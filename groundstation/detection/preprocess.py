@@ -244,12 +244,12 @@ def _levels(
             near[places[k]] += 1
     left, right = (x0 + 1) // 2, (x1 + 1) // 2  # of every second column, those inside
     for i in range(0, contrast.shape[0], 2):
-        row, beside = contrast[i], y0 <= i < y1
+        row, crosses_box = contrast[i], y0 <= i < y1
         for k in range((row.size + 1) // 2):
             places[k] = _place(scale * abs(row[2 * k]))
-        for k in range(left if beside else 0):
+        for k in range(left if crosses_box else 0):
             far[places[k]] += 1
-        for k in range(max(right, left) if beside else 0, (row.size + 1) // 2):
+        for k in range(max(right, left) if crosses_box else 0, (row.size + 1) // 2):
             far[places[k]] += 1
     share = min(max(area_px, 3.0) / ((x1 - x0) * (y1 - y0)), 0.3)
     return _upper(near, share), max(_upper(far, share), _TAIL) if far.sum() > _ENOUGH_PX else _TAIL

@@ -177,6 +177,7 @@ def _gather(
     """
     h, w = shape
     span, tallest, min_peak = limits
+    near_x, near_y, reach = near
     left, top, right, bottom = rim_is_open
     keep = np.empty(order.size, np.int64)
     kept = 0
@@ -192,9 +193,9 @@ def _gather(
     count = 0
     for seed in keep:
         row = table[seed]
-        dx = max(row[_X0] - near[0], near[0] - row[_X1] + 1, 0.0)
-        dy = max(row[_Y0] - near[1], near[1] - row[_Y1] + 1, 0.0)
-        if math.hypot(dx, dy) > near[2]:
+        dx = max(row[_X0] - near_x, near_x - row[_X1] + 1, 0.0)
+        dy = max(row[_Y0] - near_y, near_y - row[_Y1] + 1, 0.0)
+        if math.hypot(dx, dy) > reach:
             continue
         # a seed stands for itself, too: what lies close by may be another object
         for alone in (False, True):

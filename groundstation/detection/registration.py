@@ -63,10 +63,10 @@ def _textured(image: ImageArray, window: Box[int], keep_out: Box[int]) -> FloatA
             _greys(flat[y - 1], above)
         _greys(flat[y], row)
         _greys(flat[y + 1], below)
-        beside = keep_out.y0 <= y < keep_out.y1
+        row_of_box = keep_out.y0 <= y < keep_out.y1
         for x in range(first, last, 2):
             gx, gy = 0.5 * (row[x + 1] - row[x - 1]), 0.5 * (below[x] - above[x])
-            if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE or (beside and keep_out.x0 <= x < keep_out.x1):
+            if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE or (row_of_box and keep_out.x0 <= x < keep_out.x1):
                 continue
             rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, row[x], gx, gy
             n += 1

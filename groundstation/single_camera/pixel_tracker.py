@@ -19,7 +19,7 @@ from groundstation.single_camera.pixel_identity import TargetAppearance, looks_o
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_target import PixelTarget
 from groundstation.single_camera.pixel_tracker_config import PixelTrackerConfig
-from groundstation.single_camera.target_view import TargetView, in_place, is_aside, is_beside, on_path
+from groundstation.single_camera.target_view import TargetView, in_place, is_off_path, is_second_object, on_path
 
 Look = tuple[Box[int] | None, Detection | Miss]
 
@@ -209,7 +209,7 @@ class PixelTracker:
             as_before = seen.cut or self._view.looks_as_before(target, seen, looks)
             if identity.doubt_s is None:
                 if as_before:
-                    aside = is_aside(target, seen)
+                    aside = is_off_path(target, seen)
                     if aside:
                         # of two that look alike, the one that is where the path leads
                         other = self._view.on_its_path(target, image)
@@ -230,7 +230,7 @@ class PixelTracker:
         if identity.doubt_s is None:
             return look
         other = self._view.on_its_path(target, image)
-        if isinstance(other[1], Detection) and not is_beside(target, seen, other[1]):
+        if isinstance(other[1], Detection) and not is_second_object(target, seen, other[1]):
             self._saw(target, other[1], t_s)
             identity.confirm(target.motion, t_s)
             return other

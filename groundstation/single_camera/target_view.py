@@ -140,7 +140,7 @@ class TargetView:
     ) -> Look:
         """Return the look at the whole thing where the detector has seen a part of it, or more than that.
 
-        What is whole was learnt by earlier second looks: beside a pole or before a cloud they see more.
+        What is whole was learnt by earlier second looks: next to a pole or in front of a cloud they see more.
         """
         seen = look[1].box.length
         if target.whole_px is None:
@@ -200,13 +200,13 @@ def in_place(target: PixelTarget, seen: Detection) -> bool:
     return off <= max(_IN_PLACE * target.length_px, _LEAST_SURPRISE_PX)
 
 
-def is_aside(target: PixelTarget, seen: Detection) -> bool:
-    """Return whether something is beside the place where the target is expected."""
+def is_off_path(target: PixelTarget, seen: Detection) -> bool:
+    """Return whether something lies off the place where the target is expected."""
     off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
     return off > max(_ASIDE_SIGMAS * target.motion.sigma_px, 0.5 * target.length_px, _LEAST_SURPRISE_PX)
 
 
-def is_beside(target: PixelTarget, seen: Detection | Miss, other: Detection) -> bool:
+def is_second_object(target: PixelTarget, seen: Detection | Miss, other: Detection) -> bool:
     """Return whether ``other`` is a second thing, away from the target's place, which what was ``seen`` first is in.
 
     Light and blur of a bird close by change what the target looks like; the bird is no more the target for that.

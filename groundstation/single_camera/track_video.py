@@ -66,7 +66,7 @@ def track_video(
     progress: Callable[[int, int | None], None] = lambda done, total: None,
     environment: Mapping[str, str] | None = None,
 ) -> TrackResult:
-    """Track one video; ``progress`` is told frames done and frames in all, None where nobody knows.
+    """Track one video; ``progress`` gets the frames done and the frames in all, None where that is unknown.
 
     ``environment`` is the caller's (os.environ), for the viewer. Raises `InputError` where nothing can be done
     at all. A fault met on the way is in the result.
@@ -156,7 +156,7 @@ class _FrameCounts:
 
 
 class _TableRows:
-    """The table's rows and their count: one for each frame, for the damaged ones, too, which nobody could look at."""
+    """The table's rows and their count: one for each frame, those included that could not be decoded."""
 
     def __init__(self, table: PixelTrackFile, tally: _FrameCounts, video: VideoFile) -> None:
         self._table, self._tally, self._video = table, tally, video
@@ -228,7 +228,7 @@ def _open_sinks(
     """Open everything that is written: the table, and sinks of which each takes a frame and its track."""
     sinks: list[Callable[[VideoFrame, PixelTrack], None]] = []
     if request.view:
-        # imported here: nobody else has to wait for Rerun
+        # imported here: without --view, the start does not wait for Rerun
         from groundstation.viewer.live_track import APPLICATION, LiveTrackView
         from groundstation.viewer.viewer_process import open_live_stream
 

@@ -28,7 +28,6 @@ PACKED: set[str] = {
     "groundstation.detection.flatten._resemble_block(room)",
     "groundstation.detection.frame_alignment._misplacements(rows)",
     "groundstation.detection.frame_alignment._shift(rows)",
-    "groundstation.detection.regions._gather(near)",
     "groundstation.detection.registration.misplacement(rows)",
     "groundstation.detection.registration.refine(rows)",
     "groundstation.estimation.silhouette._log_width(slope)",

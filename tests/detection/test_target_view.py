@@ -1,4 +1,4 @@
-"""What is the target, what is beside it and what is in its place, told from where its path leads."""
+"""What is the target, what is a second object next to it, and what is in its place, decided by the predicted path."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from groundstation.box import box_of_size
 from groundstation.messages import Detection, Miss, MissReason
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_target import PixelTarget
-from groundstation.single_camera.target_view import is_beside
+from groundstation.single_camera.target_view import is_second_object
 
 
 def target(place_px: tuple[float, float], length_px: float) -> PixelTarget:
@@ -42,14 +42,16 @@ def seen(u_px: float, v_px: float, w_px: float = 10.0, h_px: float = 6.0) -> Det
 
 
 @pytest.mark.parametrize(
-    ("first", "other", "beside"),
+    ("first", "other", "second_object"),
     [
-        (seen(101.0, 50.0, 3.0, 4.0), seen(87.0, 45.0), True),  # a part of the target, and a bird beside it
+        (seen(101.0, 50.0, 3.0, 4.0), seen(87.0, 45.0), True),  # a part of the target, and a bird next to it
         (seen(101.0, 50.0, 30.0, 20.0), seen(90.0, 46.0), False),  # the second is part of the first
         (seen(101.0, 50.0, 3.0, 4.0), seen(98.0, 51.0, 2.0, 2.0), False),  # both are in the target's place
         (seen(115.0, 50.0, 3.0, 4.0), seen(87.0, 45.0), False),  # neither is
         (Miss(reason=MissReason.NO_REGION), seen(87.0, 45.0), False),
     ],
 )
-def test_what_is_beside_the_target(first: Detection | Miss, other: Detection, beside: bool) -> None:
-    assert is_beside(target((100.0, 50.0), 10.0), first, other) is beside
+def test_a_second_object_is_found_next_to_the_target(
+    first: Detection | Miss, other: Detection, second_object: bool
+) -> None:
+    assert is_second_object(target((100.0, 50.0), 10.0), first, other) is second_object
