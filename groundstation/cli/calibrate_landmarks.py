@@ -22,7 +22,7 @@ how: aim each station at four or more landmarks in different directions; at
 each, wait until it stands and note 40 or more rows of angles and pixel; leave
 for the next one, and come back to the first at the end. A station's position is
 found too unless the rig has known = ["position", ...]; its covariance there is
-how well. The sightings are kept beside the rig, for check. LIST, with commas:
+how well. The sightings are kept next to the rig, for check. LIST, with commas:
 position, boresight, focal: find these within what the rig says of them (else
 0.3 m, 1 deg, 1 %), though they are known.
 Tables: docs/formats.md
@@ -38,7 +38,7 @@ _CHECK_MORE = """examples:
 
 how: from each station aim at the landmarks (the runway's corners will do) and
 note 40 or more rows at each, six landmarks better than two. They are compared
-with the sightings of the survey, which it has kept beside the rig (rig.toml has
+with the sightings of the survey, which it has kept next to the rig (rig.toml has
 rig.sightings.csv), or with another such table, --reference: errors of the
 landmarks' coordinates then do not matter, and six times 40 rows find 0.01 deg
 about any axis. Without any (--reference none) only 0.03 deg or so are seen.
@@ -70,13 +70,13 @@ def add_landmark_kinds(kinds: Commands) -> None:
         "--reference",
         type=READ,
         metavar="FILE",
-        help="sightings of the same landmarks when the rig was calibrated (default: beside the rig, .sightings.csv)",
+        help="sightings of the same landmarks when the rig was calibrated (default: next to the rig, .sightings.csv)",
     )
     check.add_argument(
         "--record",
         type=WRITTEN_FILE,
         metavar="FILE",
-        help="where to add the record (default: beside the rig, .checks.jsonl)",
+        help="where to add the record (default: next to the rig, .checks.jsonl)",
     )
     add_report(check)
     check.add_argument(

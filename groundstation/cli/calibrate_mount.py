@@ -26,7 +26,7 @@ refused, unless --free leaves the boresight out; a board, or one 40 deg up, can.
 pictures.csv in the folder of --pictures: file, station, pan_deg, tilt_deg.
 
 LIST, with commas, of boresight, lever, lean, scale, backlash, base (all of these
-unless said) and zero. What the sightings do not determine is held, and said.
+unless said) and zero. What the sightings do not determine is held, with a note.
 
 exit code: 0 done; 1 the sightings are at fault or cannot teach that, and nothing
 is written; 2 wrong usage"""
@@ -88,7 +88,7 @@ def _require_usage(options: argparse.Namespace) -> None:
         got = "both" if options.sightings is not None else "neither"
         raise InputError("SIGHTINGS, --pictures", got=got, wanted="one of them")
     if options.pictures is not None and options.landmarks is not None:
-        raise InputError("--landmarks", got="--pictures beside it", wanted="sightings: pictures name no landmarks")
+        raise InputError("--landmarks", got="--pictures as well", wanted="sightings: pictures name no landmarks")
     if (options.board is not None or options.lamp) != (options.pictures is not None):
         got = "neither" if options.pictures is not None else "no --pictures"
         raise InputError("--board, --lamp", got=got, wanted="one of them, with --pictures")

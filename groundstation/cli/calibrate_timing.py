@@ -20,8 +20,8 @@ _TIMING_MORE = """examples:
       --detections out/detections.csv --out timed.toml
 
 --from-flight finds the clocks from the aircraft's DGPS track and the pixels that
-saw it, as calibrate flight does, with nothing else free; with --pictures beside it
-both ways are gone and compared, and the pictures' result is written.
+saw it, as calibrate flight does, with nothing else free; with --pictures as well
+both methods are run and compared, and the pictures' result is written.
 
 exit code: 0 done; 1 the session cannot teach that, and nothing is written;
 2 wrong usage; 130 interrupted"""

@@ -23,7 +23,7 @@ be those of the runway, or name a surveyed one by --runways and --runway. [imu]
 camera_in_body_m and noise are optional
 
 the IMU table: t_s, force_x_m_s2 … force_z_m_s2, rate_x_deg_s … rate_z_deg_s (forward,
-right, down); with roll_deg, pitch_deg, yaw_deg and a place besides, as for `onboard
+right, down); with roll_deg, pitch_deg, yaw_deg and a position as well, as for `onboard
 edges`, the first edges are looked for by these, without by [start]
 
 --ground-track: track.csv of a replay, or a TUM trajectory, on the same clock; it is
@@ -32,8 +32,8 @@ compared with the aircraft's own and never used for it
 DIR gets track.csv, track.tum, pictures.csv, fly.mp4, fly.rrd, and with --ground-track
 agreement.csv
 
-exit code: 0 done; 1 an input is at fault, no picture's pose could be used (why is
-said), or the ground's track and the aircraft's own do not agree; 2 wrong usage;
+exit code: 0 done; 1 an input is at fault, no picture's pose could be used (with the
+reason), or the ground's track and the aircraft's own do not agree; 2 wrong usage;
 130 interrupted"""
 _FILES = ("track.csv", "track.tum", "pictures.csv", "fly.mp4", "fly.rrd", "agreement.csv")
 

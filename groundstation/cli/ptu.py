@@ -17,7 +17,7 @@ what it can do, a histogram of the round trips, failures. Nothing moves."""
 _MONITOR = """Watch a unit: where it is, how far from its limits, round trips, failures. Nothing moves."""
 _JOG = """Turn a unit carefully, watch how it goes, and say: lag, stiction, missed steps. It is
 halted on every way out: an error, Ctrl-C, a closed terminal."""
-_SIMULATE = """Pretend to be a pan-tilt unit, on a pty or a TCP port of this machine, as it leaves the
+_SIMULATE = """Simulate a pan-tilt unit, on a pty or a TCP port of this machine, as it leaves the
 factory: echo on, verbose, 9600 baud with its line times. Ends with Ctrl-C."""
 _MORE = """examples:
   groundstation ptu simulate --link /tmp/unit &
@@ -37,7 +37,7 @@ move missed its target; 2 wrong usage; 130 interrupted"""
 
 def add_ptu(commands: Commands) -> None:
     """Add `ptu` and its subcommands."""
-    ptu = commands.add_parser("ptu", help="pan-tilt units: what is it, how does it do, move it, pretend to be one")
+    ptu = commands.add_parser("ptu", help="pan-tilt units: what is it, how does it do, move it, simulate one")
     kinds = ptu.add_subparsers(dest="ptu", metavar="WHAT", required=True)
     probe = add_command(
         kinds, "probe", _handle_faults(_probe), "what is it, and how fast does it answer", _PROBE, _MORE
@@ -91,7 +91,7 @@ def _add_simulate(kinds: Commands) -> None:
     from ptu_drivers.simulated.faults import FAULTS
     from ptu_drivers.simulated.lines import OTHERS
 
-    simulate = add_command(kinds, "simulate", _handle_faults(_simulate), "pretend to be one", _SIMULATE, _MORE)
+    simulate = add_command(kinds, "simulate", _handle_faults(_simulate), "simulate one", _SIMULATE, _MORE)
     simulate.add_argument("--protocol", choices=("flir", *OTHERS), default="flir", help="what to speak (flir)")
     where = simulate.add_mutually_exclusive_group(required=True)
     where.add_argument("--link", type=WRITTEN_FILE, metavar="PATH", help="make a pty, and a link to it here")
@@ -100,7 +100,7 @@ def _add_simulate(kinds: Commands) -> None:
     simulate.add_argument("--latency-ms", type=_latency, metavar="LOW,HIGH", help="of replies (2,8)")
     simulate.add_argument("--backlash-deg", type=finite_number, default=0.0, metavar="DEG", help="play of the head (0)")
     simulate.add_argument("--no-combined", action="store_true", help="knows neither B nor BT")
-    simulate.add_argument("--banner", default="", metavar="TEXT", help="said when somebody connects (TCP)")
+    simulate.add_argument("--banner", default="", metavar="TEXT", help="sent to each client that connects (TCP)")
     simulate.add_argument("--seed", type=int, default=0, metavar="N", help="of latencies and faults (0)")
     simulate.add_argument(
         "--fault",

@@ -44,11 +44,11 @@ def _open_of_station(options: argparse.Namespace):  # type: ignore[no-untyped-de
         "--pan-limits": options.pan_limits,
         "--tilt-limits": options.tilt_limits,
     }
-    besides = [option for option, given in own.items() if given]
-    if besides:
+    conflicting = [option for option, given in own.items() if given]
+    if conflicting:
         where = f"groundstation ptu {options.ptu}"
         raise UsageError(
-            where, got=f"{besides[0]} and --station", wanted="one of them: the file says how it is reached"
+            where, got=f"{conflicting[0]} and --station", wanted="one of them: the file holds the connection"
         )
     unit = open_station_head(Path(file), name, time.monotonic, time.time)
     if isinstance(unit, KeepOutUnit):

@@ -12,7 +12,7 @@ from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import InputError
 
 _REPRODUCE = """Do the papers' experiments on our recordings: every figure and table that they allow,
-numbered as in the paper, ours beside theirs, with the differences in set-up named."""
+numbered as in the paper, ours next to theirs, with the differences in set-up named."""
 _REPRODUCE_MORE = """examples:
   groundstation reproduce --out out/reproduce
   groundstation reproduce --only roi ekf
@@ -31,7 +31,7 @@ def add_reproduce(commands: Commands) -> None:
         commands,
         "reproduce",
         run_reproduce,
-        "the papers' experiments on our recordings, ours beside theirs",
+        "the papers' experiments on our recordings, ours next to theirs",
         _REPRODUCE,
         _REPRODUCE_MORE,
     )
@@ -43,7 +43,7 @@ def add_reproduce(commands: Commands) -> None:
         help="where page, tables and figures go; made if missing (default: out/reproduce)",
     )
     reproduce.add_argument("--only", nargs="+", default=[], metavar="NAME", help="only these experiments (see --list)")
-    reproduce.add_argument("--list", action="store_true", help="say which experiments there are, and do none")
+    reproduce.add_argument("--list", action="store_true", help="list the experiments, and run none")
     reproduce.add_argument(
         "--session",
         type=READ,
@@ -84,5 +84,5 @@ def run_reproduce(options: argparse.Namespace) -> int:
         done = reproduce(request, status_line.show)
     for (experiment, findings), elapsed_s in zip(done.found, done.elapsed_s, strict=True):
         print(f"{experiment.title} ({experiment.numbers}): {len(findings.tables)} tables, {elapsed_s:.0f} s")
-    print(f"wrote {done.files[0]} and {len(done.files) - 1} files beside it")
+    print(f"wrote {done.files[0]} and {len(done.files) - 1} other files")
     return 0

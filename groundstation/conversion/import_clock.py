@@ -21,12 +21,12 @@ class ImportClock:
     ptu_start_s: float
 
     def epoch_text(self) -> str:
-        """Return zero as UTC."""
+        """Return the time of zero as UTC."""
         return "unknown" if self.epoch_gps_s is None else utc_text(self.epoch_gps_s)
 
 
 def import_clock(request: ImportRequest, log: GnssLog | None) -> ImportClock:
-    """Settle the clock: the epoch asked for, else the whole second before the first video, else before the log.
+    """Return the clock: the epoch asked for, else the whole second before the first video, else before the log.
 
     Raises `InputError` if a start is missing or no time, or if a UTC time has no epoch to refer to.
     """
@@ -45,7 +45,7 @@ def import_clock(request: ImportRequest, log: GnssLog | None) -> ImportClock:
         epoch = float(math.floor(min(utc)))
     if epoch is None and log is not None and request.frames is not None:
         wanted = "what zero of the frames' times is, in UTC"
-        raise InputError("--epoch", got="a table of frames beside a log in UTC", wanted=wanted)
+        raise InputError("--epoch", got="a table of frames with a log in UTC", wanted=wanted)
     if epoch is None and log is not None:
         epoch = float(math.floor(log.gps_s[0]))
     starts = {name: _since(epoch, *moment, f"--{name}-start") for name, moment in moments.items()}

@@ -1,1 +1,1 @@
-"""The container of what a run consumed and answered: MCAP, docs/formats.md says what is in it."""
+"""Recordings of runs in MCAP files: writer, reader, codecs of the messages, recovery (docs/formats.md)."""

@@ -1,11 +1,11 @@
-"""Data rates of a recording: while searching, which records whole pictures, and while tracking."""
+"""Data rates of a recording: while searching, when whole pictures are recorded, and while tracking."""
 
 from dataclasses import dataclass
 
 from groundstation.messages import TrackEstimate, TrackStatus
 
 _TRACKING = (TrackStatus.TRACKING, TrackStatus.COASTING)
-# answers further apart than that have nothing to do with each other: a camera was away, the clock began anew
+# estimates further apart belong to different stretches: a camera was lost, or the clock was reset
 _PAUSE_S = 2.0
 
 
@@ -24,14 +24,14 @@ class DataRates:
             ("tracking", self.tracking_bytes, self.tracking_s),
             ("searching", self.searching_bytes, self.searching_s),
         )
-        said = [f"{n / s / 1e6:.1f} MB/s while {what} ({s:.0f} s)" for what, n, s in parts if s >= 1.0]
-        return ", ".join(said)
+        texts = [f"{n / s / 1e6:.1f} MB/s while {what} ({s:.0f} s)" for what, n, s in parts if s >= 1.0]
+        return ", ".join(texts)
 
 
 class DataRateMeter:
-    """Books what is written, answer by answer, in the writer's own order: what waits to be written blurs nothing.
+    """Counts bytes and seconds from estimate to estimate, in the order in which they are written.
 
-    A chunk is written when it is full or 0.25 s old, so that much of one stretch may be booked to the next.
+    A chunk is written when it is full or 0.25 s old, so that up to 0.25 s of data count for the next status.
     """
 
     def __init__(self) -> None:
@@ -40,11 +40,11 @@ class DataRateMeter:
 
     @property
     def rates(self) -> DataRates:
-        """What was booked so far."""
+        """The rates so far."""
         return self._rates
 
-    def answered(self, estimate: TrackEstimate, written_bytes: int) -> None:
-        """Book what was written, and the time that went by, since the last answer."""
+    def add_estimate(self, estimate: TrackEstimate, written_bytes: int) -> None:
+        """Add the bytes written and the time since the previous estimate."""
         last, self._last = self._last, (estimate.t_s, written_bytes)
         if last is None or not 0.0 < estimate.t_s - last[0] < _PAUSE_S:
             return

@@ -1,7 +1,7 @@
 """Input events of the pipeline as lines of JSON, bit-exact, and their parser.
 
-Besides the events there are notes: what was kept of a frame's pixels (known only once it has been looked at), what was
-dropped, what was lost.
+Other lines are notes: which parts of a frame's pixels were recorded (known only after the detection), which frames'
+pixels were dropped, and which events were lost.
 """
 
 import json
@@ -274,5 +274,5 @@ def part_inside(part: PartNote, size_px: tuple[int, int]) -> bool:
 
 
 def stamp_ns(t_s: float) -> int:
-    """Return a time as the container's clock has it, in whole ns; exact times stand in the lines."""
+    """Return a time as an MCAP time stamp in whole ns; the JSON lines hold the exact times."""
     return min(max(round(t_s * 1e9), 0), 2**62) if math.isfinite(t_s) else 0

@@ -12,9 +12,9 @@ from groundstation.files.png_file import png_size_px
 from groundstation.picture import BayerPattern
 from groundstation.recording import mcap_schemas
 
-# runs of equal differences: on noisy pictures quicker than PNG's usual search, and no larger
+# run-length coding: faster than PNG's default strategy on noisy pictures, at the same size
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
-# eight bits a value, grey or in colour: where a header says so
+# bit depth and colour type in the PNG header: 8 bit, grey or RGB
 _PNG_KINDS = (b"\x08\x00", b"\x08\x02")
 _ENCODINGS = {
     BayerPattern.RG: "bayer_rggb8",
@@ -46,7 +46,7 @@ def encode_image(pixels: ImageArray, *, png: bool, pattern: BayerPattern | None,
 def decode_image(message: bytes, *, png: bool, size_px: tuple[int, int], colour: bool, where: str) -> ImageArray:
     """Return the pixels of a message, (h, w, 3) with ``colour``, else (h, w); they must have ``size_px`` (w, h).
 
-    Raises `RecordingError`; a picture that says to be larger than that is not even unpacked.
+    Raises `RecordingError`; a picture with a larger size in its header is not decoded.
     """
     w, h = size_px
     wanted = f"a picture of {w} × {h} px, {'in colour' if colour else 'one value a pixel'}"

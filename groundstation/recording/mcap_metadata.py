@@ -33,9 +33,9 @@ class RecordingHeader:
     ----------
     name : of the session.
     files : session.toml, rig.toml, config.toml as they were read, and the reference tables that there are.
-    pictures : whether cameras give pictures, or someone else's pixels are used.
-    initial : the start that the pipeline was given.
-    learns_from_reference : whether the filter was to learn from reference positions.
+    pictures : whether the events hold pictures; else pixels of an external detector.
+    initial : the initial state of the pipeline, if it had one.
+    learns_from_reference : whether reference positions update the filter.
     left_out : stations that session.toml may name and the rig does not have.
     """
 
@@ -81,7 +81,7 @@ def parse_header(contents: McapContents, where: str) -> RecordingHeader:
         raise RecordingError(where, got=got, wanted=f"a recording of the format {FORMAT!r}")
     missing = [name for name in (SESSION, RIG, CONFIG) if name not in contents.attachments]
     if missing:
-        raise RecordingError(where, got=f"no {missing[0]} in it", wanted="one, as each recording of ours has")
+        raise RecordingError(where, got=f"no {missing[0]} in it", wanted="one, as in each recording of this program")
     initial, left_out = _json(about, "initial", where), _json(about, "left_out", where)
     if not isinstance(left_out, list) or not all(isinstance(name, str) for name in left_out):
         raise RecordingError(f"{where}: left_out", got=quoted(left_out), wanted="a list of stations")

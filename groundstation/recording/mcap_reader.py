@@ -1,6 +1,6 @@
-"""Reading an MCAP file record by record, from front to back, with bounds: the file may be cut short or anyone's.
+"""Reading an MCAP file record by record, from front to back, with limits: it may be cut short or of unknown origin.
 
-What is whole before a fault is given first, then the fault is raised. https://mcap.dev/spec
+Intact records before a fault are returned first, then the fault is raised. https://mcap.dev/spec
 """
 
 import os
@@ -37,7 +37,7 @@ R = TypeVar("R", bound=McapRecord)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class McapMessage:
-    """One message: its channel and schema, its writer's number and stamp; ``offset`` of its chunk in the file."""
+    """One message: channel, schema, sequence number and time stamps; ``offset`` is that of its chunk in the file."""
 
     channel: Channel
     schema: Schema | None
@@ -49,15 +49,15 @@ class McapMessage:
 
     @property
     def topic(self) -> str:
-        """What it is about."""
+        """The topic of its channel."""
         return self.channel.topic
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class McapContents:
-    """What stands in a file beside its messages: attached files, notes by name, and whether it was closed.
+    """The records of a file other than messages: attachments and metadata by name, and the number of chunks.
 
-    ``fault`` is what ended the reading early, None in a closed file.
+    ``whole_bytes`` is the end of the last intact record, ``fault`` the fault after it; None in a closed file.
     """
 
     attachments: dict[str, bytes]
@@ -69,7 +69,7 @@ class McapContents:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _RecordSpan:
-    """Where a record's content stands."""
+    """Place of a record's content in the file."""
 
     opcode: int
     offset: int
@@ -77,14 +77,14 @@ class _RecordSpan:
 
 
 class McapReader:
-    """One MCAP file, opened; raises `RecordingError` if it is none. A context manager.
+    """An open MCAP file; raises `RecordingError` if it is none. A context manager.
 
-    Nothing larger than `MAX_RECORD_BYTES` is ever held, packed or unpacked.
+    No record or chunk larger than `MAX_RECORD_BYTES`, compressed or not, is read into memory.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        # a pipe or a device has no end, and no places to go back to
+        # a pipe or a device has no end and cannot seek
         if not path.is_file():
             raise RecordingError(str(path), got="no such file", wanted="a recording, .mcap")
         try:
@@ -105,7 +105,7 @@ class McapReader:
         self._stream.close()
 
     def contents(self) -> McapContents:
-        """Go once through the file, passing over what is packed in chunks; a fault is in the answer."""
+        """Read the file once without decompressing its chunks; a fault is in the result."""
         attachments: dict[str, bytes] = {}
         metadata: dict[str, dict[str, str]] = {}
         chunks = attached = 0
@@ -130,8 +130,8 @@ class McapReader:
     def messages(self, skip: Callable[[RecordingError], None] | None = None) -> Iterator[McapMessage]:
         """Yield all messages in the file's order.
 
-        Raises `RecordingError` at the first fault; a chunk that is damaged inside is told to ``skip`` and passed
-        over, if that is given.
+        Raises `RecordingError` at the first fault; with ``skip``, a chunk damaged inside is reported to it and left
+        out instead.
         """
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
@@ -139,7 +139,7 @@ class McapReader:
         for place in self._places():
             if place.opcode == Opcode.CHUNK:
                 try:
-                    # nothing here holds a chunk on while the next one is unpacked
+                    # no reference to a chunk remains while the next one is decompressed
                     yield from self._inside(place, schemas, channels, budget)
                 except RecordingError as fault:
                     if skip is None:
@@ -185,7 +185,7 @@ class McapReader:
         return _parse(kind, self._read(place.offset, place.length), self._where(place.offset))
 
     def _unpacked(self, place: _RecordSpan, budget: ReadBudget) -> bytes | memoryview:
-        """Return what a chunk holds; raises `RecordingError` if it is damaged or too large."""
+        """Return the decompressed content of a chunk; raises `RecordingError` if it is damaged or too large."""
         chunk = self._parsed(Chunk, place)
         if chunk.uncompressed_size > MAX_RECORD_BYTES:
             got = f"a chunk of {chunk.uncompressed_size} bytes"
@@ -207,7 +207,7 @@ class McapReader:
 
 
 class _ChunkReader:
-    """The records of one unpacked chunk; schemas and channels hold for later chunks too."""
+    """Reads the records of one decompressed chunk; its schemas and channels are valid in later chunks too."""
 
     def __init__(
         self,
@@ -217,7 +217,7 @@ class _ChunkReader:
         channels: dict[int, Channel],
         budget: ReadBudget,
     ) -> None:
-        # a piece of it is no copy
+        # slices of a view are no copies
         self._data = memoryview(data)
         self._budget = budget
         self._where = where

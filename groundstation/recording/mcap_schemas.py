@@ -1,6 +1,6 @@
-"""The standard messages that viewers know, as Protocol Buffers; names and numbers are those of Foxglove's schemas.
+"""Standard messages for viewers as Protocol Buffers, with the names and field numbers of Foxglove's schemas.
 
-Only what we write is described. https://docs.foxglove.dev/docs/sdk/schemas
+Only the messages and fields that a recording uses are described. https://docs.foxglove.dev/docs/sdk/schemas
 """
 
 from collections.abc import Sequence
@@ -102,5 +102,5 @@ def encode(kind: str, *, stamp_ns: int, **fields: Any) -> bytes:
 
 
 def decode(kind: str, data: bytes) -> Any:
-    """Return a standard message of someone else's file; raises ``google.protobuf.message.DecodeError``."""
+    """Return a standard message of any file; raises ``google.protobuf.message.DecodeError``."""
     return _CLASSES[kind].FromString(data)

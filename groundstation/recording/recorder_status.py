@@ -87,5 +87,5 @@ def left_to_recover(written_bytes: int) -> str:
     return "; see `recover`" if written_bytes else "; nothing could be recorded"
 
 
-# nothing waits longer than its picture takes to be packed
+# for offline use: pictures are always compressed
 PATIENT = RecorderConfig(patient=True, png_fill=2.0, close_s=120.0)

@@ -53,7 +53,7 @@ class WriterThread:
             if item is not None:
                 self._messages.put(item, png=self._queue.fill() < self._config.png_fill)
                 if isinstance(item, OutputItem) and isinstance(item.content, TrackEstimate):
-                    self._rates.answered(item.content, self._output.tell())
+                    self._rates.add_estimate(item.content, self._output.tell())
             elif self._queue.drained:
                 break
             self._flush()
@@ -67,7 +67,7 @@ class WriterThread:
 
     def _fail(self) -> None:
         """Set the failed state with its reason and advice on recovery."""
-        why = f"the disk took nothing at the end ({self._refused})"
+        why = f"the disk accepted no data at the end ({self._refused})"
         self._set_state(RecorderState.FAILED, why + left_to_recover(self._output.written_bytes))
 
     def _out_of_time(self) -> bool:
@@ -121,5 +121,5 @@ class WriterThread:
             if sync:
                 self._output.sync()
         except OSError as fault:
-            return self._refuse(f"the disk takes nothing ({fault.strerror or fault})")
+            return self._refuse(f"the disk accepts no data ({fault.strerror or fault})")
         return True

@@ -17,7 +17,7 @@ from groundstation.rig.rig import ClockModel, Rig, Station, load_rig, parse_cloc
 from groundstation.session.dgps_options import DgpsOptions, parse_dgps
 from groundstation.session.media import Medium, check_medium, find_media
 
-# what [clocks] may name besides the stations
+# names in [clocks] other than the stations
 CLOCKED_TABLES = ("frames", "detections", "ptu", "dgps", "truth")
 _TABLES = ("clocks", "target", "initial", "origin", "phase", "dgps")
 _MAX_PHASES = 10_000

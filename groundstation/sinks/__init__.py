@@ -1,1 +1,1 @@
-"""Where reports go."""
+"""Sinks of reports: tables, overlay video, comparison with recorded outputs."""

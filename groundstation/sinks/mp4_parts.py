@@ -1,7 +1,7 @@
 """A long MP4 video as short ones: the same samples, not encoded again, cut where a decoder can begin.
 
 ISO/IEC 14496-12, sections 8.5 to 8.7: the tables of a track are read into an array each, of a stretch of samples they
-are written anew. A cut is at a sync sample with all earlier pictures shown before it and all later ones after it, so
+are rewritten. A cut is at a sync sample with all earlier pictures shown before it and all later ones after it, so
 that the pictures of one part after the other are those of the whole, in order.
 """
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-# boxes that hold boxes, on the way to the tables, and beside them
+# boxes that contain boxes, on the path to the tables and next to it
 _HOLDERS = (b"moov", b"trak", b"mdia", b"minf", b"dinf", b"stbl", b"edts", b"udta", b"ilst", b"mvex", b"meta")
 # bytes of an entry, after a full box's version and flags and the number of entries
 _ENTRY_BYTES = {b"stts": 8, b"ctts": 8, b"stsc": 12, b"stco": 4, b"co64": 8, b"stss": 4, b"elst": 12}

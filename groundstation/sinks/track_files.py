@@ -24,7 +24,7 @@ DETECTION_COLUMNS = (
     *("t_s", "station", "u_px", "v_px", "sigma_u_px", "sigma_v_px"),
     *("roi_x_px", "roi_y_px", "roi_w_px", "roi_h_px", "status", "elapsed_ms"),
 )
-# what is written after the run; an earlier run's must not lie beside this run's track
+# files written after the run; those of an earlier run must not remain next to this run's track
 _WRITTEN_AFTERWARDS = ("summary.json", "report.html", "smoothed.csv", "truth.tum", "dgps.tum")
 _UPPER_TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 # session time

@@ -1,1 +1,1 @@
-"""Where events come from."""
+"""Sources of events: session folders, recordings, videos, cameras."""

@@ -1,8 +1,8 @@
-"""Memory for decoded frames, used again once nobody looks at a frame any more.
+"""Memory for decoded frames, reused once a frame is no longer referenced.
 
 A picture of a few megabytes comes from the operating system page by page, and each page is cleared first: for a
 frame that lives a tenth of a second that costs as much as its colours. A frame's memory comes back by itself when
-the last array that looks into it is gone, slices included, so whoever keeps a frame keeps it unharmed.
+the last array that looks into it is gone, slices included, so a referenced frame is never overwritten.
 """
 
 import weakref

@@ -16,7 +16,6 @@ LONG: set[str] = {
     "groundstation.live.command._live",
     "groundstation.onboard.visual_inertial.corner_finder.find_corners",
     "groundstation.onboard.scenes.ground_kernel.render_ground",
-    "groundstation.replay.replay.replay",
 }
 MANY_ARGUMENTS: set[str] = {
     "groundstation.estimation.compiled_filter.correct_into",

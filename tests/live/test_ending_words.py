@@ -64,7 +64,7 @@ def test_where_nothing_was_recorded_the_exit_code_says_so(
     lost: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Expected: 1 and a line where a recording was wanted and nothing of it is there; 0 where only some of it lacks."""
-    why = "flight.mcap: failed: the disk took nothing at the end (disk full, 12 MB free)"
+    why = "flight.mcap: failed: the disk accepted no data at the end (disk full, 12 MB free)"
     result = replace(ended(), incomplete=(why,), lost=lost)
     monkeypatch.setattr("groundstation.live.command.live", lambda *_, **__: result)
     assert main(["live", "--simulate", "--out", "x"]) == int(lost)

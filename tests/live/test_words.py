@@ -58,7 +58,7 @@ def test_what_is_written_is_booked_to_what_the_track_did() -> None:
         at += 100_000 if tracking else 2_000_000
         # a gap of the clock, and a step back, belong to no camera
         t_s = 0.05 * k + (50.0 if k > 350 else 0.0)
-        book.answered(replace(answers[0], t_s=t_s, status=status), at)
+        book.add_estimate(replace(answers[0], t_s=t_s, status=status), at)
     rates = book.rates
     assert rates.tracking_s == pytest.approx(200 * 0.05)
     assert rates.searching_s == pytest.approx(199 * 0.05)

@@ -92,10 +92,10 @@ def test_a_disk_that_takes_nothing_ever_does_not_stop_the_flight(tmp_path: Path)
     assert status.events_lost > 0
     assert status.records_lost >= status.events_lost
     assert status.events_lost <= number
-    assert "the disk took nothing" in status.line()
+    assert "the disk accepted no data" in status.line()
     # a file of no bytes is nothing that could be recovered
     assert status.written_bytes == path.stat().st_size == 0
-    assert "(the disk takes nothing (No space left on device)); nothing could be recorded, 0.0 MB" in status.line()
+    assert "(the disk accepts no data (No space left on device)); nothing could be recorded, 0.0 MB" in status.line()
     assert "recover`" not in status.line()
 
 

@@ -21,7 +21,7 @@ class NmeaStream:
     Parameters
     ----------
     name : of the line, for errors.
-    options : what the receiver leaves open; the date is the receiver's own, else that of whoever listens.
+    options : what the receiver leaves open; the date is the receiver's own, else that of the listening computer.
     """
 
     def __init__(self, name: str, options: LogOptions) -> None:

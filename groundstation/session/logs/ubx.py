@@ -182,7 +182,7 @@ def _fix(message: Any, fine: dict[tuple[int, int], Any], options: LogOptions, re
 def _from_base(fix: LogFix, relative: Any, base_deg_m: tuple[float, float, float], remarks: Remarks) -> LogFix | None:
     """Return the fix moved to where NAV-RELPOSNED sees it from the base; its lengths are cm, sigmas mm."""
     if relative is None or not relative.relPosValid or not relative.gnssFixOK:
-        remarks.count("NAV-PVT without a valid NAV-RELPOSNED beside it")
+        remarks.count("NAV-PVT without a valid NAV-RELPOSNED of the same epoch")
         return None
     enu = _PER_CM * np.array([relative.relPosE, relative.relPosN, -relative.relPosD])
     lat, lon, height = (float(v) for v in geodetic_from_ecef(ecef_from_enu(enu, base_deg_m)))

@@ -82,8 +82,8 @@ class CameraCare:
 
     Parameters
     ----------
-    silent_after_s : without a frame for so long, it is opened anew; longer than the longest pause between triggers.
-    frozen_after_s : pictures that are the same to the last bit for so long: opened anew. Flat ones do not count.
+    silent_after_s : without a frame for so long, it is reopened; longer than the longest pause between triggers.
+    frozen_after_s : pictures that are identical to the last bit for so long: reopened. Flat ones do not count.
     backoff_s, most_backoff_s : pause before the first and, doubled each time, before any later attempt.
     queue : frames that wait to be fetched; the oldest is dropped, and counted.
     wait_at_start : go on where the camera cannot be opened at first, instead of an error.

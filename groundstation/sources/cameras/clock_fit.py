@@ -103,7 +103,7 @@ class ClockFit:
         self._late: list[tuple[float, float]] = []
 
     def restart(self) -> None:
-        """Forget everything: the device has been opened anew."""
+        """Forget everything: the device has been reopened."""
         self._bins.clear()
         self._line = None
         self._last = None
@@ -195,7 +195,7 @@ class ClockFit:
     def _sigma(self, line: _ClockLine, x: float) -> float:
         """Return one sigma of the line at x, s.
 
-        The line is late by the shortest delay that occurred, which nobody knows: next to nothing where short delays are
+        The line is late by the shortest delay that occurred, which is unknown: next to nothing where short delays are
         common, as much as the bins scatter where they are rare. What few bins say of that is uncertain (Student's t).
         """
         level = line.spread_s * math.sqrt(line.bins / max(line.bins - 4.0, 1.0))

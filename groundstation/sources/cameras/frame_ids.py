@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 _LARGEST_16 = 0xFFFF
-# what comes this little late was overtaken on the way; further back, the camera has begun to count anew
+# what comes this little late was overtaken on the way; further back, the camera has restarted its count
 _OVERTAKEN = 16
 
 
@@ -40,7 +40,7 @@ class FrameNumbers:
         self._first_id = 1
 
     def restart(self) -> None:
-        """Forget the camera's count, but not the index: the camera has been opened anew."""
+        """Forget the camera's count, but not the index: the camera has been reopened."""
         self._last_id = None
 
     def take(self, frame_id: int | None) -> FrameNumber:

@@ -186,7 +186,7 @@ def load_harvesters(where: str) -> tuple[Any, Any]:
 
 
 def _refresh(harvester: Any) -> None:
-    """Look anew which cameras there are, without touching those that run.
+    """List the cameras again, without touching those that run.
 
     harvesters' own update closes every camera, so it is for when there is none; else its interfaces are asked.
     """

@@ -31,7 +31,7 @@ class Stamper:
         self._fit = ClockFit(config)
 
     def restart(self) -> None:
-        """Forget the device's clock: it has been opened anew."""
+        """Forget the device's clock: it has been reopened."""
         self._fit.restart()
 
     @property

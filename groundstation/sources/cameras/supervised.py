@@ -134,7 +134,7 @@ class SupervisedCamera:
         self._counts.lost += max(number.lost - self._unnumbered, 0)
         self._unnumbered = 0
         if number.order is FrameOrder.RESTARTED:
-            self._emit(CameraEventKind.RECOUNTED, f"the camera counts anew, from {grab.frame_id}")
+            self._emit(CameraEventKind.RECOUNTED, f"the camera restarted its frame count at {grab.frame_id}")
         if number.order in (FrameOrder.REPEATED, FrameOrder.OVERTAKEN):
             self._counts.overtaken += 1
             return None
@@ -149,7 +149,7 @@ class SupervisedCamera:
         if stamp.change is not ClockChange.NONE:
             reset = stamp.change is ClockChange.RESET
             kind = CameraEventKind.CLOCK_RESET if reset else CameraEventKind.CLOCK_JUMP
-            self._emit(kind, f"the camera's clock {'began anew' if reset else 'jumped'}; fitted again")
+            self._emit(kind, f"the camera's clock {'restarted' if reset else 'jumped'}; fitted again")
         self._counts.frames += 1
         # what works for a while earns a short first pause the next time
         self._backoff_s = self._care.backoff_s

@@ -115,7 +115,7 @@ def test_a_baseline_in_centimetres_from_a_base(tmp_path: Path) -> None:
     assert log.sigma_enu_m[0] == pytest.approx([0.007, 0.008, 0.020])
     bad = pvt(place) + relposned(place, 11095, 4526, -1501, relPosValid=0)
     said = complaint(LogError, lambda: log_of(tmp_path, bad, ".ubx", LogOptions(base_deg_m=(35.68, 139.76, 60.0))))
-    assert "1 × NAV-PVT without a valid NAV-RELPOSNED beside it" in said
+    assert "1 × NAV-PVT without a valid NAV-RELPOSNED of the same epoch" in said
 
 
 @pytest.mark.parametrize("place", [-2, -1])

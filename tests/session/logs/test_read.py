@@ -56,7 +56,7 @@ def test_tables_by_name_and_unit(tmp_path: Path, header: str, row: str) -> None:
         ("utc,lat_deg,height_m\n", "line 1: got no column of lon; wanted lon_deg"),
         ("lat_deg,lon_deg,height_m\n", "line 1: got no column of time; wanted utc"),
         ("utc,lat_deg,lon_deg\n", "line 1: got no column of height"),
-        ("utc,lat_deg,lon_deg,alt_m\n" + ROW, "line 1: got an altitude above nobody knows what"),
+        ("utc,lat_deg,lon_deg,alt_m\n" + ROW, "line 1: got an altitude without a reference surface"),
         ("utc,lat_deg,lon_deg,alt_msl_m\n" + ROW, "got heights above sea level, and no geoid separation"),
         (HEAD + "noon,1,2,3\n", "line 2: got utc = 'noon'; wanted a time such as"),
         (HEAD + ROW.replace("35.681", "95"), "line 2: got a latitude of 95; wanted at most 90"),

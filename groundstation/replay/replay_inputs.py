@@ -1,0 +1,89 @@
+"""What a replay reads before its first frame: session, tuning, references, and notes on them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.errors import InputError, RigError, SessionError
+from groundstation.messages import DgpsFix, ReferenceFix
+from groundstation.replay.recording_replay import load_replay_config
+from groundstation.replay.reference_prior import ReferencePrior, reference_prior
+from groundstation.replay.replay_request import ReplayRequest
+from groundstation.session import Session, Truth, load_dgps, load_session, load_truth
+from groundstation.sources.reference_fixes import reference_fixes
+from groundstation.tracking.config import Config
+
+_MIN_BASELINE_M = 0.1
+_CLOCKS_APART_S = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReplayInputs:
+    """The inputs of a replay; ``notes`` are faults of the references and assumptions on clocks, one line each."""
+
+    session: Session
+    config: Config
+    dgps: tuple[DgpsFix, ...]
+    truth: Truth | None
+    prior: ReferencePrior
+    notes: tuple[str, ...]
+
+
+def load_inputs(request: ReplayRequest) -> ReplayInputs:
+    """Load the inputs; raises `InputError` if the session cannot be tracked.
+
+    A damaged reference table does not stop the replay: its rows before the fault are used.
+    """
+    session = _usable_session(request)
+    config = load_replay_config(session, request.config)
+    broken: list[SessionError] = []
+    dgps_notes: list[str] = []
+    dgps = load_dgps(session, broken.append, dgps_notes.append)
+    notes = [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken] + dgps_notes
+    broken.clear()
+    truth = load_truth(session, broken.append)
+    notes += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
+    notes += _clock_notes(session)
+    prior = reference_prior(session, config.estimation)
+    notes += prior.notes
+    return ReplayInputs(session=session, config=config, dgps=dgps, truth=truth, prior=prior, notes=tuple(notes))
+
+
+def learning_fixes(request: ReplayRequest, inputs: ReplayInputs) -> list[ReferenceFix]:
+    """Return the DGPS positions that update the filter, up to ``learn_until_s``; none without it."""
+    if request.learn_until_s is None:
+        return []
+    prior = inputs.prior
+    fixes = reference_fixes(inputs.dgps, prior.antenna_in_body_m, request.learn_until_s, prior.offset_s)
+    if not fixes:
+        got = f"no DGPS fix up to {request.learn_until_s:g} s" if inputs.dgps else "no DGPS at all"
+        raise SessionError(inputs.session.name, got=got, wanted="some, for --learn-until")
+    return fixes
+
+
+def _usable_session(request: ReplayRequest) -> Session:
+    """Load the session; raises if it cannot be tracked or if the output would overwrite it."""
+    session = load_session(request.session, request.rig)
+    if len(session.rig.stations) < 2:
+        raise RigError(session.rig.path, got="one station", wanted="two or more: one alone sees no distance")
+    session.rig.require_known()
+    places = np.array([s.ptu_position_m for s in session.rig.stations])
+    if float(np.ptp(places, axis=0).max()) < _MIN_BASELINE_M:
+        raise RigError(session.rig.path, got="all stations in one place", wanted="stations that stand apart")
+    if request.out.resolve() == request.session.resolve():
+        got = "the session folder itself"
+        raise InputError(str(request.out), got=got, wanted="another folder: results would replace recordings")
+    return session
+
+
+def _clock_notes(session: Session) -> list[str]:
+    """Return a note for each station whose camera and PTU clock offsets differ implausibly."""
+    notes = []
+    for station in session.rig.stations:
+        camera = station.camera_clock.offset_s if station.camera_clock is not None else 0.0
+        if not station.fixed and session.has_clocks and abs(camera - station.ptu_clock.offset_s) > _CLOCKS_APART_S:
+            notes.append(
+                f"station {station.name}: [clocks] moves its camera by {camera:g} s, and its PTU is moved by "
+                f"{station.ptu_clock.offset_s:g} s (ptu_clock in the rig): is that meant?"
+            )
+    return notes

@@ -1,0 +1,48 @@
+"""Arguments of a replay and its result."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundstation.errors import InputError
+from groundstation.evaluation.evaluate import Evaluation
+from groundstation.sinks.output_comparison import OutputComparison
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayRequest:
+    """Arguments of a replay; ``rig`` and ``config`` None select the session's rig and tuning (or the defaults).
+
+    Up to ``learn_until_s`` of its clock the DGPS updates the filter and its calibration states; None uses it for
+    comparison only. ``smooth`` also writes the smoothed track. ``record`` is the path of a recording to write.
+    ``report`` False leaves out report.html, whose figures take longer than a short replay.
+    """
+
+    session: Path
+    out: Path
+    rig: Path | None = None
+    config: Path | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+    learn_until_s: float | None = None
+    rerun: bool = True
+    smooth: bool = False
+    record: Path | None = None
+    report: bool = True
+
+    @property
+    def unmodified(self) -> bool:
+        """Whether a recording is replayed with its own rig, tuning and time span."""
+        return all(v is None for v in (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReplayResult:
+    """Result of a replay: the evaluation, the files written, and the fault that ended the run early, if any.
+
+    ``output_comparison`` compares the outputs with the recorded ones, for a recording replayed unmodified; else None.
+    """
+
+    evaluation: Evaluation
+    files: tuple[Path, ...]
+    fault: InputError | None
+    output_comparison: OutputComparison | None = None
