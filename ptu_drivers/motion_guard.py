@@ -2,7 +2,7 @@
 
 A driver's own watchdog dies with its process. This one lives in another: the driving process renews a lease for each
 unit while it is well, in memory that both have; a lease that has run out, or a request, and the unit is halted over a
-connection of its own (`halt_only`). It also says that it is alive itself, so that no unit turns unguarded.
+connection of its own (`emergency_halt`). It also says that it is alive itself, so that no unit turns unguarded.
 """
 
 import contextlib
@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
+from ptu_drivers.emergency_halt import HaltLine, halt_once, prepared
 from ptu_drivers.errors import PtuError
-from ptu_drivers.halt_only import HaltLine, halt_once, prepared
 
 # A lease's length, and how long a process may be silent before nothing relies on it. A unit then stands within 1 s,
 # half a second of braking included; renewals come every 0.05 s, so that a busy machine has seven chances.

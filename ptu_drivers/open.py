@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import Any
 
 from ptu_drivers.errors import ProtocolError
-from ptu_drivers.halting import halt_on_exit
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.protocol_options import check_options
 from ptu_drivers.settings import UnitSettings
+from ptu_drivers.watchdog import halt_on_exit
 
 # module:function, imported when asked for: a protocol's own packages are not needed by the others.
 # Each function is called as f(url, settings, clock, **options) and returns an opened, probed unit.

@@ -10,13 +10,13 @@ from typing import Protocol
 from ptu_drivers.axis_limits import check_angle, check_rate
 from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError, UnsupportedError
 from ptu_drivers.exchange_failed import ExchangeFailed
-from ptu_drivers.halting import Watchdog
 from ptu_drivers.health import FailureReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.line_lock import LineLock
 from ptu_drivers.messages import Axis, Capability, NoReading, Reading, UnitDescription
-from ptu_drivers.preemption import LineLock
 from ptu_drivers.rate_motion import RateMotion
 from ptu_drivers.settings import AxisSettings, UnitSettings
+from ptu_drivers.watchdog import Watchdog
 
 # timeouts in a row after which the line is opened again: a socket can be half open, an adapter asleep
 _SILENCES = 4

@@ -32,8 +32,8 @@ def open_unit(options: argparse.Namespace):  # type: ignore[no-untyped-def] # it
 
 
 def _open_of_station(options: argparse.Namespace):  # type: ignore[no-untyped-def] # as for open_unit
-    from groundstation.live.keep_out_set_up import open_station_head
     from groundstation.live.keep_out_unit import KeepOutUnit
+    from groundstation.live.keep_out_zones import open_station_head
 
     file, name = options.station
     own = {

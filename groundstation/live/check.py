@@ -14,7 +14,7 @@ from groundstation.live.check_reference import check_reference
 from groundstation.live.check_result import CheckResult, failed, passed
 from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import HeadDevice, open_head
-from groundstation.live.keep_out_set_up import sun_text, with_keep_out
+from groundstation.live.keep_out_zones import sun_text, with_keep_out
 from groundstation.live.station_file import StationDevices, load_station
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent

@@ -13,7 +13,7 @@ from groundstation.errors import InputError
 from groundstation.live.core import live_config
 from groundstation.live.devices import check_against_rig
 from groundstation.live.head_manager import CLOSE_S, HeadManager
-from groundstation.live.keep_out_set_up import sun_text, with_keep_out
+from groundstation.live.keep_out_zones import sun_text, with_keep_out
 from groundstation.live.memory import configure_allocator
 from groundstation.live.opened_cameras import opened_cameras
 from groundstation.live.operation import Operation, OperationOutputs, OperationResult, StatusSink

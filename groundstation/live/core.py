@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.live.frame_pairing import Pairing
 from groundstation.live.input_queue import DeviceLogLine, Item, TimedPicture
-from groundstation.live.pairing import Pairing
 from groundstation.messages import (
     Event,
     FilterReset,
@@ -27,7 +27,7 @@ from groundstation.messages import (
     TrackEvent,
     TrackStatus,
 )
-from groundstation.pointing.pilot import HeadPilot
+from groundstation.pointing.pointing_law import HeadPilot
 from groundstation.pointing.search_pattern import SearchPattern
 from groundstation.tracking.config import Config
 from groundstation.tracking.log_throttle import LogThrottle

@@ -14,15 +14,15 @@ from multiprocessing.connection import wait
 from types import TracebackType
 
 from groundstation.live.child_process import ChildProcess
-from groundstation.live.guard_process import GuardProcess
 from groundstation.live.hang_detector import HangDetector
 from groundstation.live.head_device import DeviceError, HeadDevice
 from groundstation.live.head_log import HeadLog, HeadState
 from groundstation.live.head_process import HeadReport, serve_heads
 from groundstation.live.input_queue import InputQueue, Item
+from groundstation.live.motion_guard_process import GuardProcess
 from groundstation.live.restart_delay import RestartDelay
 from groundstation.messages import PointingCommand, PtuSample
-from groundstation.pointing.pilot import HeadLimits
+from groundstation.pointing.pointing_law import HeadLimits
 from ptu_drivers.messages import UnitDescription
 from ptu_drivers.motion_guard import HALTING_S, LEASE_S, GuardReport, MotionLeases
 

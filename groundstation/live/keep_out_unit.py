@@ -14,10 +14,10 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.pointing.keep_out import KeepOut, Zones, rates_are_clear
 from ptu_drivers.errors import PtuError
-from ptu_drivers.halting import Watchdog
 from ptu_drivers.health import Health
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import NoReading, Reading, UnitDescription
+from ptu_drivers.watchdog import Watchdog
 
 # kept besides the zone itself: a quantum, the Sun's way during a command, ways between the points that are looked at
 MARGIN_RAD = float(np.radians(0.3))

@@ -14,17 +14,17 @@ from groundstation.estimation.parameters import ParameterPrior
 from groundstation.live.camera_status import clock_status, lost_frames
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.core import LiveCore, LiveStep
+from groundstation.live.frame_pairing import LoadShedder, Pairing
 from groundstation.live.head_log import HeadState
 from groundstation.live.head_manager import HeadManager
 from groundstation.live.input_queue import DeviceLogLine, InputQueue, Item, TimedPicture
-from groundstation.live.pairing import LoadShedder, Pairing
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile
 from groundstation.live.status_board import DeviceState, LiveStatus, StatusBoard
 from groundstation.messages import Event, Frame, PtuSample, TrackStatus
 from groundstation.pointing.keep_out import KeepOut
-from groundstation.pointing.pilot import HeadPilot
+from groundstation.pointing.pointing_law import HeadPilot
 from groundstation.pointing.search_pattern import SearchPattern
 from groundstation.rig.rig import Rig
 from groundstation.sinks.sink import Sink

@@ -12,7 +12,7 @@ from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.reference_device import Network, ReferenceDevice, sender_networks
 from groundstation.pointing.keep_out import Sector
-from groundstation.pointing.pilot import PointingConfig
+from groundstation.pointing.pointing_law import PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig
 from groundstation.session.folder import GeoOrigin, parse_origin
 from groundstation.tracking.config import config_from_mapping

@@ -17,10 +17,10 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import DGPS_CLOCK, ParameterPrior
 from groundstation.geometry.aim import aim_at
 from groundstation.live.core import LiveCore, LiveStep, live_config
+from groundstation.live.frame_pairing import Pairing
 from groundstation.live.input_queue import Item
-from groundstation.live.pairing import Pairing
 from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackState, TrackStatus
-from groundstation.pointing.pilot import AxisLimits, HeadLimits, HeadPilot, PointingConfig
+from groundstation.pointing.pointing_law import AxisLimits, HeadLimits, HeadPilot, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.rig.rig import Rig, Station
 from groundstation.simulation.closed_loop_head import ClosedLoopHead

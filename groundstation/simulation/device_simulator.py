@@ -23,7 +23,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
 from groundstation.live.child_process import terminal_signals_blocked
-from groundstation.live.delay_line import DelayLine
+from groundstation.live.simulated_latency import DelayLine
 from groundstation.picture import BayerPattern
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.device_faults import (

@@ -5,7 +5,7 @@ from pathlib import Path
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.station_file import StationDevices, StationFile
-from groundstation.pointing.pilot import PointingConfig
+from groundstation.pointing.pointing_law import PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml

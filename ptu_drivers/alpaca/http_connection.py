@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 from ptu_drivers.errors import LineError, ProtocolError
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.health import FailureReason
-from ptu_drivers.preemption import SLICE_S, LineLock
+from ptu_drivers.line_lock import SLICE_S, LineLock
 
 _DEFAULT_PORT = 11111
 # an answer of Alpaca has some hundred bytes

@@ -1,7 +1,7 @@
 """What a probed FLIR unit says of itself to its users."""
 
-from ptu_drivers.flir.lease import lease_of
 from ptu_drivers.flir.probe import UnitFacts
+from ptu_drivers.flir.rate_chain import lease_of
 from ptu_drivers.messages import Capability, UnitDescription
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import Transport

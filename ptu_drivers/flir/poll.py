@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from ptu_drivers.angle_timestamps import DeviceClock, Instant, Latency, query_instant
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import FlirReply, integer, integers
 from ptu_drivers.flir.line import Exchanged, FlirLine
-from ptu_drivers.flir.motion import Converter
 from ptu_drivers.flir.probe import UnitFacts
+from ptu_drivers.flir.unit_conversion import Converter
 from ptu_drivers.health import FailureReason
-from ptu_drivers.instants import DeviceClock, Instant, Latency, query_instant
 from ptu_drivers.messages import AngleSample, Axis, Reading
 from ptu_drivers.plausibility import AngleVerdict, Plausibility, Point
 from ptu_drivers.settings import UnitSettings

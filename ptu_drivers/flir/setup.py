@@ -12,7 +12,7 @@ from ptu_drivers.flir.poll import Query, best_query
 from ptu_drivers.flir.probe import probe, set_up
 from ptu_drivers.flir.unit import DRAINING_S, FlirUnit
 from ptu_drivers.health import FailureReason, HealthCounter
-from ptu_drivers.preemption import PreemptibleLine
+from ptu_drivers.line_lock import PreemptibleLine
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import SerialTransport, Transport
 

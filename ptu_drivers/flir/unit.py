@@ -6,19 +6,19 @@ from contextlib import contextmanager, suppress
 from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.description import describe_unit
-from ptu_drivers.flir.lease import RateChain
 from ptu_drivers.flir.line import LONGEST_ANSWER_CHARACTERS, FlirLine
-from ptu_drivers.flir.motion import Converter
 from ptu_drivers.flir.poll import Poller, Query
 from ptu_drivers.flir.probe import LETTER, UnitFacts
+from ptu_drivers.flir.rate_chain import RateChain
 from ptu_drivers.flir.recovery import DEFAULT_BAUD, Recovery
-from ptu_drivers.halting import Watchdog
+from ptu_drivers.flir.unit_conversion import Converter
 from ptu_drivers.health import FailureReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.line_lock import LineLock
 from ptu_drivers.messages import Axis, NoReading, Reading, UnitDescription
-from ptu_drivers.preemption import LineLock
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import BITS_PER_CHARACTER
+from ptu_drivers.watchdog import Watchdog
 
 # the line is emptied for so long at most before the question is repeated
 DRAINING_S = 0.25

@@ -12,12 +12,12 @@ from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.health import FailureReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.lease import MOVES_ONLY, NO_LEASE
+from ptu_drivers.line_lock import PreemptibleLine
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
 from ptu_drivers.pelco.codec import Opcode, PelcoFraming, PelcoMessage, with_word
 from ptu_drivers.pelco.exchange import PelcoExchange, PelcoReply
 from ptu_drivers.plausibility import AngleVerdict, Plausibility, Point
 from ptu_drivers.polled_unit import PolledUnit
-from ptu_drivers.preemption import PreemptibleLine
 from ptu_drivers.protocol_options import parse_options
 from ptu_drivers.settings import UnitSettings, check_baud
 from ptu_drivers.transport import SerialTransport, Transport

@@ -8,7 +8,7 @@ from itertools import count
 from ptu_drivers.errors import LineError
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.health import FailureReason
-from ptu_drivers.preemption import SLICE_S, LineLock
+from ptu_drivers.line_lock import SLICE_S, LineLock
 from ptu_drivers.simulated.alpaca import SimulatedMount
 
 

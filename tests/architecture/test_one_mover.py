@@ -59,7 +59,7 @@ def test_nobody_else_in_operation_holds_a_unit() -> None:
         "groundstation.live.head_device": {"open_ptu"},
         "groundstation.live.head_process": {"open_head", "HeadWorker"},
         "groundstation.live.check": {"open_head"},
-        "groundstation.live.keep_out_set_up": {"open_head"},
+        "groundstation.live.keep_out_zones": {"open_head"},
     }
 
 

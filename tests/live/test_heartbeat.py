@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from groundstation.live.core import HEARTBEAT_EVERY_S, LiveCore, LiveStep, live_config
+from groundstation.live.frame_pairing import Pairing
 from groundstation.live.head_manager import HeadManager
 from groundstation.live.input_queue import DeviceLogLine
 from groundstation.live.operation import Operation, OperationOutputs
-from groundstation.live.pairing import Pairing
 from groundstation.live.status_board import LiveStatus
 from groundstation.messages import Heartbeat, Kinematics, PtuSample, Purpose, StepReport, TrackState, TrackStatus
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern

@@ -5,9 +5,9 @@ import math
 import pytest
 
 from groundstation.live.core import LiveCore
-from groundstation.live.pairing import Pairing
+from groundstation.live.frame_pairing import Pairing
 from groundstation.messages import PtuSample
-from groundstation.pointing.pilot import AxisLimits, HeadLimits, HeadPilot, PointingConfig
+from groundstation.pointing.pointing_law import AxisLimits, HeadLimits, HeadPilot, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline

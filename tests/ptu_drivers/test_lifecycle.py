@@ -14,9 +14,9 @@ from ptu_drivers import LineError, ProtocolError, Reading, RefusedError, UnitSet
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.setup import connect
 from ptu_drivers.health import FailureReason, HealthCounter, UnitState
+from ptu_drivers.line_lock import LineLock
 from ptu_drivers.messages import Axis, AxisDescription, Capability, UnitDescription
 from ptu_drivers.polled_unit import PolledUnit
-from ptu_drivers.preemption import LineLock
 from ptu_drivers.simulated.flir import FlirModel, LineEffect
 from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
 from ptu_drivers.simulated.line import VirtualLine

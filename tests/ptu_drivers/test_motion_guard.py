@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from ptu_drivers.emergency_halt import HaltLine
 from ptu_drivers.errors import NoAnswerError
-from ptu_drivers.halt_only import HaltLine
 from ptu_drivers.messages import Axis
 from ptu_drivers.motion_guard import (
     HALTING_S,

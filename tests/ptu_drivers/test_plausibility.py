@@ -6,8 +6,8 @@ import random
 import pytest
 
 from ptu_drivers import FailureReason, NoReading, Reading, UnitSettings
+from ptu_drivers.angle_timestamps import DeviceClock, Latency, query_instant
 from ptu_drivers.flir.setup import connect
-from ptu_drivers.instants import DeviceClock, Latency, query_instant
 from ptu_drivers.messages import AngleSource
 from ptu_drivers.plausibility import AngleVerdict, Plausibility, Point
 from ptu_drivers.simulated.axis import SimulatedAxis

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from ptu_drivers.emergency_halt import HaltLine, prepared
 from ptu_drivers.errors import LineError
-from ptu_drivers.halt_only import HaltLine, prepared
 from ptu_drivers.transport import SerialTransport
 
 

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from benchmarks.live_serial_faults import CASES
-from groundstation.live.delay_line import DelayLine
+from groundstation.live.simulated_latency import DelayLine
 from groundstation.simulation.device_faults import (
     CAMERA_CLOCK_STEPPED,
     CAMERA_FROZEN,

@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from ptu_drivers.flir.description import describe_unit
-from ptu_drivers.flir.lease import RateChain, lease_of, lease_s
-from ptu_drivers.flir.motion import Converter
 from ptu_drivers.flir.probe import AxisFacts, UnitFacts
+from ptu_drivers.flir.rate_chain import RateChain, lease_of, lease_s
+from ptu_drivers.flir.unit_conversion import Converter
 from ptu_drivers.lease import MOVES_ONLY, NO_LEASE, LeaseKind
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings

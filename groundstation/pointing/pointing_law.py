@@ -19,7 +19,7 @@ from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from groundstation.pointing.keep_out import KeepOut
-from groundstation.pointing.keep_out_pilot import KeepOutPilot
+from groundstation.pointing.keep_out_pointing import KeepOutPilot
 
 _GAIN_TIMES_LATENCY = 0.3
 # a driver refuses a rate from which the axis could not stop before its limit if the command to stop came so late

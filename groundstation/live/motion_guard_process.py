@@ -7,7 +7,7 @@ from groundstation.live.child_process import ChildProcess
 from groundstation.live.hang_detector import HangDetector
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.restart_delay import RestartDelay
-from ptu_drivers.halt_only import HaltLine
+from ptu_drivers.emergency_halt import HaltLine
 from ptu_drivers.motion_guard import LEASE_S, GuardReport, MotionLeases, serve_guard
 
 # it only imports the drivers; a busy machine may take long for that

@@ -7,7 +7,7 @@ import pytest
 
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.health import FailureReason
-from ptu_drivers.preemption import LineLock
+from ptu_drivers.line_lock import LineLock
 
 
 def wait_until(holds: "threading.Event | None" = None, *, lock: LineLock | None = None) -> None:

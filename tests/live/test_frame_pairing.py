@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from groundstation.live.frame_pairing import LoadShedder, Pairing
 from groundstation.live.input_queue import DeviceLogLine, InputQueue, TimedPicture
-from groundstation.live.pairing import LoadShedder, Pairing
 from groundstation.messages import Epoch, PtuSample
 from groundstation.picture import BgrPicture
 

@@ -12,8 +12,8 @@ from urllib.parse import urlsplit
 import pytest
 
 from ptu_drivers import PROTOCOLS, open_ptu
+from ptu_drivers.emergency_halt import HALTS, HaltLine, halt_once
 from ptu_drivers.errors import NoAnswerError, ProtocolError, PtuError
-from ptu_drivers.halt_only import HALTS, HaltLine, halt_once
 from ptu_drivers.messages import Axis
 from ptu_drivers.simulated.alpaca import SimulatedMount
 from ptu_drivers.simulated.axis import SimulatedAxis

@@ -10,8 +10,8 @@ import pytest
 from groundstation.cli.main import main
 from groundstation.errors import ConfigError
 from groundstation.live import head_device
-from groundstation.live.keep_out_set_up import sun_text, with_keep_out
 from groundstation.live.keep_out_unit import KeepOutUnit
+from groundstation.live.keep_out_zones import sun_text, with_keep_out
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.rig.rig_toml import rig_to_toml
 from tests.complaints import complaint

@@ -11,8 +11,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from ptu_drivers.flir.motion import Converter
 from ptu_drivers.flir.probe import LETTER, UnitFacts
+from ptu_drivers.flir.unit_conversion import Converter
 from ptu_drivers.lease import LEASE_S, Lease, LeaseKind
 from ptu_drivers.messages import Axis, Reading
 
