@@ -40,7 +40,7 @@ MOST_S = 10.0
 SILENT_S = 1200.0
 # shared libraries and stacks of threads are mapped, not used
 MAPPED_BYTES = 1 << 30
-A_PROCESS = 5_000
+A_PROCESS = 20_000
 # each recording that Rerun has written leaves two threads, with room of their own, until the process ends
 MOST_THREADS = 64
 MOST_KEPT = 20
