@@ -12,10 +12,12 @@ import numpy as np
 from filter_flights.run_filter import Start, in_order
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.measurement import EncoderModel, PixelModel, ReferenceModel
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.estimation.state import StateLayout, state_layout
+from groundstation.estimation.state_model import StateLayout, state_layout
+from groundstation.estimation.updates.encoder_update import EncoderUpdate
+from groundstation.estimation.updates.pixel_model import PixelModel
+from groundstation.estimation.updates.reference_update import ReferencePositionUpdate
 from groundstation.evaluation.bounds import StationView
 from groundstation.evaluation.calibration_bounds import (
     MotionProfile,
@@ -101,9 +103,9 @@ def full_bound(
     layout = state_layout(turning, prior.names)
     motion = MotionModel(layout, config.acceleration_psd_m2_s3, config.ptu_acceleration_psd_rad2_s3, prior.walk_psd)
     pixels = {s.name: PixelModel(layout, s.geometry()) for s in stations}
-    encoders = {name: EncoderModel(layout, name) for name in turning}
+    encoders = {name: EncoderUpdate(layout, name, config) for name in turning}
     angle_variance = {s.name: s.angle_sigma_rad**2 for s in stations}
-    reference_model = ReferenceModel(layout)
+    reference_model = ReferencePositionUpdate(layout, config, motion)
     events = in_order(flight, reference)
     states = _true_states(flight, layout, np.array([e.t_s for e in events]), truth)
     P = np.zeros((layout.size, layout.size))

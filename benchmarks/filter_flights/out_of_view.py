@@ -8,7 +8,7 @@ import numpy as np
 from filter_flights.consistency import one_mode
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import OutOfViewWeighting
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.simulation import standard_rig
 from groundstation.simulation.pointing_kernels import aim_many
 

@@ -14,9 +14,9 @@ import numpy as np
 from filter_flights.consistency import NEAR, drawn_case, one_mode
 from filter_flights.run_filter import drawn_start, new_filter, true_states
 from groundstation.arrays import FloatArray
-from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import ParameterPrior
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import PixelMeasurement, PtuSample
 from groundstation.simulation import SimulatedFlight, simulate
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import DgpsFix, Epoch, PixelMeasurement, PtuSample
 from groundstation.simulation import SimulatedFlight
 

@@ -22,6 +22,7 @@ from groundstation.detection.start_contour import PreviousSilhouette, start_cont
 from groundstation.detection.target_point import find_nose
 from groundstation.detection.target_selection import TargetMemory, features_of, select_target
 from groundstation.detection.working_image import DetectionHint, WorkingImage, crop_working_image, expectation
+from groundstation.geometry.mahalanobis import mahalanobis_squared
 from groundstation.messages import Detection, Miss, MissReason
 from groundstation.picture import Picture, as_picture
 
@@ -174,7 +175,7 @@ class Detector:
             return Miss(reason=MissReason.NO_REGION, detail=f"the target point is uncertain by {doubt:.0f} px")
         # a bird in front of the aircraft merges with its silhouette and displaces the nose
         spread = covariance + working.covariance * working.scale**2
-        if _squared_sigmas(point - predicted, spread) > self._config.gate_sigmas**2:
+        if mahalanobis_squared(point - predicted, spread + np.eye(2)) > self._config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the target point is too far from the prediction")
         size = working.scale
         point_in_mask = (point - origin) / size
@@ -192,13 +193,6 @@ class Detector:
             channel=prepared.channel.value,
             cut=cut,
         )
-
-
-def _squared_sigmas(away_px: FloatArray, covariance_px2: FloatArray) -> float:
-    """Return how far (2,) is in squared sigmas of a covariance (2, 2) and of a pixel more."""
-    x, y = float(away_px[0]), float(away_px[1])
-    a, b, c = float(covariance_px2[0, 0]) + 1.0, float(covariance_px2[1, 1]) + 1.0, float(covariance_px2[0, 1])
-    return (b * x * x - 2.0 * c * x * y + a * y * y) / (a * b - c * c)
 
 
 def _hidden_by(detection: Detection) -> Box[int]:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, fields
 from enum import StrEnum
 
+from groundstation.estimation import state_model
+
 # larger than anything this is about, small enough to be squared a few times
 _LARGEST = 1e9
 
@@ -98,24 +100,24 @@ class EstimationConfig:
     late_max_entries : for that, so many readings, frames and decisions are kept at most.
     """
 
-    acceleration_psd_m2_s3: tuple[float, float, float] = (1.0, 4.0, 1.5)
-    manoeuvre_psd_m2_s3: tuple[float, float, float] = (2.0, 20.0, 4.0)
-    steady_s: float = 6.0
-    manoeuvre_s: float = 3.0
-    detection_lasting_share: float = 0.4
-    detection_lasting_s: float = 0.3
+    acceleration_psd_m2_s3: tuple[float, float, float] = state_model.STEADY_PSD_M2_S3
+    manoeuvre_psd_m2_s3: tuple[float, float, float] = state_model.MANOEUVRE_PSD_M2_S3
+    steady_s: float = state_model.STEADY_S
+    manoeuvre_s: float = state_model.MANOEUVRE_S
+    detection_lasting_share: float = state_model.CORRELATED_SHARE
+    detection_lasting_s: float = state_model.CORRELATION_TIME_S
     calibration: CalibrationUse = CalibrationUse.REFERENCE
     reference_hold_s: float = 0.5
-    reference_clock_sigma_s: float = 0.5
-    reference_antenna_sigma_m: tuple[float, float, float] = (0.6, 0.03, 0.1)
-    ptu_acceleration_psd_rad2_s3: float = 1e-3
+    reference_clock_sigma_s: float = state_model.REFERENCE_CLOCK_SIGMA_S
+    reference_antenna_sigma_m: tuple[float, float, float] = state_model.REFERENCE_ANTENNA_SIGMA_M
+    ptu_acceleration_psd_rad2_s3: float = state_model.PTU_ACCELERATION_PSD_RAD2_S3
     ptu_max_rate_deg_s: float = 120.0
     encoder_gate_sigma: float = 6.0
     gate_probability: float = 0.9995
     out_of_view: OutOfViewWeighting = OutOfViewWeighting.CONSISTENT
     paper_border_sigma_px: float = 50.0
     min_view_probability: float = 0.02
-    width_sigma_log: float = 0.15
+    width_sigma_log: float = state_model.WIDTH_SIGMA_LOG
     alone_after_s: float = 0.5
     miss_memory_s: float = 1.0
     doubtful_existence: float = 0.5
@@ -136,7 +138,7 @@ class EstimationConfig:
     standing_m: float = 20.0
     predictor: Predictor = Predictor.HERMITE
     residual_gate_sigma: float = 5.0
-    labelled_sigma_px: float = 1.0
+    labelled_sigma_px: float = state_model.LABELLED_SIGMA_PX
     fix_window_s: float = 0.06
     late_horizon_s: float = 0.5
     late_max_entries: int = 1000

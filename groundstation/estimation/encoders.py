@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import PtuSample
 from groundstation.rig.rig import Station

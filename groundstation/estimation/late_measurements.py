@@ -16,8 +16,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
 
+from groundstation.estimation.ekf_snapshot import EkfSnapshot
 from groundstation.estimation.encoders import EncoderFeed, EncoderState
-from groundstation.estimation.recorded_ekf import FilterStep, RecordedEkf, RecordedState, StartStep
+from groundstation.estimation.journal import FilterJournal, JournalRecord, TargetStart
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import PtuSample
 
 # minimum length: the stamp of an epoch is earlier than its second exposure
@@ -40,7 +42,7 @@ class _Reading:
     note: str | None
 
 
-_Step = FilterStep | _Reading
+_Step = JournalRecord | _Reading
 
 
 @dataclass(slots=True)
@@ -50,7 +52,7 @@ class _Entry:
     t_s: float
     rank: _Rank
     station: str | None
-    before: RecordedState
+    before: EkfSnapshot
     encoder_state: EncoderState
     steps: list[_Step]
 
@@ -60,7 +62,7 @@ class LateMeasurementBuffer:
 
     Parameters
     ----------
-    ekf, encoders : the filter and the feed of its PTU readings.
+    ekf, journal, encoders : the filter, its journal and the feed of its PTU readings.
     stations : names in the order of the rig, which is the order of frames with equal stamps.
     horizon_s : maximum delay of a measurement; 0 rejects all late ones.
     max_entries : maximum number of buffered instants.
@@ -70,7 +72,8 @@ class LateMeasurementBuffer:
 
     def __init__(
         self,
-        ekf: RecordedEkf,
+        ekf: StationEkf,
+        journal: FilterJournal,
         encoders: EncoderFeed,
         *,
         stations: tuple[str, ...],
@@ -79,7 +82,7 @@ class LateMeasurementBuffer:
         max_gap_s: float,
         log: Callable[[float, str], None],
     ) -> None:
-        self._ekf = ekf
+        self._ekf, self._journal = ekf, journal
         self._encoders = encoders
         self._stations = stations
         self._horizon_s = horizon_s
@@ -115,7 +118,7 @@ class LateMeasurementBuffer:
     def read(self, sample: PtuSample) -> None:
         """Fuse a reading, with the filter at or before its time."""
         note = self._encoders.read(sample)
-        self._ekf.journal.append(_Reading(sample, note))
+        self._journal.measurements.append(_Reading(sample, note))
         if note is not None:
             self._log(sample.t_s, note)
 
@@ -225,7 +228,7 @@ class LateMeasurementBuffer:
             own = next((s for s in steps if isinstance(s, _Reading)), None)
             if own is None:
                 # before the pixel, after the start of a target
-                steps.insert(sum(isinstance(s, StartStep) for s in steps), _Reading(sample, None))
+                steps.insert(sum(isinstance(s, TargetStart) for s in steps), _Reading(sample, None))
             else:
                 steps[steps.index(own)] = _Reading(sample, None)
                 self._assign(own.sample, release)
@@ -255,13 +258,13 @@ class LateMeasurementBuffer:
     # ------------------------------------------------------------------------------------ mechanism
     def begin(self, t_s: float, rank: _Rank, station: str | None) -> "_Entry":
         """Open an entry with snapshots of the current state."""
-        self._ekf.journal.clear()
+        self._journal.measurements.clear()
         return _Entry(t_s, rank, station, self._ekf.snapshot(), self._encoders.snapshot(), [])
 
     def end(self, where: int, entry: "_Entry", *, trims: bool) -> None:
         """Close an entry and insert it with the operations since `begin`."""
-        entry.steps = self._ekf.journal  # type: ignore[assignment]  # the filter's own steps, and our readings
-        self._ekf.journal = []
+        entry.steps = self._journal.measurements  # type: ignore[assignment]  # the filter's own steps, and our readings
+        self._journal.measurements = []
         self._entries.insert(where, entry)
         if trims:
             self._trim()
@@ -288,8 +291,8 @@ class LateMeasurementBuffer:
                 if isinstance(step, _Reading):
                     self._replay_reading(step)
                 else:
-                    step.apply(self._ekf)
-            self._ekf.journal.clear()
+                    self._ekf.repeat(step)
+            self._journal.measurements.clear()
 
     def _replay_reading(self, step: _Reading) -> None:
         note = self._encoders.read(step.sample)
@@ -308,7 +311,7 @@ class LateMeasurementBuffer:
             drop += 1
         if drop:
             del self._entries[:drop]
-            self._ekf.history.release(self._entries[0].before.mark)
+            self._journal.release(self._entries[0].before.journal)
 
 
 class _EntryScope:

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import (
+from groundstation.estimation.kalman_kernels import (
     BoolArray,
     innovation_covariance,
-    squared_sigmas,
     trial_state,
     write_innovation_covariance,
 )
-from groundstation.estimation.measurement import PixelModel, PixelPrediction
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import CLOCKS, clock_places
-from groundstation.estimation.state import StateLayout
+from groundstation.estimation.state_model import StateLayout
+from groundstation.estimation.updates.pixel_model import PixelModel, PixelPrediction
+from groundstation.geometry.mahalanobis import mahalanobis_squared
 
 # the update is iterated until it changes by less than this many sigmas of the pixel noise, or this many times
 _LINEAR_SIGMA = 0.1
@@ -48,18 +48,36 @@ class _Clock(NamedTuple):
     is_offset: BoolArray
 
 
+class _Motion(NamedTuple):
+    """Indices of the first target and PTU states of one station; −1 for a fixed station."""
+
+    position: int
+    velocity: int
+    angles: int
+    rates: int
+
+
 class PixelLinearisation:
     """Linearisation of the pixel models of all stations."""
 
     def __init__(self, layout: StateLayout, pixels: Mapping[str, PixelModel]) -> None:
         self._layout = layout
-        self._pixels = pixels
+        self.pixels = pixels
         is_offset = {place: name.endswith(".offset") for name, place in layout.parameters.items()}
         self._clocks = {
             name: {
                 clock: _Clock(np.array(places, np.int64), np.array([is_offset[k] for k in places], np.bool_))
                 for clock, places in clock_places(layout.parameters, name).items()
             }
+            for name in pixels
+        }
+        self._motion_states = {
+            name: _Motion(
+                position=layout.position.start,
+                velocity=layout.velocity.start,
+                angles=layout.angles[name].start if name in layout.angles else -1,
+                rates=layout.rates[name].start if name in layout.rates else -1,
+            )
             for name in pixels
         }
 
@@ -82,26 +100,26 @@ class PixelLinearisation:
         pixel : without the time-correlated error of the station, which is linear.
         first : the linearisation at the prior state; its columns of offsets are kept.
         state : x (n,), P (n, n) and which states are estimated (n,).
-        times : how long after the stamp the row is exposed, and how long clocks have drifted, s.
+        times : exposure of the row after the stamp, and the time over which clocks have drifted, s.
         """
         x, P, estimated = state
         own = self._layout.offsets.get(station, slice(0, 0))
         H, residual = first.jacobian, first.residual
         for _ in range(_MAX_LINEARISATIONS):
             there = trial_state(x, P, H, R, residual, estimated)
-            seen = self._pixels[station].predict(there, *times)
+            seen = self.pixels[station].predict(there, *times)
             if seen is None:
                 break
             again, there_H = self._from(seen, pixel, there - x, H, own)
             # change of the residual at the prior mean, and of the Jacobian over the prior covariance
             change = again - residual
             turned = innovation_covariance(P, there_H - H, np.zeros((2, 2)))
-            off = float(squared_sigmas(change, R))
+            off = float(mahalanobis_squared(change, R))
             if off + turned[0, 0] / R[0, 0] + turned[1, 1] / R[1, 1] < _LINEAR_SIGMA**2:
                 return Linearised(jacobian=H, residual=residual)
             H, residual = there_H, again
         there = self._likeliest(station, pixel, first.jacobian, (x, P), R, times)
-        seen = self._pixels[station].predict(there, *times)
+        seen = self.pixels[station].predict(there, *times)
         if seen is not None:
             residual, H = self._from(seen, pixel, there - x, first.jacobian, own)
         return Linearised(jacobian=H, residual=residual)
@@ -141,12 +159,12 @@ class PixelLinearisation:
             return state
 
         def residuals(y: FloatArray) -> FloatArray:
-            seen = self._pixels[station].predict(at(y), *times)
+            seen = self.pixels[station].predict(at(y), *times)
             off = np.full(2, _BEHIND) if seen is None else np.linalg.solve(W, pixel - seen.pixel)
             return np.concatenate([y, off])
 
         def jacobian(y: FloatArray) -> FloatArray:
-            seen = self._pixels[station].predict(at(y), *times)
+            seen = self.pixels[station].predict(at(y), *times)
             own = np.zeros((2, len(y))) if seen is None else -np.linalg.solve(W, seen.jacobian[:, target] @ L)
             return np.vstack([np.eye(len(y)), own])
 
@@ -163,12 +181,9 @@ class PixelLinearisation:
         a linear filter neglects, and which would bias the clock estimates.
         """
         noise = np.zeros((2, 2))
-        angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
-        angle, rate = (-1, -1) if angles is None or rates is None else (angles.start, rates.start)
-        position, velocity = self._layout.position.start, self._layout.velocity.start
         for name, clock in self._clocks[station].items():
-            flies = name == "camera_clock"
-            _add_speed_noise(P, H, angle, rate, position, velocity, flies, *clock, age_s, noise)
+            moves_target = name == "camera_clock"
+            _add_speed_noise(P, H, tuple(self._motion_states[station]), *clock, moves_target, age_s, noise)
         return noise
 
     def passage_noise(
@@ -201,7 +216,7 @@ class PixelLinearisation:
         at = []
         for ahead_s in (0.0, _MOMENT_S):
             information, moved = np.zeros((3, 3)), np.zeros((3, len(self._layout.parameters)))
-            for model in self._pixels.values():
+            for model in self.pixels.values():
                 prediction = model.predict(state, ahead_s, age_s)
                 if prediction is not None:
                     J = prediction.jacobian[:, self._layout.position]
@@ -217,17 +232,15 @@ class PixelLinearisation:
 def _add_speed_noise(
     P: FloatArray,
     H: FloatArray,
-    angles: int,
-    rates: int,
-    position: int,
-    velocity: int,
-    flies: bool,
+    motion: tuple[int, ...],
     places: NDArray[np.int64],
     is_offset: BoolArray,
+    moves_target: bool,
     age_s: float,
     noise: FloatArray,
 ) -> None:
-    """Add the spread of one clock's error times that of the pixel's speed; −1 stands for a station that is fixed."""
+    """Add the variance of one clock's error times that of the pixel's speed to ``noise`` (2, 2)."""
+    states = _Motion(*motion)
     share = 0.0
     for a in range(places.size):
         for b in range(places.size):
@@ -235,10 +248,10 @@ def _add_speed_noise(
             share += late_a * P[places[a], places[b]] * late_b
     by_state = np.zeros_like(H)
     for row in range(2):
-        for k in range(2 if rates >= 0 else 0):
-            by_state[row, rates + k] = H[row, angles + k]
-        for k in range(3 if flies else 0):
-            by_state[row, velocity + k] = H[row, position + k]
+        for k in range(2 if states.rates >= 0 else 0):
+            by_state[row, states.rates + k] = H[row, states.angles + k]
+        for k in range(3 if moves_target else 0):
+            by_state[row, states.velocity + k] = H[row, states.position + k]
     spread = np.empty((2, 2))
     write_innovation_covariance(P, by_state, np.zeros((2, 2)), spread)
     noise += share * spread

@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.state import StateLayout
+from groundstation.estimation.state_model import StateLayout
 
 IndexArray = NDArray[np.int64]
 
@@ -98,7 +98,33 @@ class MotionModel:
         return F, noises
 
 
-# matrices are handed in, not returned: returning one takes a compiled function longer than filling it
+class MotionModes:
+    """The motion models of all modes, steady flight first, with the mean duration of each in s."""
+
+    def __init__(self, models: Sequence[MotionModel], stay_s: Sequence[float]) -> None:
+        self.steady, self.manoeuvre = models[0], models[-1]
+        self.stay_s = tuple(stay_s)
+        self._models = models
+        self._psds = np.array([model.psd for model in models])
+
+    def __len__(self) -> int:
+        return len(self._models)
+
+    def over(self, dt_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return F (n, n), common to all modes, and Q (r, n, n) of each over ``dt_s``."""
+        return self.steady.with_noises(self._psds, dt_s)
+
+    def mixed_over(self, dt_s: float, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return F and Q, (n, n) each, over ``dt_s``; the process noises of the modes are weighted by ``weights`` (r,).
+
+        Mixing the modes does not change mean and covariance of the mixture, so that F and Q describe the prediction
+        of both.
+        """
+        Q = sum(w * model.process_noise(dt_s) for w, model in zip(weights, self._models, strict=True))
+        return self.steady.transition(dt_s), np.asarray(Q)
+
+
+# outputs are arguments: returning a matrix takes a compiled function longer than filling it
 @njit(cache=True)
 def _write_transition(
     values: IndexArray,

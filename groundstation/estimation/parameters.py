@@ -15,6 +15,7 @@ its value and its variance (Schmidt), and the track's covariance never sinks bel
 *estimated* is learnt as any other state.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError
+from groundstation.estimation.state_model import SPAN_WALK_PSD
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig.covariance import READOUT, ParameterCovariance
 from groundstation.rig.rig import Rig
@@ -30,8 +32,6 @@ CLOCKS = ("camera_clock", "ptu_clock")
 CLOCK_PARTS = ("offset", "drift")
 DGPS_CLOCK = "dgps_clock"
 LOG_SPAN = "target.log_span"
-# banks, crabs and uneven light change a silhouette's width slowly: what is learnt of the span ages so fast, 1/s
-_SPAN_WALK_PSD = 1e-4
 _STATION_NAMES = frozenset(
     [*CALIBRATION_PARAMETERS, READOUT, *(f"{clock}.{part}" for clock in CLOCKS for part in CLOCK_PARTS)],
 )
@@ -83,7 +83,7 @@ class ParameterPrior:
 
     def with_span(self, sigma: float) -> "ParameterPrior":
         """Return this prior and the span's error with it; ``sigma`` of its logarithm."""
-        span = ParameterPrior(names=(LOG_SPAN,), covariance=np.array([[sigma**2]]), walk_psd=np.array([_SPAN_WALK_PSD]))
+        span = ParameterPrior(names=(LOG_SPAN,), covariance=np.array([[sigma**2]]), walk_psd=np.array([SPAN_WALK_PSD]))
         return self.joined(span)
 
     def require_stations(self, stations: Sequence[str]) -> None:
@@ -161,13 +161,17 @@ def time_places(parameters: Mapping[str, int], station: str) -> list[int]:
     return found if shutter is None else [*found, shutter]
 
 
-def pointing_places(parameters: Mapping[str, int], station: str) -> list[list[int]]:
-    """Return the places of what turns a camera up and down, and of what turns it left and right; none if exact."""
-    found = []
+def pointing_sigma_rad(P: FloatArray, parameters: Mapping[str, int], station: str) -> float:
+    """Return one sigma of the pointing of a camera due to the errors of its mount and boresight, rad.
+
+    The larger of tilt and pan; zero for an exact rig. ``P`` (n, n) is the covariance of the state.
+    """
+    variance = 0.0
     for axis in ("x", "z"):
         names = (f"{station}.{part}.{axis}" for part in ("runway_from_base", "head_from_camera"))
-        found.append([parameters[name] for name in names if name in parameters])
-    return [places for places in found if places]
+        places = [parameters[name] for name in names if name in parameters]
+        variance = max(variance, sum(float(P[a, b]) for a in places for b in places))
+    return math.sqrt(variance)
 
 
 def clock_places(parameters: Mapping[str, int], station: str) -> dict[str, list[int]]:

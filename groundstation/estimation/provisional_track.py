@@ -49,3 +49,7 @@ class ProvisionalTrack:
     def refuted(self) -> bool:
         """Whether the accepted pixels must have been outliers."""
         return self.consecutive_refusals >= _REFUSED_IN_SUCCESSION and self.refused > self.accepted > 0
+
+    def restarted(self) -> "ProvisionalTrack":
+        """Return the track at its initial state, without pixels."""
+        return replace(self, accepted=0, refused=0, consecutive_refusals=0)

@@ -22,7 +22,14 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.smoother_history import Cut, MotionOver, Record, Transition, smooth_across, smooth_within
+from groundstation.estimation.smoother_history import (
+    MotionOver,
+    Record,
+    TrackEnd,
+    Transition,
+    smooth_across,
+    smooth_within,
+)
 
 SmoothedCallback = Callable[[float, FloatArray, FloatArray], None]
 _ROUNDING_S = 1e-9
@@ -54,7 +61,7 @@ class Smoother:
 
     def take(self, record: Record) -> None:
         """Add the next final record."""
-        if isinstance(record, Cut):
+        if isinstance(record, TrackEnd):
             self._smooth(record.t_s, record.x, record.P, keep=0)
             return
         self._held.append(record)

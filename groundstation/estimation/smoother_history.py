@@ -41,7 +41,7 @@ class Transition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cut:
+class TrackEnd:
     """The end of a track at ``t_s``: its last state ``x`` (n,) with ``P`` (n, n); smoothing does not cross it."""
 
     t_s: float
@@ -49,7 +49,7 @@ class Cut:
     P: FloatArray
 
 
-Record = Transition | Cut
+Record = Transition | TrackEnd
 MotionOver = Callable[[float, FloatArray], tuple[FloatArray, FloatArray]]
 
 

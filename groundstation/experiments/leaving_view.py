@@ -7,8 +7,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig, OutOfViewWeighting
-from groundstation.estimation.ekf import StationEkf
-from groundstation.estimation.field_of_view import paper_weight, probability_in_view
+from groundstation.estimation.out_of_view_weight import paper_weight, probability_in_view
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.tables import Cell, ResultTable

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray, solve_small
+from groundstation.estimation.kalman_kernels import BoolArray, solve_small
 
 LEAST_SHARE = 1e-2  # directions with less than this share of the largest information are not used
 # of an epoch: A₀₀, A₀₁, A₁₁, g₀, g₁, the variances of its noise and of its constant error, px²

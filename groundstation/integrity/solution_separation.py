@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray
+from groundstation.estimation.kalman_kernels import BoolArray
 from groundstation.integrity.leave_one_out import TERM_COUNT, whiten, window_statistic, write_epoch_terms
 
 # limit of T of a single epoch, so that a single gross outlier is no fault

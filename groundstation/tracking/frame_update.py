@@ -14,13 +14,13 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.box import Box
 from groundstation.estimation.config import Predictor
-from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.encoders import EncoderFeed
-from groundstation.estimation.field_of_view import probability_in_view
 from groundstation.estimation.initialise import CameraCandidate
-from groundstation.estimation.measurement import PixelPrediction
+from groundstation.estimation.out_of_view_weight import probability_in_view
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.trajectory_curve import Knot
 from groundstation.estimation.triangulation import TriangulationView
+from groundstation.estimation.updates.pixel_model import PixelPrediction
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.integrity.station_exclusion import StationVerdict

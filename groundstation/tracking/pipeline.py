@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from groundstation.estimation.encoders import EncoderFeed
+from groundstation.estimation.journal import ROUNDING_S, FilterJournal
 from groundstation.estimation.late_measurements import LateMeasurementBuffer
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
-from groundstation.estimation.recorded_ekf import ROUNDING_S, RecordedEkf
 from groundstation.estimation.smoother import Smoother
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import (
     CameraReport,
     CarriedError,
@@ -86,13 +87,15 @@ class Pipeline:
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
         prior = rig_prior(rig, self._reference_errors).with_span(span_prior_sigma(span_m))
-        self._ekf = RecordedEkf(geometries, turning, config.estimation, prior)
+        self._journal = FilterJournal()
+        self._ekf = StationEkf(geometries, turning, config.estimation, prior, self._journal)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._track_manager = TrackManager(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
         self._throttle = LogThrottle(lambda t_s, text: self._track_manager.log(t_s, "warning", text))
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)
         self._late_buffer = LateMeasurementBuffer(
             self._ekf,
+            self._journal,
             self._encoders,
             stations=rig.names,
             horizon_s=config.estimation.late_horizon_s,
@@ -187,7 +190,7 @@ class Pipeline:
             self._smoother = Smoother(
                 self._ekf.motion_over, lambda t_s, x, P: on_smoothed(t_s, self._ekf.kinematics_of(x, P))
             )
-            self._ekf.history.archive = self._smoother.take
+            self._journal.history.archive = self._smoother.take
 
     def step(self, event: Event) -> StepReport:
         """Process one event; return the reports of all records that are due."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from groundstation.estimation.late_measurements import LateMeasurementBuffer
-from groundstation.estimation.recorded_ekf import RecordedEkf
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import ReferenceFix
 from groundstation.tracking.track_manager import TrackManager
 
@@ -23,7 +23,7 @@ class ReferenceUpdate:
 
     def __init__(
         self,
-        ekf: RecordedEkf,
+        ekf: StationEkf,
         track_manager: TrackManager,
         late_buffer: LateMeasurementBuffer,
         warn: Callable[[float, str], None],

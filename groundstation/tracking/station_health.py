@@ -6,7 +6,7 @@ changes into log events.
 
 from collections.abc import Mapping
 
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.leave_one_out import subtract_rig_errors
 from groundstation.integrity.solution_separation import PixelResidual

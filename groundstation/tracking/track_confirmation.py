@@ -12,7 +12,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.station_ekf import StationEkf
 
 # squared distance from the place of detection, five sigmas
 _MOVED_GATE = 25.0

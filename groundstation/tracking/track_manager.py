@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.initialise import CameraCandidate, TrackInitiator
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import Epoch, InitialState, Kinematics, TrackEvent, TrackState, TrackStatus
 from groundstation.tracking.camera_tracker import CameraTracker

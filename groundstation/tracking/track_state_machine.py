@@ -19,7 +19,7 @@ from collections.abc import Iterable
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import TrackEvent, TrackStatus
 from groundstation.tracking.existence_probability import ExistenceProbability
 from groundstation.tracking.track_confirmation import TrackConfirmation

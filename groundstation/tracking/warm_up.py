@@ -11,8 +11,8 @@ from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.detector import warm_up as warm_up_detector
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry

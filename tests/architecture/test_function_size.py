@@ -10,19 +10,11 @@ LONG: set[str] = {
     "groundstation.detection.chan_vese.evolve",
     "groundstation.detection.contour_evolution.evolve_contour",
     "groundstation.detection.fuselage._weigh",
-    "groundstation.estimation.compiled_filter.correct_into",
-    "groundstation.estimation.ekf.StationEkf.update_pixel",
-    "groundstation.estimation.filter_core.FilterCore.__init__",
     "groundstation.live.command._live",
     "groundstation.onboard.visual_inertial.corner_finder.find_corners",
     "groundstation.onboard.scenes.ground_kernel.render_ground",
 }
 MANY_ARGUMENTS: set[str] = {
-    "groundstation.estimation.compiled_filter.correct_into",
-    "groundstation.estimation.imm._predict",
-    "groundstation.estimation.imm.correct_modes",
-    "groundstation.estimation.linearisation._add_speed_noise",
-    "groundstation.estimation.measurement._fuse_angles",
     "groundstation.live.operation.Operation.__init__",
     "groundstation.simulation.render_kernels.surroundings",
 }

@@ -30,8 +30,6 @@ PACKED: set[str] = {
     "groundstation.detection.frame_alignment._shift(rows)",
     "groundstation.detection.registration.misplacement(rows)",
     "groundstation.detection.registration.refine(rows)",
-    "groundstation.estimation.silhouette._log_width(slope)",
-    "groundstation.estimation.silhouette._log_width(x)",
     "groundstation.geometry.calibration_kernel._by_lens(s)",
     "groundstation.geometry.calibration_kernel.project_calibration(s)",
     "groundstation.geometry.kernels.distort(k)",

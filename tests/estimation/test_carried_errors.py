@@ -13,8 +13,12 @@ from filter_flights.calibration import (
 )
 from filter_flights.run_filter import in_order
 
-from groundstation.estimation.measurement import EncoderModel, PixelModel, ReferenceModel
-from groundstation.estimation.state import state_layout
+from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.motion import MotionModel
+from groundstation.estimation.state_model import StateLayout, state_layout
+from groundstation.estimation.updates.encoder_update import EncoderUpdate
+from groundstation.estimation.updates.pixel_model import PixelModel
+from groundstation.estimation.updates.reference_update import ReferencePositionUpdate
 from groundstation.evaluation.bounds import StationView
 from groundstation.evaluation.calibration_bounds import MotionProfile, nuisance_sensitivities, reference_information
 from groundstation.messages import DgpsFix, PixelMeasurement, PtuSample
@@ -25,6 +29,10 @@ PTU_DRIFT = "left.ptu_clock.drift"
 SHUTTERS = ("left.readout", "right.readout")
 NAMES = (*PAN_AND_TILT, *ROLL_AND_BORESIGHT, *CLOCK_OFFSETS, *CLOCK_DRIFTS, PTU_DRIFT, *SHUTTERS)
 SIZES = np.array([1e-5] * 10 + [0.02] * 4 + [1e-3] * 5)
+
+
+def reference_update(layout: StateLayout) -> ReferencePositionUpdate:
+    return ReferencePositionUpdate(layout, EstimationConfig(), MotionModel(layout, (1.0, 1.0, 1.0), 1e-3))
 
 
 def random_state(rng: np.random.Generator) -> tuple[np.ndarray, object]:
@@ -66,7 +74,7 @@ def test_true_states_explain_what_is_measured() -> None:
     events = in_order(flight, lambda _: True)
     states = _true_states(flight, layout, np.array([e.t_s for e in events]), truth)
     pixels = {s.name: PixelModel(layout, s.geometry()) for s in flight.rig.stations}
-    encoders = {name: EncoderModel(layout, name) for name in layout.angles}
+    encoders = {name: EncoderUpdate(layout, name, EstimationConfig()) for name in layout.angles}
     off_px, off_rad, off_m = [], [], []
     for event, state in zip(events, states, strict=True):
         age = event.t_s - events[0].t_s
@@ -79,7 +87,7 @@ def test_true_states_explain_what_is_measured() -> None:
                 expected = encoders[event.station].predict(state, 0.0).value
                 off_rad.append(np.abs(expected - [event.pan_rad, event.tilt_rad]))
             case DgpsFix():
-                off_m.append(np.abs(ReferenceModel(layout).predict(state, 0.0, age).value - event.position_runway_m))
+                off_m.append(np.abs(reference_update(layout).predict(state, 0.0, age).value - event.position_runway_m))
     assert np.median(off_px) < 0.02
     assert np.max(off_px) < 1.5
     assert np.max(off_rad) < 1e-12
@@ -108,5 +116,5 @@ def test_the_bounds_sensitivities_are_the_filters(rng: np.random.Generator) -> N
         seen = PixelModel(layout, station.geometry()).predict(x, 0.0, age)
         assert seen is not None
         np.testing.assert_allclose(sensitivity, seen.jacobian[:, layout.constant], rtol=1e-9, atol=1e-9)
-    H = ReferenceModel(layout).predict(x, 0.0, age).jacobian[:, [0, 1, 2, *range(layout.constant.start, layout.size)]]
+    H = reference_update(layout).predict(x, 0.0, age).jacobian[:, [0, 1, 2, *range(layout.constant.start, layout.size)]]
     np.testing.assert_allclose(reference_information(np.eye(3) * 4e-4, movement, NAMES), H.T @ H / 4e-4, rtol=1e-9)

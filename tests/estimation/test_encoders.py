@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.encoders import EncoderFeed
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import PtuSample
 from tests.stereo_rig import make_rig
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from groundstation.estimation.config import EstimationConfig, OutOfViewWeighting
-from groundstation.estimation.ekf import StationEkf
-from groundstation.estimation.field_of_view import moments_after_miss
+from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.updates.miss_update import moments_after_miss
 from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.standard_cases import drawn_glide
 from tests.stereo_rig import aim, make_rig

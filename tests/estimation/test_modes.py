@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal
 
-from groundstation.estimation.compiled_filter import CompiledKalmanFilter
-from groundstation.estimation.imm import ImmFilter
+from groundstation.estimation.imm import ImmFilter, ImmState
+from groundstation.estimation.kalman_kernels import LinearMeasurement
+from groundstation.estimation.reference_filter import ReferenceFilter
 
 F = np.array([[1.0, 0.1], [0.0, 1.0]])
 H, R = np.array([[1.0, 0.0]]), np.array([[0.04]])
@@ -23,17 +24,15 @@ def started(stay_s: tuple[float, ...]) -> ImmFilter:
 
 
 def test_one_mode_is_the_plain_filter(rng: np.random.Generator) -> None:
-    bank, plain = started((5.0,)), CompiledKalmanFilter(dim_x=2, dim_z=1)
-    plain.x, plain.P = np.zeros(2), np.diag([1.0, 4.0])
+    bank, plain = started((5.0,)), ReferenceFilter(np.zeros(2), np.diag([1.0, 4.0]), measured=1)
     for _ in range(30):
         bank.predict(F, [noise(0.3)], 0.1)
-        plain.F, plain.Q = F, noise(0.3)
-        plain.predict()
+        plain.predict(F, noise(0.3))
         residual = rng.normal(size=1)
-        bank.correct(residual, H, R, ALL, updates_weights=True)
-        plain.correct(residual, H, R)
-    np.testing.assert_array_equal(bank.x, plain.x)
-    np.testing.assert_array_equal(bank.P, plain.P)
+        bank.correct(LinearMeasurement(residual, H, R), ALL, updates_weights=True)
+        plain.correct(LinearMeasurement(residual, H, R))
+    np.testing.assert_allclose(bank.x, plain.x, rtol=1e-9)
+    np.testing.assert_allclose(bank.P, plain.P, rtol=1e-9)
 
 
 def fly(bank: ImmFilter, modes: list[np.ndarray], acceleration: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -43,7 +42,7 @@ def fly(bank: ImmFilter, modes: list[np.ndarray], acceleration: np.ndarray, rng:
         truth = F @ truth + a
         bank.predict(F, modes, 0.1)
         z = truth[:1] + rng.normal(0, 0.2, 1)
-        bank.correct(z - bank.x[:1], H, R, ALL, updates_weights=True)
+        bank.correct(LinearMeasurement(z - bank.x[:1], H, R), ALL, updates_weights=True)
         e = truth - bank.x
         weight = float(bank.weights[-1]) if len(modes) > 1 else 0.0
         out.append((float(e @ np.linalg.solve(bank.P, e)), float(e[0]), weight))
@@ -107,10 +106,10 @@ def test_flights_that_change_as_it_supposes_are_as_uncertain_as_it_says(rng: np.
 def test_a_snapshot_brings_everything_back(rng: np.random.Generator) -> None:
     bank, modes = started((10.0, 2.0)), [noise(0.02), noise(20.0)]
     fly(bank, modes, rng.normal(0, 0.1, (10, 2)), rng)
-    saved = bank.snapshot()
+    saved = bank.state
     before = (bank.x.copy(), bank.P.copy(), bank.weights.copy())
     fly(bank, modes, rng.normal(0, 0.1, (10, 2)), rng)
-    bank.restore(saved)
+    bank.state = saved
     for a, b in zip(before, (bank.x, bank.P, bank.weights), strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -121,14 +120,14 @@ def test_doubt_adds_to_variances_and_leaves_a_snapshot_alone(
 ) -> None:
     bank, modes = started(stay_s), [noise(0.02), noise(20.0)][: len(stay_s)]
     fly(bank, modes, rng.normal(0, 0.1, (10, 2)), rng)
-    saved, x, P = bank.snapshot(), bank.x.copy(), bank.P.copy()
+    saved, x, P = bank.state, bank.x.copy(), bank.P.copy()
     bank.inflate(slice(1, 2), np.array([3.0]))
     np.testing.assert_allclose(bank.x, x)
     np.testing.assert_allclose(bank.P, P + np.diag([0.0, 3.0]))
     # and it is what the next step starts from
     bank.predict(np.eye(2), [np.zeros((2, 2))] * len(stay_s), 1e-9)
     np.testing.assert_allclose(bank.P, P + np.diag([0.0, 3.0]), rtol=1e-6)
-    bank.restore(saved)
+    bank.state = saved
     np.testing.assert_array_equal(bank.P, P)
 
 
@@ -188,7 +187,7 @@ def test_it_is_the_textbooks_filter_step_by_step(rng: np.random.Generator, modes
     weights = [0.5, 0.3, 0.2][:modes] if modes == 3 else [0.65, 0.35]
     wanted = Textbook(list(x), [root @ root.T + 0.1 * np.eye(n) for root in roots], weights, stay_s)
     bank = ImmFilter(n, stay_s)
-    bank.restore([np.array(weights), np.array(wanted.x), np.array(wanted.P)])
+    bank.state = ImmState.mixed(np.array(wanted.x), np.array(wanted.P), np.array(weights))
     transition = np.array([[1.0, 0.3, 0.04], [0.0, 1.0, 0.3], [0.0, 0.0, 1.0]])
     noises = [np.diag([0.01, 0.02, 0.03]) * 8.0**k for k in range(modes)]
     H, R = np.array([[1.0, 0.0, 0.2], [0.0, 0.5, -1.0]]), np.array([[0.3, 0.1], [0.1, 0.5]])
@@ -198,7 +197,7 @@ def test_it_is_the_textbooks_filter_step_by_step(rng: np.random.Generator, modes
         np.testing.assert_allclose(bank.x, mean, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(bank.P, spread, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(bank.weights, wanted.weights, rtol=1e-9)
-        states, covariances = bank.modes()
+        states, covariances = bank.state.states, bank.state.covariances
         np.testing.assert_allclose(states, wanted.x, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(covariances, wanted.P, rtol=1e-9, atol=1e-12)
 
@@ -209,7 +208,7 @@ def test_it_is_the_textbooks_filter_step_by_step(rng: np.random.Generator, modes
         wanted.predict(transition, noises, dt_s)
         agree()
         z, updates_weights = H @ wanted.mixture()[0] + rng.normal(0.0, 0.7, 2), k != 1
-        bank.correct(z - H @ bank.x, H, R, np.ones(n, np.bool_), updates_weights=updates_weights)
+        bank.correct(LinearMeasurement(z - H @ bank.x, H, R), np.ones(n, np.bool_), updates_weights=updates_weights)
         wanted.correct(z, H, R, updates_weights=updates_weights)
         agree()
 
@@ -224,13 +223,13 @@ def test_the_mixture_is_as_wide_as_its_modes_are_apart() -> None:
     """Expected: two modes known exactly, a metre and 3 m/s apart: variance w(1 − w)·d², also of what starts from it."""
     d, weights = np.array([1.0, 3.0]), np.array([0.25, 0.75])
     bank = ImmFilter(2, (1.0, 1.0))
-    bank.restore([weights, np.array([np.zeros(2), d]), np.zeros((2, 2, 2))])
+    bank.state = ImmState.mixed(np.array([np.zeros(2), d]), np.zeros((2, 2, 2)), weights)
     np.testing.assert_allclose(bank.x, 0.75 * d)
     np.testing.assert_allclose(bank.P, 0.1875 * np.outer(d, d))
     # over so long a change is as likely as none: each mode starts from the whole mixture
     bank.predict(np.eye(2), [np.zeros((2, 2))] * 2, np.log(2.0))
     np.testing.assert_allclose(bank.weights, [0.5, 0.5])
-    states, covariances = bank.modes()
+    states, covariances = bank.state.states, bank.state.covariances
     for x, P in zip(states, covariances, strict=True):
         np.testing.assert_allclose(x, 0.75 * d)
         np.testing.assert_allclose(P, 0.1875 * np.outer(d, d))

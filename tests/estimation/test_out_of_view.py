@@ -7,8 +7,9 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
 from groundstation.estimation.config import EstimationConfig, OutOfViewWeighting
-from groundstation.estimation.ekf import StationEkf
-from groundstation.estimation.field_of_view import moments_after_miss, paper_weight, probability_in_view
+from groundstation.estimation.out_of_view_weight import paper_weight, probability_in_view
+from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.updates.miss_update import moments_after_miss
 from tests.stereo_rig import aim, make_rig
 
 SIZE = (1280, 960)

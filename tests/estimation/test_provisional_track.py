@@ -9,7 +9,7 @@ from filter_flights import consistency
 from filter_flights.run_filter import Run, drawn_start, drive
 
 from groundstation.estimation.provisional_track import ProvisionalTrack
-from groundstation.estimation.recorded_ekf import RecordedEkf
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import Event, InitialState, PixelMeasurement
 from groundstation.simulation import SimulatedFlight, simulate
 from groundstation.simulation.approach import GlideApproach
@@ -97,7 +97,7 @@ START = InitialState(
 )
 
 
-def last_of(events: Sequence[Event]) -> tuple[RecordedEkf, Pipeline]:
+def last_of(events: Sequence[Event]) -> tuple[StationEkf, Pipeline]:
     base = Config()
     config = replace(
         base,

@@ -9,8 +9,8 @@ from scipy.stats import chi2
 
 from groundstation.errors import RigError
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.rig.rig_toml import rig_to_toml

@@ -1,5 +1,6 @@
 """Going back along the tape: exact where everything is linear, honest on flights drawn from the model, bounded."""
 
+import copy
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -8,9 +9,10 @@ import pytest
 from scipy.stats import chi2
 
 from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.journal import FilterJournal
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.estimation.recorded_ekf import RecordedEkf
 from groundstation.estimation.smoother import Smoother
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import (
     Epoch,
     Event,
@@ -33,7 +35,7 @@ PSD = (0.3, 0.6, 0.3)
 
 def position_filter(
     prior: ParameterPrior | None = None, gate_probability: float = 1 - 1e-9, **options: object
-) -> RecordedEkf:
+) -> StationEkf:
     """A filter that is fed positions only: all is linear."""
     config = EstimationConfig(
         acceleration_psd_m2_s3=PSD,
@@ -41,11 +43,11 @@ def position_filter(
         gate_probability=gate_probability,
         **options,  # type: ignore[arg-type]
     )
-    return RecordedEkf({}, (), config, prior)
+    return StationEkf({}, (), config, prior, FilterJournal())
 
 
 def drive(
-    ekf: RecordedEkf, generator: np.random.Generator, count: int = 40
+    ekf: StationEkf, generator: np.random.Generator, count: int = 40
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (n,), measured positions (n, 3) and their sigma."""
     times = np.cumsum(generator.uniform(0.05, 0.3, count))
@@ -82,12 +84,12 @@ def batch(times: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return x, np.array([P[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k in range(n)])
 
 
-def smoothed(ekf: RecordedEkf, wanted: list[float], max_bytes: float = 2.5e8) -> dict[float, tuple]:
+def smoothed(ekf: StationEkf, wanted: list[float], max_bytes: float = 2.5e8) -> dict[float, tuple]:
     found: dict[float, tuple] = {}
     smoother = Smoother(ekf.motion_over, lambda t, x, P: found.__setitem__(t, (x, P)), max_bytes)
     for t in wanted:
         smoother.request(t)
-    ekf.history.archive = smoother.take
+    ekf._filter.journal.history.archive = smoother.take
     ekf.close_history()
     return found
 
@@ -142,8 +144,11 @@ def test_the_answer_at_the_filters_own_time_is_the_motion_models_over_no_time() 
     np.testing.assert_array_equal(now.covariance, (F @ ekf.covariance @ F.T + Q)[target, target])
 
 
-def super_at(ekf: RecordedEkf, t_s: float) -> Kinematics:
-    return super(RecordedEkf, ekf).kinematics_at(t_s)
+def super_at(ekf: StationEkf, t_s: float) -> Kinematics:
+    without_journal = copy.copy(ekf)
+    without_journal._filter = copy.copy(ekf._filter)
+    without_journal._filter.journal = None
+    return without_journal.kinematics_at(t_s)
 
 
 def test_what_was_learnt_holds_before_and_what_is_considered_stays() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from groundstation.estimation.motion import MotionModel
-from groundstation.estimation.state import state_layout
+from groundstation.estimation.state_model import state_layout
 
 
 @pytest.mark.parametrize("names", [(), ("left",), ("left", "right"), ("a", "b", "c", "d")])

@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import chi2
 
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.journal import FilterJournal
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.estimation.recorded_ekf import RecordedEkf
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.rig.rig import Station
 from tests.stereo_rig import make_station
 
@@ -35,8 +35,8 @@ def mounts(names: tuple[str, ...]) -> ParameterPrior:
     return ParameterPrior.independent(parameters, [SIGMA] * len(parameters))
 
 
-def new_filter(use: CalibrationUse, names: tuple[str, ...] = NAMES, kind: type[StationEkf] = StationEkf) -> StationEkf:
-    ekf = kind(
+def new_filter(use: CalibrationUse, names: tuple[str, ...] = NAMES, journal: FilterJournal | None = None) -> StationEkf:
+    ekf = StationEkf(
         {n: s.geometry() for n, s in stations(names).items()}, (), replace(QUIET, calibration=use), mounts(names)
     )
     ekf.predict_to(0.0)
@@ -91,8 +91,8 @@ def show(ekf: StationEkf, names: tuple[str, ...], t_s: float) -> None:
         ekf.update_pixel(name, prediction.pixel, NOISE_PX**2 * np.eye(2))
 
 
-def begun(use: CalibrationUse, names: tuple[str, ...] = NAMES, kind: type[StationEkf] = StationEkf) -> StationEkf:
-    ekf = new_filter(use, names, kind)
+def begun(use: CalibrationUse, names: tuple[str, ...] = NAMES, journal: FilterJournal | None = None) -> StationEkf:
+    ekf = new_filter(use, names, journal)
     ekf.start_target(START, VELOCITY, np.diag([0.01] * 3 + [0.1] * 3))
     return ekf
 
@@ -148,7 +148,7 @@ def test_who_only_considers_goes_on_to() -> None:
 
 def test_going_back_forgets_who_has_seen() -> None:
     """And doing the same again learns the same."""
-    ekf = begun(CalibrationUse.REFERENCE, kind=RecordedEkf)
+    ekf = begun(CalibrationUse.REFERENCE, journal=FilterJournal())
     show(ekf, NAMES[:2], 0.0)
     before = ekf.snapshot()
     show(ekf, NAMES[2:], 0.1)

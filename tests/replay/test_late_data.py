@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from groundstation.estimation.parameters import DGPS_CLOCK, ParameterPrior
-from groundstation.estimation.recorded_ekf import RecordedEkf
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import (
     CameraReport,
     DetectionStatus,
@@ -73,12 +73,14 @@ def delivered(events: list[Event], seed: int, delay_s: float, share: float = 0.3
     return [events[k] for k in np.argsort(arrival, kind="stable")]
 
 
-class Watched(RecordedEkf):
+class Watched(StationEkf):
     """The filter, with its last word on each pixel."""
 
-    def update_pixel(self, station, pixel, *rest):  # type: ignore[no-untyped-def]
-        innovation = super().update_pixel(station, pixel, *rest)
-        self.__dict__.setdefault("verdicts", {})[(station, *pixel)] = innovation is not None and innovation.accepted
+    def _fuse_pixel(self, pixel):  # type: ignore[no-untyped-def]
+        innovation = super()._fuse_pixel(pixel)
+        self.__dict__.setdefault("verdicts", {})[(pixel.station, *pixel.pixel)] = (
+            innovation is not None and innovation.accepted
+        )
         return innovation
 
 
@@ -216,7 +218,7 @@ def test_the_window_is_bounded_in_time_and_in_number() -> None:
     events = list(flight_events(make_rig(), glide, np.random.default_rng(7), duration_s=4.0, ptu_hz=200.0))
     by_time, _ = flown(events, tuning(late_horizon_s=0.5))
     assert len(by_time._late_buffer) <= 0.5 * (2 * 200 + 2 * 10) + 5
-    assert len(by_time._ekf.history) <= 2 * len(by_time._late_buffer) + 5
+    assert len(by_time._journal.history) <= 2 * len(by_time._late_buffer) + 5
     by_number, _ = flown(events, tuning(late_max_entries=30))
     assert len(by_number._late_buffer) <= 30
 

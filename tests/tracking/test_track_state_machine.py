@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import TrackStatus
 from groundstation.tracking.track_state_machine import TrackStateMachine
 from tests.stereo_rig import make_rig

@@ -1,4 +1,4 @@
-"""Re-initialisation of a target that one camera has tracked alone, when a second camera detects it.
+"""Initialisation of the range when a second camera detects a target that one camera has tracked alone.
 
 The pixels of one camera determine the target across the camera's ray. Along the ray the covariance grows by the motion
 model to tens of metres within seconds; since each pixel was linearised about the mean at its time, that covariance is
@@ -10,17 +10,22 @@ docs/derivation.md, section 5.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.bearing_only_prior import BearingOnlyPrior
-from groundstation.estimation.compiled_filter import innovation_covariance
-from groundstation.estimation.measurement import PixelModel, PixelPrediction
-from groundstation.estimation.state import StateLayout
+from groundstation.estimation.kalman_kernels import innovation_covariance
+from groundstation.estimation.state_model import StateLayout
+from groundstation.estimation.triangulation import midpoint
+from groundstation.estimation.updates.measurements import TargetPixel
+from groundstation.estimation.updates.pixel_model import PixelModel, PixelPrediction
+from groundstation.estimation.updates.update import PredictedState, TargetReset, Update
+from groundstation.geometry.station import LensError, StationGeometry
+from groundstation.messages import Innovation
 
 # re-initialisation applies where one sigma along the ray bends the pixel by more sigmas of its noise, or exceeds this
 # share of the depth, …
@@ -30,49 +35,57 @@ _STRAIGHT_SIGMA, _PINNED_SIGMA = 1.0, 10.0
 # an intersection further from the prior than this many sigmas of its distance is not the same target
 _MOST_SIGMA = 6.0
 _BEHIND = 1e3  # residual where a trial point is behind a camera, sigmas
-_NOTHING = np.zeros((2, 2))
+_NO_NOISE = np.zeros((2, 2))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Seen:
-    """A pixel (2,) of ``station`` with covariance (2, 2), exposed ``row_dt_s`` after its stamp."""
+class RangeInitialiser:
+    """Detects when a pixel needs a re-initialisation, and computes the target from the two rays.
 
-    station: str
-    pixel: FloatArray
-    covariance_px2: FloatArray
-    row_dt_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reinitialisation:
-    """A re-initialised target.
-
-    ``target`` (6,) position and velocity, ``covariance`` (6, 6) without the contribution of the rig, ``sensitivity``
-    (6, m) to the carried errors; ``residual`` (2,) of the second camera's pixel, px, with covariance (2, 2); ``square``
-    is the squared miss distance of the rays, χ² with one degree of freedom.
+    Parameters
+    ----------
+    layout : of the state.
+    pixels, stations : pixel model and geometry of each station.
+    gate_probability : share of correct pairs of rays that pass the gate of their miss distance.
     """
 
-    target: FloatArray
-    covariance: FloatArray
-    sensitivity: FloatArray
-    residual: FloatArray
-    residual_covariance: FloatArray
-    square: float
+    def __init__(
+        self,
+        layout: StateLayout,
+        pixels: Mapping[str, PixelModel],
+        stations: Mapping[str, StationGeometry],
+        gate_probability: float,
+    ) -> None:
+        self._layout, self._pixels, self._stations = layout, pixels, stations
+        self._gate = float(chi2.ppf(gate_probability, 1))
 
+    def __call__(self, state: PredictedState, pixel: TargetPixel) -> Update | None:
+        """Return the target at the intersection of the two rays, None where no re-initialisation applies.
 
-class SecondView:
-    """Detects when a pixel needs a re-initialisation, and computes the target from the two rays."""
+        The squared miss distance of the rays is χ² with one degree of freedom: two of the pixel's own define the point.
+        """
+        tracked = self._tracking_camera(state, pixel)
+        if tracked is None:
+            return None
+        try:
+            rays = [
+                self._stations[p.station].ray(p.pixel[0], p.pixel[1], *self._layout.pan_tilt(state.x, p.station))
+                for p in (tracked, pixel)
+            ]
+        except LensError:
+            return None
+        near = midpoint(rays)
+        if near is None:
+            return None
+        update = self._intersection((tracked, pixel), rays[0].origin_runway_m, near[0], state)
+        return None if update is None or update.innovation.nis > self._gate else update
 
-    def __init__(self, layout: StateLayout, pixels: Mapping[str, PixelModel]) -> None:
-        self._layout = layout
-        self._pixels = pixels
-
-    def holder(self, seen: Seen, x: FloatArray, P: FloatArray, age_s: float) -> Seen | None:
-        """Return the camera that has tracked the target so far, with the pixel predicted from x (n,), P (n, n).
+    def _tracking_camera(self, state: PredictedState, seen: TargetPixel) -> TargetPixel | None:
+        """Return the camera that has tracked the target so far, with the predicted pixel and its covariance.
 
         None where no re-initialisation is needed: the prior has to be long, or non-linear for this pixel, and linear
         for the other camera.
         """
+        x, P, age_s = state.x, state.P, state.age_s
         noise = math.sqrt((seen.covariance_px2[0, 0] + seen.covariance_px2[1, 1]) / 2.0)
         own = self._pixels[seen.station].predict(x, 0.0, age_s)
         off = np.zeros_like(x)
@@ -85,34 +98,32 @@ class SecondView:
             prediction = None if name == seen.station else model.predict(x, 0.0, age_s)
             if prediction is None:
                 continue
-            known = innovation_covariance(P, prediction.jacobian, _NOTHING)
+            known = innovation_covariance(P, prediction.jacobian, _NO_NOISE)
             spread = math.sqrt((known[0, 0] + known[1, 1]) / 2.0)
             if spread < least and self._bend(name, prediction, x, off, age_s) < _STRAIGHT_SIGMA * noise:
-                best, least = Seen(station=name, pixel=prediction.pixel, covariance_px2=known, row_dt_s=0.0), spread
+                best, least = TargetPixel(station=name, pixel=prediction.pixel, covariance_px2=known), spread
         return best
 
-    def place(
+    def _intersection(
         self,
-        views: tuple[Seen, Seen],
+        pixels: tuple[TargetPixel, TargetPixel],
         rays_from_m: FloatArray,
         near_m: FloatArray,
-        prior: tuple[FloatArray, FloatArray],
-        age_s: float,
-    ) -> Reinitialisation | None:
+        state: PredictedState,
+    ) -> Update | None:
         """Return the target at the intersection of two rays; None if it is behind a camera or far from the prior.
 
         Parameters
         ----------
-        views : the holder's, and the second camera's pixel.
-        rays_from_m : origin of the holder's rays (3,).
+        pixels : of the tracking camera, and of the second camera.
+        rays_from_m : origin of the tracking camera's rays (3,).
         near_m : approximate intersection of the rays (3,).
-        prior : x (n,), P (n, n).
         """
-        x, P = prior
+        x, P = state.x, state.P
         target = self._layout.target
         bearing_prior = BearingOnlyPrior(x[target], P[target, target], rays_from_m)
-        problem = _Meeting(self._layout, self._pixels, views, bearing_prior, x, age_s)
-        if not problem.weigh(near_m, P):
+        problem = _RayIntersection(self._layout, self._pixels, pixels, bearing_prior, state)
+        if not problem.set_noise(near_m, P):
             return None
         fit = least_squares(problem.residuals, near_m, jac=problem.jacobian, x_scale="jac")
         if problem.predictions(fit.x) is None or bearing_prior.sigmas_to(fit.x) > _MOST_SIGMA:
@@ -121,15 +132,15 @@ class SecondView:
         spread = np.linalg.inv(J.T @ J)
         slope, by_errors = bearing_prior.velocity_slope(fit.x), -spread @ J.T @ problem.by_errors(fit.x)
         velocity = slope @ spread @ slope.T + bearing_prior.velocity_spread(fit.x)
-        residual, covariance = problem.of_second(fit.fun)
-        return Reinitialisation(
+        residual, R = problem.of_second(fit.fun)
+        reset = TargetReset(
             target=np.concatenate([fit.x, bearing_prior.velocity(fit.x)]),
             covariance=np.block([[spread, spread @ slope.T], [slope @ spread, velocity]]),
+            correlated=target,
             sensitivity=np.vstack([by_errors, slope @ by_errors]),
-            residual=residual,
-            residual_covariance=covariance,
-            square=2.0 * float(fit.cost),
         )
+        nis = 2.0 * float(fit.cost)
+        return Update(Innovation(residual=residual, covariance=R, nis=nis, dof=1, accepted=True), reset)
 
     def _bend(self, station: str, here: PixelPrediction | None, x: FloatArray, off: FloatArray, age_s: float) -> float:
         """Return the second difference of the pixel ``here`` for steps ±``off`` (n,), px; inf if behind the camera."""
@@ -150,20 +161,19 @@ def _longest_axis(P: FloatArray, axis: FloatArray) -> float:
     return sigma
 
 
-class _Meeting:
+class _RayIntersection:
     """The least-squares problem of one point (3,) observed by two pixels; residuals in sigmas, (4,)."""
 
     def __init__(
         self,
         layout: StateLayout,
         pixels: Mapping[str, PixelModel],
-        views: tuple[Seen, Seen],
+        views: tuple[TargetPixel, TargetPixel],
         prior: BearingOnlyPrior,
-        x: FloatArray,
-        age_s: float,
+        state: PredictedState,
     ) -> None:
         self._layout, self._pixels, self._views = layout, pixels, views
-        self._prior, self._x, self._age_s = prior, x, age_s
+        self._prior, self._x, self._age_s = prior, state.x, state.age_s
         self._roots: list[FloatArray] = []
 
     def predictions(self, point_m: FloatArray) -> list[PixelPrediction] | None:
@@ -174,7 +184,7 @@ class _Meeting:
         ahead = [p for p in found if p is not None]
         return ahead if len(ahead) == len(found) else None
 
-    def weigh(self, point_m: FloatArray, P: FloatArray) -> bool:
+    def set_noise(self, point_m: FloatArray, P: FloatArray) -> bool:
         """Set the noise of each pixel: of the detection, of the angles and of the motion until the exposure."""
         predictions = self.predictions(point_m)
         if predictions is None:

@@ -1,21 +1,32 @@
-"""filterpy's extended Kalman filter with its arithmetic compiled: the same equations, without the copies.
+"""Compiled kernels of the Kalman filter: prediction, update in Joseph form, innovation covariance.
 
-A pair of frames brings a dozen encoder readings, each a prediction and a correction of its own, and for
-matrices of fourteen rows and more the interpreter takes far longer than the sums. Besides filterpy's, `correct`
-knows states that are only considered (Schmidt 1966): their gain is zero, and Joseph's form, which holds for any
-gain, keeps their covariance and lets it into everybody else's.
+Two frames bring a dozen encoder readings, each with its own prediction and update; for matrices of fourteen rows and
+more the interpreter takes far longer than the arithmetic. `correct_into` also handles consider parameters (Schmidt
+1966): their gain is zero, and Joseph's form, which holds for any gain, keeps their covariance and includes their effect
+in the other states.
+
+Outputs are arguments: a compiled function takes longer to return an array than to fill it.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
+from groundstation.geometry.mahalanobis import mahalanobis_squared
 
 BoolArray = NDArray[np.bool_]
+
+
+class LinearMeasurement(NamedTuple):
+    """A linearised measurement: residual (m,), Jacobian H (m, n) and noise covariance R (m, m)."""
+
+    residual: FloatArray
+    H: FloatArray
+    R: FloatArray
 
 
 def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatArray:
@@ -25,7 +36,6 @@ def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatA
     return S
 
 
-# results are handed in, not returned: a compiled function takes longer to return an array than to fill it
 @njit(cache=True)
 def write_innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray, S: FloatArray) -> None:
     """Write S = H P Hᵀ + R, (m, m)."""
@@ -65,8 +75,8 @@ def project_into(P: FloatArray, H: FloatArray, R: FloatArray, HP: FloatArray, S:
 def solve_small(A: FloatArray, B: FloatArray) -> None:
     """Solve A X = B in place of B (m, k), by Gaussian elimination with pivots, in place of A (m, m) too.
 
-    For two or three numbers measured at once a general solver takes longer to begin than to solve. As that one it
-    raises `LinAlgError` where A is singular, or either is not finite.
+    For two or three values a general solver takes longer to start than to solve. Like `numpy.linalg.solve` it raises
+    `LinAlgError` where A is singular or either is not finite.
     """
     m, k = B.shape
     for a in range(m):
@@ -106,7 +116,7 @@ def solve_small(A: FloatArray, B: FloatArray) -> None:
 def trial_state(
     x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray
 ) -> FloatArray:
-    """Return the state (n,) that one update would lead to: where to linearise once more."""
+    """Return the state (n,) after one update, as the point of the next linearisation."""
     moved = x.copy()
     _move_to_trial(P, H, R, residual, estimated, moved)
     return moved
@@ -116,7 +126,7 @@ def trial_state(
 def _move_to_trial(
     P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray, moved: FloatArray
 ) -> None:
-    """Add to a state (n,) what one update would."""
+    """Add the correction of one update to a state (n,)."""
     m, n = H.shape
     HP, S = np.empty((m, n)), np.empty((m, m))
     project_into(P, H, R, HP, S)
@@ -132,9 +142,7 @@ def _move_to_trial(
 def correct_into(
     x: FloatArray,
     P: FloatArray,
-    H: FloatArray,
-    R: FloatArray,
-    residual: FloatArray,
+    measurement: LinearMeasurement,
     estimated: BoolArray,
     share: float,
     new_x: FloatArray,
@@ -144,11 +152,11 @@ def correct_into(
 ) -> None:
     """Write state and covariance after one update in Joseph form, with the gain Kᵀ (m, n) and S (m, m).
 
-    The gain is the optimal one times ``share``. (I − K H) P (I − K H)ᵀ + K R Kᵀ, multiplied out from the left in steps
-    of n² m, since K and H are thin.
+    The gain is the optimal one times ``share``; it is zero for states that are not ``estimated`` (n,).
     """
+    residual, H, R = measurement
     m, n = H.shape
-    # one row for each number measured: the inner loops then run along rows
+    # one row for each measured value: the inner loops then run along rows
     HP = np.empty((m, n))
     project_into(P, H, R, HP, S)
     Kt[:] = HP
@@ -156,7 +164,7 @@ def correct_into(
     for a in range(m):
         for i in range(n):
             Kt[a, i] = Kt[a, i] * share if estimated[i] else 0.0
-    # numbers are addressed in place: a row taken out as an array of its own costs as much as what is done to it
+    # elements are addressed in place: a row taken out as an array of its own costs as much as the arithmetic on it
     for i in range(n):
         new_x[i] = x[i]
         for j in range(n):
@@ -167,7 +175,16 @@ def correct_into(
             if gain != 0.0:
                 for j in range(n):
                     new_P[i, j] -= gain * HP[a, j]
-    # what is left of the right-hand factor: −((I − K H) P Hᵀ) Kᵀ + K R Kᵀ
+    _multiply_right_factor(H, R, Kt, new_P)
+
+
+@njit(cache=True)
+def _multiply_right_factor(H: FloatArray, R: FloatArray, Kt: FloatArray, P: FloatArray) -> None:
+    """Complete Joseph's form in place: from (I − K H) P to (I − K H) P (I − K H)ᵀ + K R Kᵀ, made symmetric.
+
+    In steps of n² m, since K and H are thin: the second factor adds −((I − K H) P Hᵀ) Kᵀ + K R Kᵀ.
+    """
+    m, n = H.shape
     columns = np.empty(n, np.int64)
     rest = np.zeros((m, n))
     for a in range(m):
@@ -179,7 +196,7 @@ def correct_into(
         for i in range(n):
             total = 0.0
             for c in range(count):
-                total -= new_P[i, columns[c]] * H[a, columns[c]]
+                total -= P[i, columns[c]] * H[a, columns[c]]
             for b in range(m):
                 total += Kt[b, i] * R[b, a]
             rest[a, i] = total
@@ -187,10 +204,10 @@ def correct_into(
         for i in range(n):
             gain = rest[a, i]
             for j in range(n):
-                new_P[i, j] += gain * Kt[a, j]
+                P[i, j] += gain * Kt[a, j]
     for i in range(n):
         for j in range(i):
-            new_P[i, j] = new_P[j, i] = 0.5 * (new_P[i, j] + new_P[j, i])
+            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
 
 
 @njit(cache=True)
@@ -203,7 +220,7 @@ def carry_into(
     new_x: FloatArray,
     new_P: FloatArray,
 ) -> None:
-    """Write F x and F P Fᵀ + Q; F is nearly diagonal. ``half`` (n, n) is room to work in."""
+    """Write F x and F P Fᵀ + Q; F is nearly diagonal. ``half`` (n, n) is a work array."""
     n = x.size
     rows, columns, count = np.empty(n * n, np.int64), np.empty(n * n, np.int64), 0
     for i in range(n):
@@ -230,21 +247,12 @@ def carry_into(
 
 
 @njit(cache=True)
-def squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
-    """Return residualᵀ S⁻¹ residual of two numbers."""
-    a, b = float(residual[0]), float(residual[1])
-    return float(
-        (S[1, 1] * a * a - (S[0, 1] + S[1, 0]) * a * b + S[0, 0] * b * b) / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
-    )
-
-
-@njit(cache=True)
 def correlated_part(
     H: FloatArray, x: FloatArray, covariance: FloatArray, offset: int, share: float, residual: FloatArray
 ) -> None:
-    """Let a state at ``offset``, two numbers in sigmas, have its ``share`` of a measurement's covariance (2, 2).
+    """Model a ``share`` of a measurement's covariance (2, 2) as the effect of two states at ``offset``, in sigmas.
 
-    Writes their columns of H (2, n), the share's Cholesky factor, and takes what they make of ``x`` off the residual.
+    Write their columns of H (2, n), the Cholesky factor of the share, and subtract their effect from the residual (2,).
     """
     first = math.sqrt(share * covariance[0, 0])
     across = share * covariance[1, 0] / first
@@ -257,42 +265,7 @@ def correlated_part(
 
 @njit(cache=True)
 def log_likelihood(residual: FloatArray, S: FloatArray) -> float:
-    """Return log N(residual; 0, S) of m numbers, but for the constant."""
+    """Return log N(residual; 0, S) of m values, without the constant."""
     if residual.size == 2:
-        return -0.5 * squared_sigmas(residual, S) - 0.5 * math.log(S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
+        return -0.5 * mahalanobis_squared(residual, S) - 0.5 * math.log(S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
     return -0.5 * float(residual @ np.linalg.solve(S, residual)) - 0.5 * np.log(np.linalg.det(S))
-
-
-class CompiledKalmanFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy has no types
-    """`ExtendedKalmanFilter` with ``predict`` and a linearised ``correct`` compiled; ``x`` is (n,), ``P`` (n, n)."""
-
-    x: FloatArray
-    P: FloatArray
-    F: FloatArray
-    Q: FloatArray
-
-    def predict(self, u: object = 0) -> None:
-        """Carry state and covariance forward by ``F`` and ``Q``; there is no control input."""
-        x, P = np.empty_like(self.x), np.empty_like(self.P)
-        carry_into(self.x, self.P, self.F, self.Q, np.empty_like(P), x, P)
-        self.x, self.P = x, P
-
-    def correct(
-        self,
-        residual: FloatArray,
-        H: FloatArray,
-        R: FloatArray,
-        estimated: BoolArray | None = None,
-        share: float = 1.0,
-    ) -> None:
-        """Fuse a residual (m,) with Jacobian ``H`` (m, n) and noise ``R`` (m, m), in Joseph form.
-
-        States that are not ``estimated`` (n,) are considered only: they keep value and variance. ``share`` scales
-        the gain.
-        """
-        if estimated is None:
-            estimated = np.ones(self.x.size, np.bool_)
-        m, n = H.shape
-        x, P, Kt, S = np.empty(n), np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
-        correct_into(self.x, self.P, H, R, residual, estimated, share, x, P, Kt, S)
-        self.x, self.P, self.K, self.S, self.y = x, P, Kt.T, S, residual

@@ -7,11 +7,11 @@ import pytest
 from scipy.stats import chi2
 
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.journal import FilterJournal
 from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior
-from groundstation.estimation.recorded_ekf import RecordedEkf
-from groundstation.estimation.silhouette import WidthModel
-from groundstation.estimation.state import state_layout
+from groundstation.estimation.state_model import state_layout
+from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.updates.width_update import WidthModel
 from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.standard_cases import drawn_glide
 from tests.stereo_rig import aim, make_rig
@@ -140,35 +140,35 @@ def test_a_common_error_is_not_averaged_away() -> None:
     assert np.mean(squares) / 3.0 > 3.0
 
 
-@pytest.mark.parametrize("kind", [StationEkf, RecordedEkf])
-def test_what_a_small_silhouette_shows_of_the_span_does_not_last(kind: type[StationEkf]) -> None:
+@pytest.mark.parametrize("journal", [None, FilterJournal()])
+def test_what_a_small_silhouette_shows_of_the_span_does_not_last(journal: FilterJournal | None) -> None:
     """Widths of 10 px miss one to three of them for seconds: however many there are, they leave the span open."""
     rig, point, velocity = make_rig(), np.array([0.5, 350.0, 20.0]), np.array([0.0, -20.0, -1.0])
     sigmas = {}
     for width_px in (10.0, 80.0):
         prior = ParameterPrior.nothing().with_span(SPAN_SIGMA)
-        ekf = kind({s.name: s.geometry() for s in rig.stations}, rig.names, EstimationConfig(), prior)
+        ekf = StationEkf({s.name: s.geometry() for s in rig.stations}, rig.names, EstimationConfig(), prior, journal)
         ekf.predict_to(0.0)
         for s in rig.stations:
             ekf.set_angles(s.name, aim(s.geometry(), point), (0.0, 0.0), 1e-6)
         ekf.start_target(point, velocity, np.diag([0.01, 0.01, 0.01, 0.01, 0.01, 0.01]))
-        expected = ekf._widths["left"].predict(ekf.state, 1.0, *ekf.angles("left"))
+        expected = WidthModel(ekf.layout, rig["left"].geometry()).predict(ekf.state, 1.0, *ekf.angles("left"))
         assert expected is not None
         span_m = width_px / float(np.exp(expected.value[0]))
         at = ekf.layout.parameters[LOG_SPAN]
         for k in range(40):
             if k == 20:
                 saved = ekf.snapshot()
-            ekf._propagate(0.25 * k, 0.25 * (k + 1))
-            ekf._imm.set_states(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
+            ekf.predict_to(0.25 * (k + 1))
+            ekf._filter.imm.set_states(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
             innovation = ekf.update_width("left", width_px, span_m, alone=False)
             assert innovation is not None
         sigmas[width_px] = ekf.covariance[at, at] ** 0.5
         # going back to a snapshot and doing the same gives the same
         ekf.restore(saved)
         for k in range(20, 40):
-            ekf._propagate(0.25 * k, 0.25 * (k + 1))
-            ekf._imm.set_states(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
+            ekf.predict_to(0.25 * (k + 1))
+            ekf._filter.imm.set_states(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
             ekf.update_width("left", width_px, span_m, alone=False)
         assert ekf.covariance[at, at] ** 0.5 == sigmas[width_px]
     assert sigmas[80.0] < 0.05 < 0.06 < sigmas[10.0]

@@ -8,10 +8,11 @@ from scipy.stats import chi2
 
 from groundstation.estimation.bearing_only_prior import BearingOnlyPrior
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.journal import FilterJournal
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.estimation.recorded_ekf import RecordedEkf
+from groundstation.estimation.range_initialisation import RangeInitialiser
 from groundstation.estimation.smoother_history import Transition
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.rig.rig import Station
 from tests.stereo_rig import make_station
 
@@ -81,7 +82,7 @@ class Return:
         return float(e @ np.linalg.solve(self.ekf.covariance[part, part], e))
 
 
-def flown(seed: int, *, rig_errors: bool, kind: type[StationEkf] = StationEkf) -> Return:
+def flown(seed: int, *, rig_errors: bool, journal: FilterJournal | None = None) -> Return:
     """Fly with both cameras, with the first alone, and until the second has seen the craft once more."""
     generator = np.random.default_rng([41, seed])
     believed, craft = stations(), drawn(generator)
@@ -96,7 +97,7 @@ def flown(seed: int, *, rig_errors: bool, kind: type[StationEkf] = StationEkf) -
             change[:3] = MOUNT_RAD * generator.normal(size=3)
             true[name] = station.changed(change)
     see = {name: station.geometry() for name, station in true.items()}
-    ekf = kind({name: s.geometry() for name, s in believed.items()}, (), LIVELY, prior)
+    ekf = StationEkf({name: s.geometry() for name, s in believed.items()}, (), LIVELY, prior, journal)
     ekf.predict_to(0.0)
     start = np.concatenate([craft.at(0.0), craft.speed(0.0)])
     sigmas = np.array([0.3, 0.3, 0.3, 1.0, 1.0, 1.0])
@@ -144,7 +145,7 @@ def test_the_second_camera_s_first_pixel_places_the_craft_honestly(rig_errors: b
 
 def test_taking_it_for_one_more_pixel_would_be_overconfident(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the placing is for: without it the same flights are far outside the bound, or refused."""
-    monkeypatch.setattr(StationEkf, "_reinitialise_range", lambda self, seen: None)
+    monkeypatch.setattr(RangeInitialiser, "__call__", lambda self, state, pixel: None)
     back = [flown(seed, rig_errors=False) for seed in range(RUNS)]
     assert np.mean([b.square(slice(0, 3)) for b in back]) > 3.0 * chi2.ppf(0.999, 3 * RUNS) / RUNS
 
@@ -230,10 +231,9 @@ def test_a_lone_camera_s_pixel_is_met_where_plain_steps_jump_about() -> None:
 
 def test_what_was_before_ends_on_the_tape() -> None:
     """The past is not drawn along by what was placed anew, so the smoother ends there, too."""
-    back = flown(3, rig_errors=False, kind=RecordedEkf)
+    journal = FilterJournal()
+    back = flown(3, rig_errors=False, journal=journal)
     assert back.placed
-    ekf = back.ekf
-    assert isinstance(ekf, RecordedEkf)
-    newest = next(iter(reversed(ekf.history)))
+    newest = next(iter(reversed(journal.history)))
     assert isinstance(newest, Transition)
     np.testing.assert_array_equal(newest.F[:6, :6], np.zeros((6, 6)))

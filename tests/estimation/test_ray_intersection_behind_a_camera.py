@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from groundstation.estimation import second_view
-from groundstation.estimation.second_view import _Meeting
+from groundstation.estimation import range_initialisation
+from groundstation.estimation.range_initialisation import _RayIntersection
 
 
 def test_behind_a_camera_all_four_residuals_are_far_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_Meeting, "predictions", lambda self, point_m: None)
-    meeting = _Meeting.__new__(_Meeting)
-    np.testing.assert_array_equal(meeting.residuals(np.zeros(3)), np.full(4, second_view._BEHIND))
+    monkeypatch.setattr(_RayIntersection, "predictions", lambda self, point_m: None)
+    meeting = _RayIntersection.__new__(_RayIntersection)
+    np.testing.assert_array_equal(meeting.residuals(np.zeros(3)), np.full(4, range_initialisation._BEHIND))
 
     class BearingOnlyPrior:
         def velocity_slope(self, point_m: np.ndarray) -> np.ndarray:

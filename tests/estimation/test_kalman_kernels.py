@@ -1,13 +1,20 @@
-"""The compiled filter gives what filterpy's own arithmetic gives."""
+"""The compiled kernels agree with filterpy's arithmetic."""
 
 import numpy as np
 import pytest
-from filterpy.kalman import ExtendedKalmanFilter
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import CompiledKalmanFilter, innovation_covariance, solve_small
+from groundstation.estimation.imm import ImmFilter
+from groundstation.estimation.kalman_kernels import (
+    LinearMeasurement,
+    correct_into,
+    innovation_covariance,
+    solve_small,
+)
+from groundstation.estimation.reference_filter import ReferenceFilter
 
 N = 14
+ALL = np.ones(N, np.bool_)
 
 
 def spread(rng: np.random.Generator, size: int) -> FloatArray:
@@ -15,38 +22,41 @@ def spread(rng: np.random.Generator, size: int) -> FloatArray:
     return np.asarray(root @ root.T + 0.1 * np.eye(size))
 
 
-def pair(rng: np.random.Generator) -> tuple[ExtendedKalmanFilter, CompiledKalmanFilter]:
+def started(x: FloatArray, P: FloatArray) -> ImmFilter:
+    one_mode = ImmFilter(N, (5.0,))
+    one_mode.set_states(slice(0, N), x, P)
+    return one_mode
+
+
+def test_prediction_and_update_match_filterpy(rng: np.random.Generator) -> None:
     x, P, Q = rng.normal(size=N), spread(rng, N), spread(rng, N)
     F = np.eye(N)
     F[:3, 3:6] = 0.04 * np.eye(3)
-    filters = (ExtendedKalmanFilter(dim_x=N, dim_z=2), CompiledKalmanFilter(dim_x=N, dim_z=2))
-    for each in filters:
-        each.x, each.P, each.Q, each.F = x.copy(), P.copy(), Q.copy(), F.copy()
-    return filters
-
-
-def test_prediction_and_correction_match(rng: np.random.Generator) -> None:
-    theirs, ours = pair(rng)
+    theirs, ours = ReferenceFilter(x, P), started(x, P)
     for _ in range(20):
-        theirs.predict()
-        ours.predict()
+        theirs.predict(F, Q)
+        ours.predict(F, [Q], 0.04)
         H, R, residual = rng.normal(size=(2, N)) * (rng.random((2, N)) < 0.5), spread(rng, 2), rng.normal(size=2)
         assert np.allclose(innovation_covariance(ours.P, H, R), H @ theirs.P @ H.T + R, rtol=1e-10)
-        predicted = H @ theirs.x
-        theirs.update(predicted + residual, lambda _, H=H: H, lambda _, p=predicted: p, R=R)
-        ours.correct(residual, H, R)
-        assert np.allclose(ours.x, theirs.x, rtol=1e-8, atol=1e-10)
-        assert np.allclose(ours.P, theirs.P, rtol=1e-8, atol=1e-10)
-        assert np.allclose(ours.K, theirs.K, rtol=1e-8, atol=1e-10)
-        assert np.allclose(ours.S, theirs.S, rtol=1e-10)
+        measurement = LinearMeasurement(residual, H, R)
+        x, P, Kt, S = np.empty(N), np.empty((N, N)), np.empty((2, N)), np.empty((2, 2))
+        correct_into(ours.x, ours.P, measurement, ALL, 1.0, x, P, Kt, S)
+        theirs.correct(measurement)
+        ours.correct(measurement, ALL, updates_weights=True)
+        for found in (ours.x, x):
+            assert np.allclose(found, theirs.x, rtol=1e-8, atol=1e-10)
+        for found in (ours.P, P):
+            assert np.allclose(found, theirs.P, rtol=1e-8, atol=1e-10)
+        assert np.allclose(Kt.T, theirs.K, rtol=1e-8, atol=1e-10)
+        assert np.allclose(S, theirs.S, rtol=1e-10)
 
 
-def test_an_exact_measurement_leaves_no_negative_variance(rng: np.random.Generator) -> None:
-    _, ours = pair(rng)
+def test_exact_measurements_leave_no_negative_variance(rng: np.random.Generator) -> None:
+    ours = started(rng.normal(size=N), spread(rng, N))
     H = np.zeros((2, N))
     H[0, 0] = H[1, 1] = 1.0
     for _ in range(50):
-        ours.correct(np.zeros(2), H, 1e-14 * np.eye(2))
+        ours.correct(LinearMeasurement(np.zeros(2), H, 1e-14 * np.eye(2)), ALL, updates_weights=True)
     assert np.linalg.eigvalsh(0.5 * (ours.P + ours.P.T)).min() > -1e-12
 
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
-from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
+from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.rig.rig import Rig
 from groundstation.simulation import StationErrors, perturbed
@@ -63,7 +63,7 @@ def test_a_new_start_stands_where_the_learnt_rig_puts_it() -> None:
     ekf = started(believed, replace(EstimationConfig(), calibration=CalibrationUse.ESTIMATE), sigma=1e-6)
     for name, value in off.items():
         place = ekf.layout.parameters[f"{name}.runway_from_base.z"]
-        ekf._imm.set_states(slice(place, place + 1), np.array([value]), np.eye(1) * 1e-12)
+        ekf._filter.imm.set_states(slice(place, place + 1), np.array([value]), np.eye(1) * 1e-12)
     pixels = {}
     for s in true.stations:
         projection = s.geometry().project(POINT, *ekf.angles(s.name))
@@ -98,7 +98,7 @@ def test_an_adopted_place_errs_with_the_speed_that_carried_it(rng: np.random.Gen
     for _ in range(n):
         ekf = started(make_rig(), EstimationConfig(), (*PANS, "dgps_clock.offset"))
         clock = ekf.layout.parameters["dgps_clock.offset"]
-        ekf._imm.set_states(slice(clock, clock + 1), np.array([0.33]), np.eye(1) * 1e-6)
+        ekf._filter.imm.set_states(slice(clock, clock + 1), np.array([0.33]), np.eye(1) * 1e-6)
         true = VELOCITY + rng.multivariate_normal(np.zeros(3), doubt)
         ekf.start_target(POINT, VELOCITY, np.block([[np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), speed]]))
         # in a third of a second it flies as it likes besides

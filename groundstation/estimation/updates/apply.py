@@ -1,0 +1,55 @@
+"""Applies the correction of a measurement update to the filter's modes."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.estimation.imm import ImmFilter
+from groundstation.estimation.kalman_kernels import BoolArray
+from groundstation.estimation.state_model import StateLayout
+from groundstation.estimation.updates.update import (
+    CorrectedModes,
+    Correction,
+    LinearCorrection,
+    MomentReplacement,
+    TargetReset,
+    VarianceInflation,
+)
+
+
+def apply_correction(
+    imm: ImmFilter, correction: Correction | None, layout: StateLayout, estimated: Callable[[], BoolArray]
+) -> FloatArray | None:
+    """Apply a correction; ``estimated`` returns which states (n,) may change where the correction does not say.
+
+    Return the matrix (n, n) of the transition for the smoother where the correction is one: an inflation or a reset.
+    None where it contains the information of a measurement.
+    """
+    match correction:
+        case CorrectedModes():
+            imm.state = correction.imm
+        case LinearCorrection():
+            mask = estimated() if correction.estimated is None else correction.estimated
+            share, updates_weights = correction.gain_share, correction.updates_weights
+            imm.correct(correction.measurement, mask, updates_weights=updates_weights, share=share)
+        case MomentReplacement():
+            imm.replace_moments(correction.jacobian, correction.shift, correction.covariance, estimated())
+        case VarianceInflation():
+            imm.inflate(correction.part, correction.variances)
+            return np.eye(layout.size)
+        case TargetReset():
+            imm.set_states(layout.target, correction.target, correction.covariance)
+            imm.correlate(correction.correlated, layout.constant, correction.sensitivity)
+            return reset_transition(layout, layout.target)
+        case None:
+            pass
+    return None
+
+
+def reset_transition(layout: StateLayout, *parts: slice) -> FloatArray:
+    """Return F (n, n) of a reset of some states: zero rows and columns, so that nothing is smoothed across it."""
+    F = np.eye(layout.size)
+    for part in parts:
+        F[part, part] = 0.0
+    return F
