@@ -34,7 +34,7 @@ LONGEST_FILES = (
     "estimation/test_against_bounds.py",
     "detection/test_birds.py",
     "single_camera/test_pixel_tracker.py",
-    "pointing/test_keep_out_pilot.py",
+    "pointing/test_keep_out_pointing.py",
     "evaluation/test_evaluate.py",
     "replay/test_late_data.py",
     "replay/test_recording_identity.py",
