@@ -139,18 +139,18 @@ def test_a_heartbeat_leaves_the_filter_where_it_is(flight: list[Event]) -> None:
     """Expected: to the last bit, with its window for late data and its tape; one before the filter's time as well."""
     run = Beaten(**CERTAIN).take(until(flight, LOSS_S))
     ekf, window = run.pipeline._ekf, run.pipeline._late_buffer
-    x, P, weights = ekf.state.copy(), ekf.covariance.copy(), ekf._imm.weights.copy()
+    x, P, weights = ekf.state.copy(), ekf.covariance.copy(), ekf._filter.imm.weights.copy()
     before = (ekf.time_s, len(window), ekf._filter.journal.mark)
     # what waits is let go by the first
     run.beat(LOSS_S + 1.0)
-    x, P, weights = ekf.state.copy(), ekf.covariance.copy(), ekf._imm.weights.copy()
+    x, P, weights = ekf.state.copy(), ekf.covariance.copy(), ekf._filter.imm.weights.copy()
     before = (ekf.time_s, len(window), ekf._filter.journal.mark)
     for t_s in (LOSS_S + 2.0, LOSS_S + 6.0, LOSS_S - 1.0):
         run.beat(t_s)
         assert (ekf.time_s, len(window), ekf._filter.journal.mark) == before
         np.testing.assert_array_equal(ekf.state, x)
         np.testing.assert_array_equal(ekf.covariance, P)
-        np.testing.assert_array_equal(ekf._imm.weights, weights)
+        np.testing.assert_array_equal(ekf._filter.imm.weights, weights)
     # what is older than the filter is told of the filter's time, not made more uncertain by going back
     np.testing.assert_array_equal(known(run.states[-1]).position_runway_m, x[ekf.layout.position])
     np.testing.assert_allclose(known(run.states[-1]).covariance, P[ekf.layout.target, ekf.layout.target], rtol=1e-12)

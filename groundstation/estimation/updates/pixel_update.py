@@ -80,12 +80,12 @@ class PixelUpdate:
         linear = LinearMeasurement(residual, H, R)
         if self._config.out_of_view is OutOfViewWeighting.PAPER:
             weight = paper_weight(prediction.pixel, size, self._config.paper_border_sigma_px)
-            weighted, gain_share = linear._replace(residual=weight * residual), 1.0
+            weighted, gain_share = LinearMeasurement(weight * residual, H, R), 1.0
         else:
             inside = max(probability_in_view(prediction.pixel, in_view, size), _LEAST_PROBABILITY)
             by_gain = self._config.out_of_view is OutOfViewWeighting.GAIN
             gain_share = inside if by_gain else 1.0
-            weighted = linear if by_gain else linear._replace(R=R / inside)
+            weighted = linear if by_gain else LinearMeasurement(residual, H, R / inside)
             weighted = self._iterated(state, measured, pixel, weighted, in_view)
         linear = self._with_clock_noise(state, measured.station, weighted)
         return Update(
@@ -129,4 +129,4 @@ class PixelUpdate:
         R = R + self._linearisation.speed_noise(station, H, state.P, state.age_s)
         if self._learns_clocks:
             R += self._linearisation.passage_noise(station, H, (state.x, state.P), state.age_s, self._motion)
-        return linear._replace(R=R)
+        return LinearMeasurement(linear.residual, H, R)
