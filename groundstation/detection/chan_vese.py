@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from groundstation.detection.contour_evolution import collect, collect_unvisited, evolve_contour, means_of
+from groundstation.detection.contour_evolution import Drive, collect, collect_unvisited, evolve_contour, means_of
 from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, limited_step, wake
 
 _FLAT_ORACLE = 1e-12  # added to |∇φ|² so that a flat φ can still move: next to nothing
@@ -151,6 +151,53 @@ def _clip(u: NDArray[np.float32], phi: NDArray[np.float32], rows: NDArray[np.int
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _sweep(
+    u: NDArray[np.float32],
+    phi: NDArray[np.float32],
+    drive: Drive,
+    step: tuple[np.float32, np.float32, np.float32],
+    sums: tuple[int, float],
+    rows: NDArray[np.int32],
+    count: int,
+    lists: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_], NDArray[np.bool_]],
+) -> tuple[int, float, int, int]:
+    """Move φ by one time step at ``count`` listed pixels.
+
+    ``step`` is μ, ε and the time step, ``sums`` the pixels inside and their sum of u; ``rows`` and ``lists`` as in
+    `evolve_contour`. Returns the new sums, how many pixels moved noticeably, and the length of the next list.
+    """
+    h, w = u.shape
+    bend, slope, level = drive
+    mu, eps, dt = step
+    n, inside = sums
+    queue, after, waiting, seen = lists
+    hold = np.float32(4) * mu
+    changed, coming = 0, 0
+    for k in range(count):
+        place = queue[k]
+        i, j = place // w, place % w
+        old, value = phi[i, j], u[i, j]
+        push = (bend * value + slope) * value + level
+        # at its limit, and held there by more than four neighbours can pull
+        if abs(push) > hold and abs(old) >= np.float32(PHI_LIMIT) and (push > 0) == (old > 0):
+            continue
+        new = limited_step(phi, i, j, push, mu, eps, dt)
+        phi[i, j] = new
+        seen[place] = True
+        moved = abs(new - old)
+        if moved > np.float32(AT_REST) and (abs(new) < np.float32(_LOW) or moved > np.float32(_FAR)):
+            changed += 1
+        if moved > np.float32(_ASLEEP):
+            coming = wake(place, h, w, waiting, after, coming)
+        if (new > 0) != (old > 0):
+            sign = 1 if new > 0 else -1
+            n += sign
+            rows[i] += sign
+            inside += sign * value
+    return n, inside, changed, coming
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def evolve(
     u: NDArray[np.float32],
     phi: NDArray[np.float32],
@@ -172,7 +219,7 @@ def evolve(
     """
     h, w = u.shape
     four = np.array(weights, np.float32)
-    mu, hold, eps_f, dt_f = four[0], np.float32(4) * four[0], np.float32(eps), np.float32(dt)
+    mu, eps_f, dt_f = four[0], np.float32(eps), np.float32(dt)
     rows = np.empty(h, np.int32)
     n, inside, total = _clip(u, phi, rows)
     queue, after = np.empty(h * w, np.int32), np.empty(h * w, np.int32)
@@ -191,29 +238,10 @@ def evolve(
         left -= count
         if left < 0:
             return iteration
-        bend, slope, level = means_of(n, inside, total, h * w, four)
-        changed, coming = 0, 0
-        for k in range(count):
-            place = queue[k]
-            i, j = place // w, place % w
-            old, value = phi[i, j], u[i, j]
-            push = (bend * value + slope) * value + level
-            # at its limit, and held there by more than four neighbours can pull
-            if abs(push) > hold and abs(old) >= np.float32(PHI_LIMIT) and (push > 0) == (old > 0):
-                continue
-            new = limited_step(phi, i, j, push, mu, eps_f, dt_f)
-            phi[i, j] = new
-            seen[place] = True
-            moved = abs(new - old)
-            if moved > np.float32(AT_REST) and (abs(new) < np.float32(_LOW) or moved > np.float32(_FAR)):
-                changed += 1
-            if moved > np.float32(_ASLEEP):
-                coming = wake(place, h, w, waiting, after, coming)
-            if (new > 0) != (old > 0):
-                sign = 1 if new > 0 else -1
-                n += sign
-                rows[i] += sign
-                inside += sign * value
+        drive = means_of(n, inside, total, h * w, four)
+        n, inside, changed, coming = _sweep(
+            u, phi, drive, (mu, eps_f, dt_f), (n, inside), rows, count, (queue, after, waiting, seen)
+        )
         for k in range(coming):
             waiting[after[k]] = False
         queue, after, count = after, queue, coming

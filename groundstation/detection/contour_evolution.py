@@ -121,6 +121,63 @@ def _solved(phi: NDArray[np.float32], i: int, j: int, drive: np.float32, mu: np.
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _contour_pixels(
+    u: NDArray[np.float32],
+    phi: NDArray[np.float32],
+    rows: NDArray[np.int32],
+    drive: Drive,
+    mu: np.float32,
+    queue: NDArray[np.int32],
+) -> int:
+    """Write the pixels at the contour that their data leave undecided into ``queue``; return their number."""
+    h, w = u.shape
+    flags = np.zeros((w + 7) // 8 * 8, np.bool_)
+    count = 0
+    for i in range(h):
+        if crossed(rows, i, w):
+            contour_flags(phi, i, flags)
+            _undecided(u, phi, i, drive, mu, flags)
+            count = _append(flags, i, w, queue, count)
+    return count
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _raise_contour(
+    u: NDArray[np.float32],
+    phi: NDArray[np.float32],
+    queue: NDArray[np.int32],
+    count: int,
+    drive: Drive,
+    mu: np.float32,
+) -> int:
+    """Set φ at ``count`` pixels in ``queue`` and round them to the height that their data alone give.
+
+    Neighbours that the data hardly hold join the queue, and their own neighbours are set; returns the queue's length.
+    """
+    h, w = u.shape
+    raised = np.zeros(h * w, np.bool_)
+    for k in range(count):
+        raised[queue[k]] = True
+        _raise(phi, u, queue[k] // w, queue[k] % w, drive)
+    bend, slope, level = drive
+    of_contour = count
+    for ring in range(2):
+        first, last = (0, of_contour) if ring == 0 else (of_contour, count)
+        for k in range(first, last):
+            i, j = queue[k] // w, queue[k] % w
+            for p, q in ((max(i - 1, 0), j), (min(i + 1, h - 1), j), (i, max(j - 1, 0)), (i, min(j + 1, w - 1))):
+                if raised[p * w + q]:
+                    continue
+                raised[p * w + q] = True
+                _raise(phi, u, p, q, drive)
+                push = (bend * u[p, q] + slope) * u[p, q] + level
+                if ring == 0 and abs(push) <= np.float32(4) * mu:
+                    queue[count] = p * w + q
+                    count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def evolve_contour(
     u: NDArray[np.float32],
     phi: NDArray[np.float32],
@@ -142,33 +199,9 @@ def evolve_contour(
     drive = (np.float32(0), np.float32(1), np.float32(0))
     if not fixed:
         drive = means_of(n, inside, total, h * w, weights)
-    flags = np.zeros((w + 7) // 8 * 8, np.bool_)
-    count = 0
-    for i in range(h):
-        if crossed(rows, i, w):
-            contour_flags(phi, i, flags)
-            _undecided(u, phi, i, drive, weights[0], flags)
-            count = _append(flags, i, w, queue, count)
-    raised = np.zeros(h * w, np.bool_)
-    for k in range(count):
-        raised[queue[k]] = True
-        _raise(phi, u, queue[k] // w, queue[k] % w, drive)
+    count = _contour_pixels(u, phi, rows, drive, weights[0], queue)
+    count = _raise_contour(u, phi, queue, count, drive, weights[0])
     bend, slope, level = drive
-    # their neighbours get the height that their data alone give, unless the data hardly hold them
-    of_contour = count
-    for ring in range(2):
-        first, last = (0, of_contour) if ring == 0 else (of_contour, count)
-        for k in range(first, last):
-            i, j = queue[k] // w, queue[k] % w
-            for p, q in ((max(i - 1, 0), j), (min(i + 1, h - 1), j), (i, max(j - 1, 0)), (i, min(j + 1, w - 1))):
-                if raised[p * w + q]:
-                    continue
-                raised[p * w + q] = True
-                _raise(phi, u, p, q, drive)
-                push = (bend * u[p, q] + slope) * u[p, q] + level
-                if ring == 0 and abs(push) <= np.float32(4) * weights[0]:
-                    queue[count] = p * w + q
-                    count += 1
     visits = 0
     for _ in range(_MOST_SWEEPS):
         if not fixed:

@@ -177,6 +177,27 @@ def _row_extent(
 
 
 @njit(cache=True, nogil=True)
+def _nose_from_ends(
+    ends: tuple[float, float], thickest: float, forward_t: float, z_t: float, scale: tuple[float, float]
+) -> tuple[float, float, float]:
+    """Return the nose along the picture's vertical from both ends and the thickest place, its variance and its χ²."""
+    span, edge = scale
+    up, up_sigma = _end(forward_t, _ABOVE, -1.0, span, _BEHIND, _SIGMA)
+    down, down_sigma = _end(forward_t, _BELOW, 1.0, span, _BEHIND, _SIGMA)
+    v_top, v_bottom = up_sigma**2 + edge**2, down_sigma**2 + edge**2
+    from_top, from_bottom = ends[0] + up, ends[1] - down
+    # the thickest place is detected more reliably, but which part of the body it is depends on the view
+    from_thickest = thickest + _THICKEST_BEHIND * forward_t - _THICKEST_BELOW * span
+    v_thickest = (_THICKEST_SIGMA * span) ** 2 + (_THICKEST_BEHIND_SIGMA * forward_t) ** 2 + edge**2
+    v_thickest *= max(span / _ENDS_LEGIBLE_PX, 1.0) ** 4
+    total_t = 1.0 / v_top + 1.0 / v_bottom + 1.0 / v_thickest
+    nose_t = (from_top / v_top + from_bottom / v_bottom + from_thickest / v_thickest) / total_t
+    chi_t = (from_top - nose_t) ** 2 / v_top + (from_bottom - nose_t) ** 2 / v_bottom
+    chi_t += (from_thickest - nose_t) ** 2 / v_thickest + z_t * z_t
+    return nose_t, 1.0 / total_t, chi_t
+
+
+@njit(cache=True, nogil=True)
 def _weigh(
     rows: FloatArray,
     row_weights: FloatArray,
@@ -188,27 +209,15 @@ def _weigh(
     scale: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the nose of each attitude of the grid (n, 2), its variances (n, 2) and its χ² (n,)."""
-    sections, widths, above, below, sigmas = _BEHIND, _HALF_WIDTH, _ABOVE, _BELOW, _SIGMA
-    span, edge = scale
+    sections, widths, above, below = _BEHIND, _HALF_WIDTH, _ABOVE, _BELOW
+    span = scale[0]
     count = _GRID * _GRID
     noses, variances, chi = np.empty((count, 2)), np.empty((count, 2)), np.empty(count)
     cut, cuts = np.empty((rows.shape[0], sections.size), np.int64), np.empty(rows.shape[0], np.int64)
     for a in range(_GRID):
         z_t = _GRID_SIGMAS * (2.0 * a / (_GRID - 1) - 1.0)
         forward_t = forward[1] + z_t * sigma[1]
-        up, up_sigma = _end(forward_t, above, -1.0, span, sections, sigmas)
-        down, down_sigma = _end(forward_t, below, 1.0, span, sections, sigmas)
-        v_top, v_bottom = up_sigma**2 + edge**2, down_sigma**2 + edge**2
-        from_top, from_bottom = ends[0] + up, ends[1] - down
-        # the thickest place is the more steadily seen one, but which part of the body that is depends on the view
-        from_thickest = thickest + _THICKEST_BEHIND * forward_t - _THICKEST_BELOW * span
-        v_thickest = (_THICKEST_SIGMA * span) ** 2 + (_THICKEST_BEHIND_SIGMA * forward_t) ** 2 + edge**2
-        v_thickest *= max(span / _ENDS_LEGIBLE_PX, 1.0) ** 4
-        total_t = 1.0 / v_top + 1.0 / v_bottom + 1.0 / v_thickest
-        nose_t = (from_top / v_top + from_bottom / v_bottom + from_thickest / v_thickest) / total_t
-        var_t = 1.0 / total_t
-        chi_t = (from_top - nose_t) ** 2 / v_top + (from_bottom - nose_t) ** 2 / v_bottom
-        chi_t += (from_thickest - nose_t) ** 2 / v_thickest + z_t * z_t
+        nose_t, var_t, chi_t = _nose_from_ends(ends, thickest, forward_t, z_t, scale)
         # the same for every turn to the side
         for k in range(rows.shape[0]):
             cuts[k] = _cut_by(rows[k, 0] - nose_t, forward_t, span, sections, above, below, cut[k])

@@ -4,6 +4,8 @@ Light is uint16 in 1/64 of a grey level; which colour a pixel has is given by ``
 and columns (0, 1, 2 for B, G, R).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -12,6 +14,17 @@ from groundstation.arrays import Float32Array, FloatArray, ImageArray, MaskArray
 TILE = 16
 _FRACTION = 16
 _ONE = 1 << _FRACTION
+
+
+class Panorama(NamedTuple):
+    """An equirectangular picture (h, w, 3) BGR; ``place`` (3,): azimuth and elevation of pixel (0, 0), and px/rad.
+
+    ``flat`` (h // 16, w // 16) is true for blocks that change evenly between their corners, as a clear sky does.
+    """
+
+    image: ImageArray
+    place: FloatArray
+    flat: MaskArray
 
 
 @njit(cache=True, nogil=True)
@@ -176,19 +189,15 @@ def surroundings(
     nodes: FloatArray,
     moved: FloatArray,
     looks: int,
-    fine: ImageArray,
-    fine_place: FloatArray,
-    fine_flat: MaskArray,
-    coarse: ImageArray,
-    coarse_place: FloatArray,
-    coarse_flat: MaskArray,
+    fine: Panorama,
+    coarse: Panorama,
     channels: np.ndarray,
     light: np.ndarray,
 ) -> None:
     """Fill ``light`` (h, w) from two panoramas, tile by tile: the fine one where it covers a tile.
 
     ``nodes`` (rows, columns, 2) are the directions of every 16th pixel and ``moved`` so much they turn within an
-    exposure, rad; a place is azimuth and elevation of pixel (0, 0), and px/rad.
+    exposure, rad.
     """
     corner, shift = np.empty((4, 2)), np.empty(2)
     for i in range(nodes.shape[0] - 1):
@@ -196,8 +205,8 @@ def surroundings(
             first = nodes[i, j, 0]
             inside = False
             for layer in range(2):
-                place = fine_place if layer == 0 else coarse_place
-                height, width = (fine.shape[0], fine.shape[1]) if layer == 0 else (coarse.shape[0], coarse.shape[1])
+                place = fine.place if layer == 0 else coarse.place
+                height, width = fine.image.shape[:2] if layer == 0 else coarse.image.shape[:2]
                 for n in range(4):
                     node = nodes[i + (n >> 1), j + (n & 1)]
                     corner[n, 0] = (_near(node[0], first) - place[0]) * place[2]
@@ -206,11 +215,11 @@ def surroundings(
                 inside = _kept_inside(corner, shift, width, height)
                 if inside:
                     break
-            panorama, flat = (fine, fine_flat) if layer == 0 else (coarse, coarse_flat)
-            if _is_flat(corner, flat):
-                _flat_tile(corner, panorama, channels, light, i * TILE, j * TILE)
+            panorama = fine if layer == 0 else coarse
+            if _is_flat(corner, panorama.flat):
+                _flat_tile(corner, panorama.image, channels, light, i * TILE, j * TILE)
             else:
-                _tile(corner, shift, looks, panorama, channels, light, i * TILE, j * TILE)
+                _tile(corner, shift, looks, panorama.image, channels, light, i * TILE, j * TILE)
 
 
 @njit(cache=True, nogil=True)

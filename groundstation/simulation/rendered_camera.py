@@ -197,10 +197,8 @@ class RenderedCamera:
             render_kernels.directions(self._rays, self._turns(head, rows + 0.5 * exposure), late)
             moved = late - early
             moved[..., 0] = (moved[..., 0] + np.pi) % (2.0 * np.pi) - np.pi
-        fine, coarse = self._around.fine, self._around.coarse
         render_kernels.surroundings(
-            *(self._nodes, moved, looks, fine.image, fine.place, fine.flat),
-            *(coarse.image, coarse.place, coarse.flat, self._channels, self._light),
+            self._nodes, moved, looks, self._around.fine, self._around.coarse, self._channels, self._light
         )
 
     def _row_times(self) -> FloatArray:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from groundstation.arrays import FloatArray, ImageArray, MaskArray
+from groundstation.arrays import FloatArray
 from groundstation.simulation.parameter_checks import require, require_fraction, require_positive
-from groundstation.simulation.render_kernels import TILE, flat_blocks
+from groundstation.simulation.render_kernels import TILE, Panorama, flat_blocks
 from groundstation.simulation.scenery_kernels import bake
 
 FINE_AZIMUTH_RAD = math.radians(25.0)
@@ -61,18 +61,6 @@ class Scenery:
         """Unit vector (3,) towards the sun, runway frame."""
         a, e = self.sun_azimuth_rad, self.sun_elevation_rad
         return np.array([math.cos(e) * math.sin(a), math.cos(e) * math.cos(a), math.sin(e)])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Panorama:
-    """An equirectangular picture (h, w, 3) BGR; ``place`` (3,): azimuth and elevation of pixel (0, 0), and px/rad.
-
-    ``flat`` (h // 16, w // 16) tells which blocks change evenly between their corners, as a clear sky does.
-    """
-
-    image: ImageArray
-    place: FloatArray
-    flat: MaskArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -120,6 +120,26 @@ def _ground_colour(
 
 
 @njit(cache=True, nogil=True)
+def _footprint(rays: FloatArray, i: int, j: int, rotation: FloatArray, camera: FloatArray, point: FloatArray) -> bool:
+    """Write where the rays of a pixel and of its neighbours to the right and below meet the ground, (3, 2) m.
+
+    Returns False where one of them does not. At the last row or column the neighbour is the one before.
+    """
+    h, w = rays.shape[:2]
+    i1, j1 = (i + 1 if i + 1 < h else i - 1), (j + 1 if j + 1 < w else j - 1)
+    for k in range(3):
+        ax = rays[i, j, 0] if k == 0 else (rays[i, j1, 0] if k == 1 else rays[i1, j, 0])
+        ay = rays[i, j, 1] if k == 0 else (rays[i, j1, 1] if k == 1 else rays[i1, j, 1])
+        dz = rotation[2, 0] * ax + rotation[2, 1] * ay + rotation[2, 2]
+        if dz > -1e-4:
+            return False
+        reach = -camera[2] / dz
+        point[k, 0] = camera[0] + reach * (rotation[0, 0] * ax + rotation[0, 1] * ay + rotation[0, 2])
+        point[k, 1] = camera[1] + reach * (rotation[1, 0] * ax + rotation[1, 1] * ay + rotation[1, 2])
+    return True
+
+
+@njit(cache=True, nogil=True)
 def render_ground(
     rays: FloatArray,
     rotation: FloatArray,
@@ -158,20 +178,7 @@ def render_ground(
                 for c in range(3):
                     out[i, j, c] = light[3 + c] * (1.0 - up) + light[6 + c] * up
                 continue
-            # a pixel's footprint by finite differences: this ray and its neighbours to the right and below
-            i1, j1 = (i + 1 if i + 1 < h else i - 1), (j + 1 if j + 1 < w else j - 1)
-            bad = False
-            for k in range(3):
-                ax = rx if k == 0 else (rays[i, j1, 0] if k == 1 else rays[i1, j, 0])
-                ay = ry if k == 0 else (rays[i, j1, 1] if k == 1 else rays[i1, j, 1])
-                dz = rotation[2, 0] * ax + rotation[2, 1] * ay + rotation[2, 2]
-                if dz > -1e-4:
-                    bad = True
-                    break
-                reach = -camera[2] / dz
-                point[k, 0] = camera[0] + reach * (rotation[0, 0] * ax + rotation[0, 1] * ay + rotation[0, 2])
-                point[k, 1] = camera[1] + reach * (rotation[1, 0] * ax + rotation[1, 1] * ay + rotation[1, 2])
-            if bad:
+            if not _footprint(rays, i, j, rotation, camera, point):
                 for c in range(3):
                     out[i, j, c] = light[3 + c]
                 continue

@@ -104,19 +104,17 @@ def find_corners(
     inside = row_sigma_px is not None
     start = start_corners(edges, pose if inside else _corrected(pose, edges), runway, kappa)
     grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.float64)
-    h, w = grey.shape
-    if start is None or not _inside(start, w, h):
+    size = grey.shape[1], grey.shape[0]
+    if start is None or not _inside(start, *size):
         return NoCorners.OUT_OF_PICTURE
     height = float(start[[0, 3], 1].mean() - start[[1, 2], 1].mean())
     if height < config.least_height_px:
         return NoCorners.FLAT
     near, far = _thresholds(image, start, height, row_sigma_px, config)
-    if near is None and not inside:
-        return NoCorners.NO_NEAR
-    if near is None and far is None:
-        return NoCorners.NO_THRESHOLD
+    if near is None and (far is None or not inside):
+        return NoCorners.NO_THRESHOLD if inside else NoCorners.NO_NEAR
     moved = _moved(start, near, far, together=not inside)
-    if not _inside(moved, w, h):
+    if not _inside(moved, *size):
         return NoCorners.OUT_OF_PICTURE
     reach = float(np.clip(_REACH_SHARE * height, *config.reach_px))
     if config.corners is CornerMethod.EDGES:
@@ -132,19 +130,23 @@ def find_corners(
     if np.linalg.norm(pixels - moved, axis=1).max() > 4.0 * config.reach_px[1]:
         return NoCorners.TURNED
     if config.corners is CornerMethod.EDGES:
-        lasting = tracked_modes(pixels, edges, runway, config)
+        systematic = tracked_modes(pixels, edges, runway, config)
     else:
-        dark = float(np.median(grey[h // 2 :: 4, ::4])) < config.dark_grey
         levels = min(seen.levels for seen in (near, far) if seen is not None)
-        lasting = systematic_modes(pixels, runway, systematic_sigmas(config, levels, dark=dark))
+        systematic = systematic_modes(pixels, runway, systematic_sigmas(config, levels, dark=_is_dark(grey, config)))
     return FoundCorners(
         pixels=pixels,
         start_px=start,
         covariance_px2=covariance + _anew(config),
-        systematic_px=lasting,
+        systematic_px=systematic,
         near_seen=near is not None,
         far_seen=far is not None,
     )
+
+
+def _is_dark(grey: FloatArray, config: ApproachConfig) -> bool:
+    """Return whether the lower half of a picture (h, w) is as dark as at night."""
+    return float(np.median(grey[grey.shape[0] // 2 :: 4, ::4])) < config.dark_grey
 
 
 def start_corners(edges: Edges, pose: NoseCameraPose, runway: Runway, kappa: FloatArray) -> FloatArray | None:
