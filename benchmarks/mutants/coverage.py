@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from mutants import marks
-from mutants.session import Run, TestRunOutcome, Work
+from mutants.session import PytestOutcome, Run, Work
 
 # no test of this file may take longer (a first compilation of kernels included)
 LONGEST_CPU_S, LONGEST_WALL_S = 300.0, 900.0
@@ -113,7 +113,7 @@ def map_jobs(
 
 def _map(file: Path, items: list[pytest.Item], store: Path, root: Path, marker: Marker, budget_s: float) -> Work:
     limited = [(item, LONGEST_CPU_S, LONGEST_WALL_S) for item in items]
-    ran: TestRunOutcome = yield Run(items=limited, prepare=marker.begin, budget_s=budget_s, until_failure=False)
+    ran: PytestOutcome = yield Run(items=limited, prepare=marker.begin, budget_s=budget_s, until_failure=False)
     tests = [line for line in ran.lines if "end" in line]
     if _CACHED.search(file.read_text(encoding="utf-8")):
         union = sorted({name for line in tests for name in line.get("mutants", ())})

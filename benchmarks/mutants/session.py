@@ -41,7 +41,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TestRunOutcome:
+class PytestOutcome:
     """Outcome of a test run.
 
     Attributes
@@ -60,7 +60,7 @@ class TestRunOutcome:
     seconds: float
 
 
-Work = Generator[Run, TestRunOutcome, None]
+Work = Generator[Run, PytestOutcome, None]
 
 
 class ForkingSession:
@@ -184,7 +184,7 @@ def _end_group(pid: int) -> None:
         return
 
 
-def _read(folder: Path, status: int, seconds: float) -> TestRunOutcome:
+def _read(folder: Path, status: int, seconds: float) -> PytestOutcome:
     file = folder / "lines"
     lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()] if file.exists() else []
     begun = [line["begin"] for line in lines if "begin" in line]
@@ -198,4 +198,4 @@ def _read(folder: Path, status: int, seconds: float) -> TestRunOutcome:
         by_limit = os.WIFSIGNALED(status) and os.WTERMSIG(status) in _LIMITS
         how = "timeout" if by_limit else "died"
     complete = how != "prepare" and not any("stopped" in line for line in lines)
-    return TestRunOutcome(lines=tuple(lines), failed=failed, how=how, complete=complete, seconds=seconds)
+    return PytestOutcome(lines=tuple(lines), failed=failed, how=how, complete=complete, seconds=seconds)

@@ -18,7 +18,7 @@ from mutants.apply import environment, function_objects, put_in
 from mutants.coverage import Covering
 from mutants.entries import Located
 from mutants.kernels import kernels_of
-from mutants.session import MORE_CPU_S, MORE_WALL_S, TIMES_CPU, TIMES_WALL, Run, TestRunOutcome, Work
+from mutants.session import MORE_CPU_S, MORE_WALL_S, TIMES_CPU, TIMES_WALL, PytestOutcome, Run, Work
 
 # A kernel is compiled again within the first test that calls it.
 COMPILATION_CPU_S, COMPILATION_WALL_S = 240.0, 900.0
@@ -141,7 +141,7 @@ def trial(located: Located, selection: Selection, *, root: Path, budget_s: float
     for _ in range(FLAKY_TESTS):
         if not tests:
             break
-        ran: TestRunOutcome = yield Run(
+        ran: PytestOutcome = yield Run(
             items=tests,
             prepare=lambda folder: put_in(root, located.function, located.fault, folder),
             budget_s=budget_s * (4 if located.function.is_kernel else 1),
@@ -162,7 +162,7 @@ def trial(located: Located, selection: Selection, *, root: Path, budget_s: float
         if ran.failed is None:
             break
         alone = [test for test in tests if test[0].nodeid == ran.failed]
-        without: TestRunOutcome = yield Run(items=alone, prepare=lambda folder: None, budget_s=budget_s)
+        without: PytestOutcome = yield Run(items=alone, prepare=lambda folder: None, budget_s=budget_s)
         if without.failed is None:
             break
         tests = [test for test in tests if test[0].nodeid != ran.failed]

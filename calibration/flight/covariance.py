@@ -13,7 +13,7 @@ from groundstation.arrays import FloatArray
 
 # errors that last are seen as blocks of time that do not average out
 _BLOCK_S = 1.0
-_LEAST_BLOCKS = 6
+LEAST_BLOCKS = 6
 # in this share of flights chance alone raises none of the combinations
 _CHANCE = 0.95
 _ROTATIONS = (("runway_from_base", slice(0, 3)), ("head_from_camera", slice(6, 9)))
@@ -97,13 +97,15 @@ def _raised(joint: PathResiduals, change: FloatArray, covariance: FloatArray, fl
     size = np.maximum(size, 1e-15)
     combined = axes / sigma[:, None]
     gain = covariance @ combined
-    factor = _lasting_factor(joint, change, covariance, gain)
+    factor = correlated_error_factor(joint, change, covariance, gain)
     share = np.clip(np.einsum("ik,ij,jk->k", gain, flown, gain) / size, 0.0, 1.0)
     spread = sigma[:, None] * axes
     return np.asarray((spread * (size * (1.0 + (factor**2 - 1.0) * share))) @ spread.T)
 
 
-def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatArray, gain: FloatArray) -> FloatArray:
+def correlated_error_factor(
+    joint: PathResiduals, change: FloatArray, covariance: FloatArray, gain: FloatArray
+) -> FloatArray:
     """Return by how much (p,) errors that last raise the sigma of each combination: blocks of time against expectation.
 
     ``gain`` (p, p) has in each column what a block's gradient does to a combination. Looks of one block, of all
@@ -112,7 +114,7 @@ def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatA
     """
     p = len(covariance)
     blocks = joint.scores(change, covariance, _BLOCK_S)
-    if len(blocks.seen) < max(_LEAST_BLOCKS, p // 2):
+    if len(blocks.seen) < max(LEAST_BLOCKS, p // 2):
         return np.ones(p)
     seen = (blocks.seen @ gain) ** 2
     expected = np.maximum(np.einsum("ik,nij,jk->nk", gain, blocks.expected, gain), 0.0)

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from groundstation.errors import InputError
+from groundstation.estimation.parameters import ParameterPrior
 from groundstation.live.core import live_config
 from groundstation.live.devices import check_against_rig
 from groundstation.live.head_manager import CLOSE_S, HeadManager
@@ -89,6 +90,7 @@ def live(
     where ``stop`` says so before it has begun.
     """
     out = _folder(request)
+    configure_allocator()
     with removed_unless_started(out) as begun:
         return _live(request, out, begun, stop, tell, partial(_step, stop, say), simulator, force_exit)
 
@@ -104,7 +106,6 @@ def _live(
     force_exit: Callable[[str], None] | None,
 ) -> LiveResult:
     """Operate into ``out``; ``begun`` is called once everything is open."""
-    configure_allocator()
     station = _load(request, out, simulator)
     file, rig = station.file, station.rig
     # not before all files are known to be good
@@ -129,7 +130,7 @@ def _live(
         if recorder is not None:
             shutdown.watch_recorder(lambda: recorder.status.written_bytes)
         outputs.open_screen(request.screen, station, shutdown, say)
-        errors = station.reference.errors if station.header.learns_from_reference else None
+        errors = station.reference_errors()
         operation = Operation(
             file, rig, station.config, outputs.of_operation(), start_s=start_s, reference_errors=errors
         )
@@ -165,6 +166,10 @@ class _LiveStation:
     config: Config
     header: RecordingHeader
     reference: ReferencePrior
+
+    def reference_errors(self) -> ParameterPrior | None:
+        """Return the prior of the reference's errors; None if the filter does not learn from it."""
+        return self.reference.errors if self.header.learns_from_reference else None
 
 
 def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -> _LiveStation:

@@ -13,7 +13,7 @@ from groundstation.errors import SessionError
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments import detection_tables as findings
 from groundstation.experiments.detector_outcomes import DetectorOutcome, watch
-from groundstation.experiments.truth_scenes import Scene, scenes
+from groundstation.experiments.truth_scenes import TruthScene, scenes
 from groundstation.session import load_session
 
 SEED = 3
@@ -21,7 +21,7 @@ FULL = "full frame"
 CONFIGS = {"250×100": DetectionConfig(), FULL: DetectionConfig(roi_basic_px=(100_000, 100_000))}
 
 
-def first_scenes(folder: Path) -> list[Scene]:
+def first_scenes(folder: Path) -> list[TruthScene]:
     return list(scenes(load_session(folder), SEED, first_epoch=4, last_epoch=10, every=3))
 
 

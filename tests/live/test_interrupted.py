@@ -21,8 +21,8 @@ from groundstation.live.status_board import LiveStatus
 from groundstation.simulation.attached_simulator import AttachedSimulator
 from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
 from groundstation.simulation.simulated_station_file import simulated_station_file
+from tests.cli.test_status_display import status
 from tests.live.test_ending_words import ended
-from tests.live.test_words import status
 
 SIGNALS = (signal.SIGINT, signal.SIGHUP)
 ASKED = "import signal, sys; sys.exit(sum(s in signal.pthread_sigmask(signal.SIG_BLOCK, []) for s in (1, 2)))"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from mutants.entries import read_list
-from mutants.session import Run, TestRunOutcome, Work, serve
+from mutants.session import PytestOutcome, Run, Work, serve
 
 from tests.conftest import ROOT
 
@@ -202,7 +202,7 @@ def test_processes_are_as_many_as_wanted_and_each_job_gets_its_own_result(tmp_pa
     def job(number: int) -> Work:
         nonlocal running
         for again in range(2):
-            ran: TestRunOutcome = yield Run(items=[], prepare=lambda folder: None, budget_s=10 * number + again)
+            ran: PytestOutcome = yield Run(items=[], prepare=lambda folder: None, budget_s=10 * number + again)
             running -= 1
             got[number, again] = ran.failed
 

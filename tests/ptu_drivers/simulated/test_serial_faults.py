@@ -2,7 +2,7 @@
 
 import ptu_alpaca_faults
 import pytest
-from ptu_serial_faults import FAULTS, MAKERS, RECOVERY_S, Tally, campaign, fuzz, one_run
+from ptu_serial_faults import FAULTS, MAKERS, RECOVERY_S, FaultCampaignCounts, campaign, fuzz, one_run
 
 from tests.peers import peer_module
 
@@ -23,7 +23,7 @@ def test_each_fault_alone(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for other in tuple(FAULTS):
         if other != fault:
             monkeypatch.delitem(FAULTS, other)
-    tally = Tally()
+    tally = FaultCampaignCounts()
     one_run(MAKERS["pelco"], 77, tally)
     assert tally.faults[fault] == 6
     assert (tally.wrong, tally.not_back, tally.slow, tally.still_moving) == (0, 0, 0, 0)
