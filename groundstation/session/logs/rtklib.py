@@ -161,7 +161,8 @@ class _PosReader:
             if not np.all(np.abs(baseline) < _MAX_BASELINE_M):
                 raise _BadRowError("row that is no place on Earth")
             ecef = ecef_from_enu(baseline, base)
-        if not 6.2e6 < float(np.linalg.norm(ecef)) < 6.6e6:
+        # unlike a norm by squares, hypot does not overflow
+        if not 6.2e6 < math.hypot(*ecef.tolist()) < 6.6e6:
             raise _BadRowError("row that is no place on Earth")
         place = geodetic_from_ecef(ecef)
         return float(place[0]), float(place[1]), float(place[2])

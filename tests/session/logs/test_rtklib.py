@@ -158,9 +158,10 @@ def test_a_baseline_from_nowhere(tmp_path: Path) -> None:
     same_flight(read_log(path, LogOptions(base_deg_m=(35.68, 139.76, 60.0))))
 
 
-def test_a_baseline_beyond_the_earth_costs_its_row_only(tmp_path: Path) -> None:
-    text = (DATA / "enu.pos").read_text().replace("45.1730", "9" * 308)
-    assert "9" * 308 in text
+@pytest.mark.parametrize(("name", "number"), [("enu.pos", "45.1730"), ("ecef.pos", "-3959336.5478")])
+def test_a_place_beyond_the_earth_costs_its_row_only(tmp_path: Path, name: str, number: str) -> None:
+    text = (DATA / name).read_text().replace(number, "9" * 308)
+    assert text.count("9" * 308) == 1
     (tmp_path / "far.pos").write_text(text)
     with np.errstate(all="raise"):
         log = read_log(tmp_path / "far.pos")
