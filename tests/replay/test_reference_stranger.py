@@ -121,7 +121,7 @@ def test_a_receiver_that_agrees_again_is_believed_again() -> None:
     result = flown([*wrong, *right])
     assert result.pipeline.counts["references_refused"] == len(wrong)
     assert result.pipeline.reference_used_until_s == right[-1].t_s
-    assert not result.pipeline._ekf.snapshot().reference_contradicted
+    assert not result.pipeline._ekf.snapshot().bookkeeping.references.contradicted
 
 
 def test_the_same_flight_comes_out_the_same_again() -> None:

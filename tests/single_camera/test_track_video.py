@@ -90,7 +90,7 @@ def test_the_table(film: Film, video: Path, capfd: pytest.CaptureFixture[str]) -
     assert shown.out.splitlines()[0].startswith(f"{FRAMES} frames, target seen in 2")
     assert "first seen in frame 0 at 0.00 s; longest gap 3 frames" in shown.out
     assert shown.out.splitlines()[-1] == f"wrote {video.with_suffix('.csv')}"
-    assert "track: 100%" in shown.err
+    assert f"track: {FRAMES} of {FRAMES} frames" in shown.err
     assert "frame/s" in shown.err
 
 
