@@ -18,6 +18,7 @@ from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, curvature_pu
 
 Drive = tuple[np.float32, np.float32, np.float32]
 
+_MU, _NU, _LAMBDA1, _LAMBDA2 = 0, 1, 2, 3  # order of the weights
 _DRIVE_AT_LIMIT = 0.25  # where c puts a φ of PHI_LIMIT: half a unit of u from the middle, with λ1 = λ2 = 1
 _LEAST = 0.2  # the height of a pixel that its data drive to the other side
 _LOOSE, _MOVES = 1.0, 0.02  # what is lower, or still moves, may yet change sides
@@ -30,8 +31,9 @@ def means_of(n: int, inside: float, total: float, size: int, weights: NDArray[np
     """Return −ν − λ1 (u − c1)² + λ2 (u − c2)² by powers of u: curvature, slope and level.
 
     ``n`` pixels of ``size`` are inside, ``inside`` and ``total`` the sums of u there and overall.
+    ``weights`` (4,) are μ, ν, λ1, λ2.
     """
-    nu, lambda1, lambda2 = weights[1], weights[2], weights[3]
+    nu, lambda1, lambda2 = weights[_NU], weights[_LAMBDA1], weights[_LAMBDA2]
     c1, c2 = np.float32(inside / max(n, 1)), np.float32((total - inside) / max(size - n, 1))
     slope = np.float32(2) * (lambda1 * c1 - lambda2 * c2)
     return lambda2 - lambda1, slope, lambda2 * c2 * c2 - lambda1 * c1 * c1 - nu
@@ -199,8 +201,8 @@ def evolve_contour(
     drive = (np.float32(0), np.float32(1), np.float32(0))
     if not fixed:
         drive = means_of(n, inside, total, h * w, weights)
-    count = _contour_pixels(u, phi, rows, drive, weights[0], queue)
-    count = _raise_contour(u, phi, queue, count, drive, weights[0])
+    count = _contour_pixels(u, phi, rows, drive, weights[_MU], queue)
+    count = _raise_contour(u, phi, queue, count, drive, weights[_MU])
     bend, slope, level = drive
     visits = 0
     for _ in range(_MOST_SWEEPS):
@@ -212,7 +214,7 @@ def evolve_contour(
             place = queue[k]
             i, j = place // w, place % w
             old, value = phi[i, j], u[i, j]
-            new = _solved(phi, i, j, (bend * value + slope) * value + level, weights[0])
+            new = _solved(phi, i, j, (bend * value + slope) * value + level, weights[_MU])
             phi[i, j] = new
             seen[place] = True
             moved = abs(new - old)

@@ -6,7 +6,7 @@ it resembles most, so that both sides of the edge come out flat and only what ne
 """
 
 import math
-from typing import cast
+from typing import NamedTuple, cast
 
 import cv2
 import numpy as np
@@ -26,6 +26,14 @@ Float32Row = NDArray[np.float32]
 _BLOCKS = 5  # across the median's window
 _ALIKE = 12  # squared grey levels over three channels: not worth looking at the neighbours
 _FLAT = 6  # grey levels between neighbouring blocks that interpolation bridges
+
+
+class _BlockRoom(NamedTuple):
+    """Room for the n pixels of a block: their colours (3, n), least squared differences (n,), nearest colours (n,)."""
+
+    pixels: Float32Array
+    least: Float32Row
+    best: IntRow
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -118,7 +126,8 @@ def _keep_edges(colour: Planes, median: ImageArray, edges: NDArray[np.bool_], st
     block's own choice, then pixel row by pixel row for what is left of them, which is one run over many blocks.
     """
     h, w = colour[0].shape
-    room = np.empty((3, step * step), np.float32), np.empty(step * step, np.float32), np.empty(step * step, np.int32)
+    size = step * step
+    room = _BlockRoom(np.empty((3, size), np.float32), np.empty(size, np.float32), np.empty(size, np.int32))
     near, resembled = np.empty((9, 3), np.float32), np.empty((step, w), np.int32)
     for row in range(edges.shape[0]):
         top, bottom = row * step, min((row + 1) * step, h)
@@ -142,17 +151,17 @@ def _resemble_block(
     colour: Planes,
     block: tuple[int, int, int, int],
     near: Float32Array,
-    room: tuple[Float32Array, Float32Row, IntRow],
+    room: _BlockRoom,
     resembled: NDArray[np.int32],
 ) -> None:
     """Write for each pixel of a block x0, y0, x1, y1 the colour of those ``near`` that it resembles most.
 
-    They go into the block's columns of ``resembled`` (rows of the block, w); ``room`` is for its pixels one by one.
+    They go into the block's columns of ``resembled`` (rows of the block, w).
     """
     left, top, right, bottom = block
     wide = right - left
     n = (bottom - top) * wide
-    pixels, least, best = room[0], room[1][:n], room[2][:n]
+    pixels, least, best = room.pixels, room.least[:n], room.best[:n]
     for c in range(3):
         for i in range(top, bottom):
             line, own = colour[c][i, left:right], pixels[c, (i - top) * wide : (i - top + 1) * wide]

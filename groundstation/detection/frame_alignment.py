@@ -15,6 +15,8 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry import kernels
 from groundstation.geometry.camera import Lens
 
+# columns of textured pixels
+_X, _Y, _GREY, _BY_X, _BY_Y = 0, 1, 2, 3, 4
 _GRID = 5  # points per side from which a rotation becomes a homography
 _TEXTURE = 4.0  # grey levels per px: gradients below it are noise
 _TEXTURE_STEP = 3
@@ -75,7 +77,7 @@ def textured(grey: ImageArray) -> FloatArray:
             gx = 0.5 * (float(grey[y, x + 1]) - float(grey[y, x - 1]))
             gy = 0.5 * (float(grey[y + 1, x]) - float(grey[y - 1, x]))
             if gx * gx + gy * gy >= _TEXTURE * _TEXTURE:
-                rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, grey[y, x], gx, gy
+                rows[n, _X], rows[n, _Y], rows[n, _GREY], rows[n, _BY_X], rows[n, _BY_Y] = x, y, grey[y, x], gx, gy
                 n += 1
     return rows[:n]
 
@@ -91,7 +93,7 @@ class FrameAlignment:
 @njit(cache=True, inline="always")
 def _misfit(row: FloatArray, old: ImageArray, H: FloatArray, sx: float, sy: float) -> tuple[bool, float]:
     """Return whether a textured pixel lies in the old picture, and its difference in grey levels."""
-    x, y = row[0] + sx, row[1] + sy
+    x, y = row[_X] + sx, row[_Y] + sy
     d = H[2, 0] * x + H[2, 1] * y + H[2, 2]
     u, v = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / d, (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / d
     iu, iv = math.floor(u), math.floor(v)
@@ -100,7 +102,7 @@ def _misfit(row: FloatArray, old: ImageArray, H: FloatArray, sx: float, sy: floa
     fu, fv = u - iu, v - iv
     top = (1 - fu) * old[iv, iu] + fu * old[iv, iu + 1]
     low = (1 - fu) * old[iv + 1, iu] + fu * old[iv + 1, iu + 1]
-    return True, (1 - fv) * top + fv * low - row[2]
+    return True, (1 - fv) * top + fv * low - row[_GREY]
 
 
 @njit(cache=True)
@@ -116,7 +118,7 @@ def _shift(rows: FloatArray, old: ImageArray, H: FloatArray, limit: float) -> tu
             if not inside:
                 continue
             weight = 1.0 / (1.0 + (e / width) ** 2)
-            gx, gy = rows[k, 3], rows[k, 4]
+            gx, gy = rows[k, _BY_X], rows[k, _BY_Y]
             hxx += weight * gx * gx
             hxy += weight * gx * gy
             hyy += weight * gy * gy
@@ -147,7 +149,7 @@ def _misplacements(rows: FloatArray, old: ImageArray, H: FloatArray) -> FloatArr
     for k in range(rows.shape[0]):
         inside, e = _misfit(rows[k], old, H, 0.0, 0.0)
         if inside:
-            out[n] = abs(e) / math.hypot(rows[k, 3], rows[k, 4])
+            out[n] = abs(e) / math.hypot(rows[k, _BY_X], rows[k, _BY_Y])
             n += 1
     return out[:n]
 
@@ -184,5 +186,5 @@ def image_motion(old: ImageArray, new: ImageArray) -> FloatArray | None:
 
 def widespread(rows: FloatArray, w: int, h: int) -> bool:
     """Return whether the textured pixels lie in enough blocks of the image."""
-    block = (rows[:, 1] * _BLOCKS / h).astype(np.int64) * _BLOCKS + (rows[:, 0] * _BLOCKS / w).astype(np.int64)
+    block = (rows[:, _Y] * _BLOCKS / h).astype(np.int64) * _BLOCKS + (rows[:, _X] * _BLOCKS / w).astype(np.int64)
     return int((np.bincount(block) >= _BLOCK_TEXTURED).sum()) >= _MIN_TEXTURED_BLOCKS

@@ -16,6 +16,8 @@ from groundstation.box import Box
 ImageRow = NDArray[np.uint8]
 Float32Array = NDArray[np.float32]
 
+# columns of textured pixels
+_X, _Y, _GREY, _BY_X, _BY_Y = 0, 1, 2, 3, 4
 _MIN_TEXTURE = 3.0  # grey levels per px: gradients below it are noise
 MIN_TEXTURED = 40
 _COARSE_STEP, _COARSE_REACH = 4, 10
@@ -68,7 +70,7 @@ def _textured(image: ImageArray, window: Box[int], keep_out: Box[int]) -> FloatA
             gx, gy = 0.5 * (row[x + 1] - row[x - 1]), 0.5 * (below[x] - above[x])
             if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE or (row_of_box and keep_out.x0 <= x < keep_out.x1):
                 continue
-            rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, row[x], gx, gy
+            rows[n, _X], rows[n, _Y], rows[n, _GREY], rows[n, _BY_X], rows[n, _BY_Y] = x, y, row[x], gx, gy
             n += 1
     return rows[:n]
 
@@ -89,12 +91,12 @@ def mean_misfit(rows: FloatArray, reference: Float32Array, hidden: Box[int], sx:
     """Return the mean clipped difference of the textured pixels at one shift."""
     total, n = 0.0, 0
     for k in range(0, rows.shape[0], every):
-        x, y = rows[k, 0] + sx, rows[k, 1] + sy
+        x, y = rows[k, _X] + sx, rows[k, _Y] + sy
         if hidden.x0 <= x < hidden.x1 and hidden.y0 <= y < hidden.y1:
             continue
         value = _sample(reference, x, y)
         if value >= 0:
-            total += min(abs(value - rows[k, 2]), 30.0)
+            total += min(abs(value - rows[k, _GREY]), 30.0)
             n += 1
     return total / n if 3 * n * every >= rows.shape[0] else 1e9
 
@@ -122,13 +124,13 @@ def refine(
     for _ in range(10):
         hxx, hxy, hyy, bx, by, square, n = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
         for k in range(rows.shape[0]):
-            x, y = rows[k, 0] + sx, rows[k, 1] + sy
+            x, y = rows[k, _X] + sx, rows[k, _Y] + sy
             if hidden.x0 <= x < hidden.x1 and hidden.y0 <= y < hidden.y1:
                 continue
             value = _sample(reference, x, y)
             if value < 0:
                 continue
-            e, gx, gy = value - rows[k, 2], rows[k, 3], rows[k, 4]
+            e, gx, gy = value - rows[k, _GREY], rows[k, _BY_X], rows[k, _BY_Y]
             weight = 1.0 / (1.0 + (e / 8.0) ** 2)
             hxx += weight * gx * gx
             hxy += weight * gx * gy
@@ -158,14 +160,14 @@ def misplacement(rows: FloatArray, reference: Float32Array, hidden: Box[int], sx
     """Return how far, in px, the scene still lies off after the shift: how misfits grow with the gradient."""
     n, s_g, s_e, s_gg, s_ge = 0, 0.0, 0.0, 0.0, 0.0
     for k in range(rows.shape[0]):
-        x, y = rows[k, 0] + sx, rows[k, 1] + sy
+        x, y = rows[k, _X] + sx, rows[k, _Y] + sy
         if hidden.x0 <= x < hidden.x1 and hidden.y0 <= y < hidden.y1:
             continue
         value = _sample(reference, x, y)
         if value < 0:
             continue
-        g = rows[k, 3] ** 2 + rows[k, 4] ** 2
-        e = min((value - rows[k, 2]) ** 2, _CLIPPED**2)
+        g = rows[k, _BY_X] ** 2 + rows[k, _BY_Y] ** 2
+        e = min((value - rows[k, _GREY]) ** 2, _CLIPPED**2)
         n += 1
         s_g += g
         s_e += e

@@ -10,6 +10,7 @@ from groundstation.estimation.kalman_kernels import BoolArray, solve_small
 
 LEAST_SHARE = 1e-2  # directions with less than this share of the largest information are not used
 # of an epoch: A₀₀, A₀₁, A₁₁, g₀, g₁, the variances of its noise and of its constant error, px²
+_A00, _A01, _A11, _G0, _G1, _NOISE, _CONSTANT = 0, 1, 2, 3, 4, 5, 6
 TERM_COUNT = 7
 
 
@@ -91,9 +92,9 @@ def write_epoch_terms(
     leave_one_out(own, noises, jacobians, residuals, used, A, g)
     noise = 0.5 * (noises[own, 0, 0] + noises[own, 1, 1])
     share = min(1.0, math.sqrt(most * (1.0 + constant_px2 / noise) / max(separation_statistic(A, g), 1e-12)))
-    part[0], part[1], part[2] = A[0, 0], A[0, 1], A[1, 1]
-    part[3], part[4] = g[0] * share, g[1] * share
-    part[5], part[6] = noise, constant_px2
+    part[_A00], part[_A01], part[_A11] = A[0, 0], A[0, 1], A[1, 1]
+    part[_G0], part[_G1] = g[0] * share, g[1] * share
+    part[_NOISE], part[_CONSTANT] = noise, constant_px2
 
 
 @njit(cache=True)
@@ -129,17 +130,17 @@ def window_statistic(parts: FloatArray, count: int, bias: FloatArray) -> tuple[f
     for k in range(count):
         for j in range(TERM_COUNT):
             sums[j] += parts[k, j]
-    noise, constant = sums[5] / count, sums[6] / count
-    values, vectors = np.linalg.eigh(np.array([[sums[0], sums[1]], [sums[1], sums[2]]]))
+    noise, constant = sums[_NOISE] / count, sums[_CONSTANT] / count
+    values, vectors = np.linalg.eigh(np.array([[sums[_A00], sums[_A01]], [sums[_A01], sums[_A11]]]))
     bias[:] = 0.0
     dof = 0
     for k in range(2):
         if values[k] > LEAST_SHARE * count / noise:
             dof += 1
-            along = (vectors[0, k] * sums[3] + vectors[1, k] * sums[4]) / values[k]
+            along = (vectors[0, k] * sums[_G0] + vectors[1, k] * sums[_G1]) / values[k]
             for a in range(2):
                 bias[a] += vectors[a, k] * along
-    return (sums[3] * bias[0] + sums[4] * bias[1]) / (1.0 + count * constant / noise), dof
+    return (sums[_G0] * bias[0] + sums[_G1] * bias[1]) / (1.0 + count * constant / noise), dof
 
 
 @njit(cache=True)

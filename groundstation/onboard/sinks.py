@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.lines import A, B, C, D
+from groundstation.onboard.edges.line_state import A, B, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeReport, EdgeStatus
 

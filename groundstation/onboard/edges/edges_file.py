@@ -8,7 +8,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
-from groundstation.onboard.edges.lines import A, B, C, D
+from groundstation.onboard.edges.line_state import A, B, C, D
 from groundstation.onboard.edges.report import EdgeReport, Edges
 
 CORNERS = ("far_left", "near_left", "far_right", "near_right")

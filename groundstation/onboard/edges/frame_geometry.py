@@ -16,7 +16,7 @@ from groundstation.onboard.edges.line_kernel import (
     fill_frame_geometry,
     noise_of_pose,
 )
-from groundstation.onboard.edges.lines import PITCH, ROLL, UP, C, D
+from groundstation.onboard.edges.line_state import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose, corrected_pose
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
 

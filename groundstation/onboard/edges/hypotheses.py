@@ -24,16 +24,9 @@ from groundstation.onboard.edges.frame_geometry import (
 )
 from groundstation.onboard.edges.gradient_descent import descend
 from groundstation.onboard.edges.kalman import LineState, update_crossings
+from groundstation.onboard.edges.line_state import C, D
 from groundstation.onboard.edges.line_tracking import TrackingStep, plain_edges, profiled, track_lines
-from groundstation.onboard.edges.lines import (
-    C,
-    D,
-    angle_between,
-    crossings_at,
-    line_map,
-    project_lines,
-    state_from_crossings,
-)
+from groundstation.onboard.edges.lines import angle_between, crossings_at, line_map, project_lines, state_from_crossings
 from groundstation.onboard.edges.marking_removal import remove_markings
 from groundstation.onboard.edges.markings import Markings
 from groundstation.onboard.edges.pose import NoseCameraPose

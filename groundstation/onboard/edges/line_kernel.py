@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
+from groundstation.onboard.edges.line_state import C, D
 
 _CROSS_LINES = 40
 _BORDER_PX = 2.0
@@ -212,12 +213,12 @@ def band_widths_of(
     out: FloatArray,
 ) -> None:
     """Fill the widths ℓ (2, 2) of bands about lines (a, b, c, d, …), px; limited by ``band``."""
-    apart = mean[2] - mean[3]
+    apart = mean[C] - mean[D]
     wide = min(band.width_m, 0.45 * abs(apart))
     moved = mean[:4].copy()
-    sign = 1.0 if mean[2] >= mean[3] else -1.0
-    moved[2] += sign * wide
-    moved[3] -= sign * wide
+    sign = 1.0 if mean[C] >= mean[D] else -1.0
+    moved[C] += sign * wide
+    moved[D] -= sign * wide
     outer, unused = np.empty(4), np.empty((4, 4))
     project(moved, e, rows, outer, unused)
     widths_between(crossings, outer, rows, band.least_px, across, out)

@@ -18,16 +18,8 @@ from groundstation.onboard.edges.frame_geometry import (
 from groundstation.onboard.edges.gradient_descent import descend
 from groundstation.onboard.edges.kalman import LineState, LineUpdate, predict, update_crossings, update_lines
 from groundstation.onboard.edges.kalman_kernel import between
-from groundstation.onboard.edges.lines import (
-    PITCH,
-    ROLL,
-    UP,
-    C,
-    D,
-    lines_from_crossings,
-    measurement_matrix,
-    project_lines,
-)
+from groundstation.onboard.edges.line_state import PITCH, ROLL, UP, C, D
+from groundstation.onboard.edges.lines import lines_from_crossings, measurement_matrix, project_lines
 from groundstation.onboard.edges.marking_removal import remove_markings
 from groundstation.onboard.edges.markings import Change, Markings
 from groundstation.onboard.edges.pose import NoseCameraPose

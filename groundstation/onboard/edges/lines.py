@@ -16,12 +16,10 @@ from groundstation.onboard.edges.line_kernel import (
     project,
     state_through,
 )
+from groundstation.onboard.edges.line_state import A, B, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose, ground_from_pixels
 
 STATE = ("a", "b", "c", "d")
-A, B, C, D = range(4)
-# what the tracker's own state carries besides: the pose's lasting errors, rad, rad and m
-ROLL, PITCH, UP = range(4, 7)
 _LINES = ((A, B, C), (A, B, D))
 
 

@@ -24,8 +24,18 @@ def pair_weight(
     Each of these is measured in the configuration's ``start_…``; beyond three of one, nine of the place, five of the
     width, it is no runway, and the nearer the weightier.
     """
-    limits = (config.start_turn_rad, config.start_shift_m, config.guess.width_m, math.log(config.start_width))
-    return float(_weight(crossings_px, rows_px, pose.threshold_from_camera, pose.camera_threshold_m, kappa, limits))
+    weight = _weight(
+        crossings_px,
+        rows_px,
+        pose.threshold_from_camera,
+        pose.camera_threshold_m,
+        kappa,
+        config.start_turn_rad,
+        config.start_shift_m,
+        config.guess.width_m,
+        math.log(config.start_width),
+    )
+    return float(weight)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -35,9 +45,16 @@ def _weight(
     rotation: FloatArray,
     position: FloatArray,
     kappa: FloatArray,
-    limits: tuple[float, float, float, float],
+    turn_rad: float,
+    shift_m: float,
+    width_m: float,
+    log_width: float,
 ) -> float:
-    """Return the weight; ``limits`` are turn (rad), shift (m), the width (m), and the logarithm of its factor."""
+    """Return the weight of the lines through crossings (4,) with rows (2,).
+
+    Turn and shift are measured in ``turn_rad`` and ``shift_m``, the logarithm of the width by ``width_m`` in
+    ``log_width``.
+    """
     pixels = np.empty((4, 2))
     for k in range(4):
         pixels[k, 0], pixels[k, 1] = crossings[k], rows[k % 2]
@@ -52,10 +69,10 @@ def _weight(
         if not np.isfinite(own).all():
             return 0.0
         turns[line] = math.atan2(own[1], own[0])
-    turn, apart = abs(math.atan2(both[1], both[0])) / limits[0], abs(turns[0] - turns[1]) / limits[0]
-    place = 0.5 * abs(both[2] + both[3]) / limits[1]
-    factor = abs(math.log(max(abs(both[2] - both[3]), 0.1) / limits[2])) / limits[3]
-    if max(np.abs(turns).max() / limits[0], turn, apart) > _FARTHEST:
+    turn, apart = abs(math.atan2(both[1], both[0])) / turn_rad, abs(turns[0] - turns[1]) / turn_rad
+    place = 0.5 * abs(both[2] + both[3]) / shift_m
+    factor = abs(math.log(max(abs(both[2] - both[3]), 0.1) / width_m)) / log_width
+    if max(np.abs(turns).max() / turn_rad, turn, apart) > _FARTHEST:
         return 0.0
     if place > _FARTHEST_PLACE or factor > _FARTHEST_WIDTH:
         return 0.0

@@ -33,20 +33,21 @@ def _residuals(
 
     R (3, 3) is camera_from_runway, c (3,) the camera; R_true = exp([δθ]×) R of runway_from_camera.
     """
-    angle = np.sqrt(d[3] ** 2 + d[4] ** 2 + d[5] ** 2)
+    shift, turn = d[:3], d[3:]
+    angle = np.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     sine = 1.0 if angle < 1e-9 else np.sin(angle) / angle
     versine = 0.5 if angle < 1e-9 else (1.0 - np.cos(angle)) / (angle * angle)
     a, b, x = np.empty(3), np.empty(3), np.empty(3)
     for i in range(len(points)):
         for k in range(3):
-            a[k] = points[i, k] - c[k] - d[k]
+            a[k] = points[i, k] - c[k] - shift[k]
         # exp([−δθ]×) a = a − sine δθ × a + versine δθ × (δθ × a)
-        w0 = d[4] * a[2] - d[5] * a[1]
-        w1 = d[5] * a[0] - d[3] * a[2]
-        w2 = d[3] * a[1] - d[4] * a[0]
-        b[0] = a[0] - sine * w0 + versine * (d[4] * w2 - d[5] * w1)
-        b[1] = a[1] - sine * w1 + versine * (d[5] * w0 - d[3] * w2)
-        b[2] = a[2] - sine * w2 + versine * (d[3] * w1 - d[4] * w0)
+        w0 = turn[1] * a[2] - turn[2] * a[1]
+        w1 = turn[2] * a[0] - turn[0] * a[2]
+        w2 = turn[0] * a[1] - turn[1] * a[0]
+        b[0] = a[0] - sine * w0 + versine * (turn[1] * w2 - turn[2] * w1)
+        b[1] = a[1] - sine * w1 + versine * (turn[2] * w0 - turn[0] * w2)
+        b[2] = a[2] - sine * w2 + versine * (turn[0] * w1 - turn[1] * w0)
         for k in range(3):
             x[k] = R[k, 0] * b[0] + R[k, 1] * b[1] + R[k, 2] * b[2]
         depth = rays[i, 0] * x[0] + rays[i, 1] * x[1] + rays[i, 2] * x[2]

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import matrix_from_wxyz, wxyz_from_matrix
-from groundstation.onboard.pose.inertial_kernel import STATE_SIZE, predict, turned
+from groundstation.onboard.pose.inertial_kernel import STATE_SIZE, SquaredNoises, predict, turned
 
 POSITION = slice(0, 3)
 VELOCITY = slice(3, 6)
@@ -56,9 +56,14 @@ class InertialConfig:
     restart_after: int = 20
 
     @property
-    def densities(self) -> FloatArray:
-        """Return the squared densities (4,) of force, rate and both biases."""
-        return np.array([self.force_noise, self.rate_noise, self.force_bias_walk, self.rate_bias_walk]) ** 2
+    def squared_noises(self) -> SquaredNoises:
+        """Return the squares of the unit's noise densities, as the kernel takes them."""
+        return SquaredNoises(
+            force=self.force_noise * self.force_noise,
+            rate=self.rate_noise * self.rate_noise,
+            force_bias=self.force_bias_walk * self.force_bias_walk,
+            rate_bias=self.rate_bias_walk * self.rate_bias_walk,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -149,7 +154,7 @@ class InertialFilter:
     """
 
     def __init__(self, config: InertialConfig, mount: CameraMount) -> None:
-        self._config, self._mount = config, mount
+        self._config, self._mount, self._noises = config, mount, config.squared_noises
         self._t_s = -np.inf
         self._seen_s = -np.inf
         self._refused = 0
@@ -228,7 +233,7 @@ class InertialFilter:
         if self.started and self._last is not None and dt > 0:
             force = self._last.force_m_s2 - self._force_bias
             rate = self._last.rate_rad_s - self._rate_bias
-            predict(self._p, self._v, self._q, self._P, force, rate, dt, self._config.densities)
+            predict(self._p, self._v, self._q, self._P, force, rate, dt, self._noises)
         self._t_s = max(t_s, self._t_s)
 
     def _innovation(self, observation: PoseObservation) -> tuple[FloatArray, FloatArray]:

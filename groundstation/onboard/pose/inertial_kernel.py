@@ -1,5 +1,7 @@
 """Compiled strapdown step of the inertial filter: state and covariance over one sample."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -8,6 +10,15 @@ from groundstation.onboard.pose.camera_kernel import matrix_of
 
 STATE_SIZE = 15
 GRAVITY_M_S2 = 9.80665
+
+
+class SquaredNoises(NamedTuple):
+    """Squared noise densities of an inertial unit: white noise of force and rate, random walk of both biases."""
+
+    force: float
+    rate: float
+    force_bias: float
+    rate_bias: float
 
 
 @njit(cache=True)
@@ -79,9 +90,9 @@ def predict(
     force: FloatArray,
     rate: FloatArray,
     dt: float,
-    densities: FloatArray,
+    noises: SquaredNoises,
 ) -> None:
-    """Move state and covariance in place; ``densities`` (4,) are the squared noises of force, rate and both biases."""
+    """Move state and covariance (15, 15) in place by one sample, held for ``dt`` s."""
     half = turned(q, 0.5 * dt * rate[0], 0.5 * dt * rate[1], 0.5 * dt * rate[2], True)
     pushed = strapdown(position, velocity, q, force, rate, dt)
     F = transition(half, pushed, dt)
@@ -90,10 +101,10 @@ def predict(
         for k in range(STATE_SIZE):
             P[i, k] = moved[i, k]
     for k in range(3):
-        P[k, k] += densities[0] * dt**3 / 3.0
-        P[k, 3 + k] += densities[0] * dt**2 / 2.0
-        P[3 + k, k] += densities[0] * dt**2 / 2.0
-        P[3 + k, 3 + k] += densities[0] * dt
-        P[6 + k, 6 + k] += densities[1] * dt
-        P[9 + k, 9 + k] += densities[2] * dt
-        P[12 + k, 12 + k] += densities[3] * dt
+        P[k, k] += noises.force * dt**3 / 3.0
+        P[k, 3 + k] += noises.force * dt**2 / 2.0
+        P[3 + k, k] += noises.force * dt**2 / 2.0
+        P[3 + k, 3 + k] += noises.force * dt
+        P[6 + k, 6 + k] += noises.rate * dt
+        P[9 + k, 9 + k] += noises.force_bias * dt
+        P[12 + k, 12 + k] += noises.rate_bias * dt

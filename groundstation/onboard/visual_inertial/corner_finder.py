@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.lines import PITCH, ROLL, UP
+from groundstation.onboard.edges.line_state import PITCH, ROLL, UP
 from groundstation.onboard.edges.pose import NoseCameraPose, corrected_pose, pixels_from_points
 from groundstation.onboard.edges.report import Edges
 from groundstation.onboard.pose.corners import corners_from_lines, refine_corners

@@ -14,7 +14,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.kalman import LineState
-from groundstation.onboard.edges.lines import PITCH, ROLL, UP, C, D
+from groundstation.onboard.edges.line_state import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix
 from groundstation.onboard.edges.report import EdgeReport, Edges
 from groundstation.onboard.edges.search_band import RunwayGuess

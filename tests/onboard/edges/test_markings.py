@@ -12,8 +12,9 @@ from groundstation.onboard.edges import tracker as tracker_module
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.frame_geometry import TrackerCamera
 from groundstation.onboard.edges.kalman import LineState
+from groundstation.onboard.edges.line_state import C, D
 from groundstation.onboard.edges.line_tracking import TrackingStep, lamps_seen, plain_edges, side_lines_of, track_lines
-from groundstation.onboard.edges.lines import C, D, line_map, project_lines
+from groundstation.onboard.edges.lines import line_map, project_lines
 from groundstation.onboard.edges.markings import (
     Change,
     MarkingComparison,
