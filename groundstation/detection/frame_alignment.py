@@ -55,11 +55,7 @@ class TurningView:
         ahead = turned[:, 2] > 0.2
         if int(ahead.sum()) < 6:
             return None
-        lens = np.empty(6)
-        moved = np.empty((int(ahead.sum()), 2))
-        for i, ray in enumerate(turned[ahead]):
-            kernels.distort(self._k, ray[0] / ray[2], ray[1] / ray[2], lens)
-            moved[i] = lens[:2]
+        moved = kernels.distort_rays(self._k, turned[ahead])
         full = moved * self._focal + self._centre
         working = (full - 0.5 * (self._scale - 1.0)) / self._scale
         found, _ = cv2.findHomography(self._pixels[ahead], working, 0)

@@ -8,7 +8,20 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.geometry.kernels import MIN_DEPTH_M, project
+from groundstation.geometry.kernels import MIN_DEPTH_M, project, turned_back
+from groundstation.geometry.station_layout import (
+    CAMERA_IN_HEAD,
+    COS_LEAN,
+    CX,
+    CY,
+    FX,
+    FY,
+    HEAD_FROM_CAMERA,
+    PTU_POSITION,
+    RADIUS_LIMIT,
+    RUNWAY_FROM_BASE,
+    SIN_LEAN,
+)
 
 CALIBRATION_SIZE = 21
 
@@ -33,13 +46,13 @@ def project_calibration(
         return depth
     d = np.empty(3)
     for k in range(3):
-        d[k] = point[k] - s[9 + k]
+        d[k] = point[k] - s[PTU_POSITION + k]
     cp, sp, ct, st = np.cos(pan), np.sin(pan), np.cos(tilt), np.sin(tilt)
     # columns of runway_from_head = runway_from_base · Rz(pan) · Ry(lean) · Rx(tilt)
-    cl, sl = s[34], s[35]
+    cl, sl = s[COS_LEAN], s[SIN_LEAN]
     runway_from_head = np.empty((3, 3))
     for r in range(3):
-        r0, r1, r2 = s[3 * r], s[3 * r + 1], s[3 * r + 2]
+        r0, r1, r2 = s[RUNWAY_FROM_BASE + 3 * r], s[RUNWAY_FROM_BASE + 3 * r + 1], s[RUNWAY_FROM_BASE + 3 * r + 2]
         forward = cp * r1 - sp * r0
         right = cp * r0 + sp * r1
         up = sl * right + cl * r2
@@ -48,7 +61,7 @@ def project_calibration(
         runway_from_head[r, 2] = ct * up - st * forward
     arm = np.empty(3)  # from the camera to the point, head frame
     for k in range(3):
-        arm[k] = -s[21 + k]
+        arm[k] = -s[CAMERA_IN_HEAD + k]
         for r in range(3):
             arm[k] += runway_from_head[r, k] * d[r]
     by_head = np.empty(3)
@@ -64,7 +77,7 @@ def project_calibration(
         for k in range(3):
             calibration[row, 3 + k] = -by_point[k]
             calibration[row, 9 + k] = -by_head[k]
-    _by_lens(s, (pixel[0] - s[26]) / s[24], (pixel[1] - s[27]) / s[25], arm, calibration)
+    _by_lens(s, (pixel[0] - s[CX]) / s[FX], (pixel[1] - s[CY]) / s[FY], arm, calibration)
     return depth
 
 
@@ -81,15 +94,14 @@ def _by_lens(s: FloatArray, xd: float, yd: float, arm: FloatArray, calibration: 
     calibration[:, 12:21] = 0.0
     calibration[0, 12], calibration[1, 13] = xd, yd
     calibration[0, 14], calibration[1, 15] = 1.0, 1.0
-    depth = s[14] * arm[0] + s[17] * arm[1] + s[20] * arm[2]
-    x = (s[12] * arm[0] + s[15] * arm[1] + s[18] * arm[2]) / depth
-    y = (s[13] * arm[0] + s[16] * arm[1] + s[19] * arm[2]) / depth
+    c0, c1, depth = turned_back(s, HEAD_FROM_CAMERA, arm[0], arm[1], arm[2])
+    x, y = c0 / depth, c1 / depth
     r2 = x * x + y * y
-    limit = s[33]
+    limit = s[RADIUS_LIMIT]
     # as in `kernels.distort`: beyond the limit the radial factor is held and the tangential terms fade
     q = r2 if r2 <= limit else limit
     shrink = 1.0 if r2 <= limit else limit / r2
-    fx, fy = s[24], s[25]
+    fx, fy = s[FX], s[FY]
     radial = q
     for column in (16, 17, 20):  # k1, k2, k3
         calibration[0, column], calibration[1, column] = fx * x * radial, fy * y * radial

@@ -12,6 +12,7 @@ from groundstation.errors import GroundstationError
 from groundstation.geometry import kernels
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z
+from groundstation.geometry.station_layout import COS_LEAN, SIN_LEAN
 
 
 class LensError(GroundstationError):
@@ -94,7 +95,7 @@ class StationGeometry:
     @property
     def lean_rad(self) -> float:
         """Return by how much the tilt axis leans, rad."""
-        return float(np.arctan2(self.packed[35], self.packed[34]))
+        return float(np.arctan2(self.packed[SIN_LEAN], self.packed[COS_LEAN]))
 
     def project(self, point_runway_m: FloatArray, pan_rad: float, tilt_rad: float) -> Projection | None:
         """Return where a runway point (3,) falls, or None if it is not in front of the camera.

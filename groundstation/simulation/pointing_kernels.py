@@ -7,7 +7,13 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.geometry.kernels import MIN_DEPTH_M, project
+from groundstation.geometry.kernels import MIN_DEPTH_M, project, turned_back
+from groundstation.geometry.station_layout import (
+    CX,
+    CY,
+    PTU_POSITION,
+    RUNWAY_FROM_BASE,
+)
 
 _AIM_STEPS = 12
 _AIM_TOLERANCE_RAD = 1e-13
@@ -40,10 +46,12 @@ def aim_many(s: FloatArray, points: FloatArray) -> FloatArray:
     pixel = np.empty(2)
     jacobian = np.empty((2, 5))
     for k in range(len(points)):
-        d0, d1, d2 = points[k, 0] - s[9], points[k, 1] - s[10], points[k, 2] - s[11]
-        b0 = s[0] * d0 + s[3] * d1 + s[6] * d2
-        b1 = s[1] * d0 + s[4] * d1 + s[7] * d2
-        b2 = s[2] * d0 + s[5] * d1 + s[8] * d2
+        d0, d1, d2 = (
+            points[k, 0] - s[PTU_POSITION],
+            points[k, 1] - s[PTU_POSITION + 1],
+            points[k, 2] - s[PTU_POSITION + 2],
+        )
+        b0, b1, b2 = turned_back(s, RUNWAY_FROM_BASE, d0, d1, d2)
         pan, tilt = -np.arctan2(b0, b1), np.arctan2(b2, np.hypot(b0, b1))
         angles[k, 0], angles[k, 1] = pan, tilt
         for _ in range(_AIM_STEPS):
@@ -52,7 +60,7 @@ def aim_many(s: FloatArray, points: FloatArray) -> FloatArray:
             determinant = a * d - b * c
             if depth < MIN_DEPTH_M or determinant == 0.0:
                 break
-            eu, ev = pixel[0] - s[26], pixel[1] - s[27]
+            eu, ev = pixel[0] - s[CX], pixel[1] - s[CY]
             step_pan, step_tilt = (d * eu - b * ev) / determinant, (a * ev - c * eu) / determinant
             # far from the axis Newton's step may overshoot
             longest = max(abs(step_pan), abs(step_tilt))

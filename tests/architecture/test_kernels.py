@@ -24,17 +24,8 @@ QUATERNIONS = {"q"}
 
 # read a packed vector today; an entry is removed with what it names, and none is added
 PACKED: set[str] = {
-    "groundstation.geometry.calibration_kernel._by_lens(s)",
-    "groundstation.geometry.calibration_kernel.project_calibration(s)",
-    "groundstation.geometry.kernels.distort(k)",
-    "groundstation.geometry.kernels.distort(out)",
-    "groundstation.geometry.kernels.project(s)",
-    "groundstation.geometry.kernels.ray(s)",
-    "groundstation.onboard.pose.camera_kernel.look(lens)",
-    "groundstation.onboard.pose.camera_kernel.reprojection_rms(lens)",
     "groundstation.onboard.scenes.ground_kernel._ground_colour(jac)",
     "groundstation.onboard.scenes.ground_kernel.render_ground(light)",
-    "groundstation.simulation.pointing_kernels.aim_many(s)",
     "groundstation.simulation.scenery_kernels._ground(runway)",
 }
 

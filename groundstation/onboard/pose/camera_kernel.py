@@ -11,6 +11,8 @@ from numba import njit
 from groundstation.arrays import FloatArray
 from groundstation.geometry.kernels import distort, undistort
 
+_FX, _FY, _CX, _CY, _DISTORTION = 0, 1, 2, 3, 4
+
 
 @njit(cache=True)
 def look(lens: FloatArray, pixels: FloatArray, covariances: FloatArray, rays: FloatArray, tangents: FloatArray) -> bool:
@@ -19,13 +21,13 @@ def look(lens: FloatArray, pixels: FloatArray, covariances: FloatArray, rays: Fl
     The tangent plane's coordinates of a point X are B X / (u · X) with B (2, 3) across u; the tangents are L⁻¹ B, with
     L Lᵀ the pixel's covariance (n, 2, 2) brought there.
     """
-    point, d = np.empty(2), np.empty(6)
+    point = np.empty(2)
     B = np.empty((2, 3))
     for i in range(len(pixels)):
-        x, y = (pixels[i, 0] - lens[2]) / lens[0], (pixels[i, 1] - lens[3]) / lens[1]
-        if not undistort(lens[4:10], x, y, point):
+        x, y = (pixels[i, 0] - lens[_CX]) / lens[_FX], (pixels[i, 1] - lens[_CY]) / lens[_FY]
+        if not undistort(lens[_DISTORTION:], x, y, point):
             return False
-        distort(lens[4:10], point[0], point[1], d)
+        d = distort(lens[_DISTORTION:], point[0], point[1])
         norm = np.sqrt(point[0] ** 2 + point[1] ** 2 + 1.0)
         u0, u1, u2 = point[0] / norm, point[1] / norm, 1.0 / norm
         rays[i, 0], rays[i, 1], rays[i, 2] = u0, u1, u2
@@ -36,9 +38,9 @@ def look(lens: FloatArray, pixels: FloatArray, covariances: FloatArray, rays: Fl
         B[1, 1] = u2 * B[0, 0] - u0 * B[0, 2]
         B[1, 2] = u0 * B[0, 1] - u1 * B[0, 0]
         # ∂(normalised)/∂(pixel), then ∂(tangent)/∂(normalised) = B / norm
-        determinant = d[2] * d[5] - d[3] * d[4]
-        nx = np.array([d[5] / lens[0], -d[4] / lens[0]]) / determinant
-        ny = np.array([-d[3] / lens[1], d[2] / lens[1]]) / determinant
+        determinant = d.x_by_x * d.y_by_y - d.x_by_y * d.y_by_x
+        nx = np.array([d.y_by_y / lens[_FX], -d.y_by_x / lens[_FX]]) / determinant
+        ny = np.array([-d.x_by_y / lens[_FY], d.x_by_x / lens[_FY]]) / determinant
         G = np.empty((2, 2))
         for k in range(2):
             G[k, 0] = (B[k, 0] * nx[0] + B[k, 1] * nx[1]) / norm
@@ -172,14 +174,13 @@ def reprojection_rms(lens: FloatArray, points: FloatArray, pixels: FloatArray, q
     """Return the root mean square distance in px between corners and the projected points; inf if one is behind."""
     R, t = np.empty((3, 3)), np.empty(3)
     pose_of(q, R, t)
-    d = np.empty(6)
     total = 0.0
     for i in range(len(points)):
         x = R @ points[i] + t
         if x[2] <= 0.0:
             return np.inf
-        distort(lens[4:10], x[0] / x[2], x[1] / x[2], d)
-        total += (lens[0] * d[0] + lens[2] - pixels[i, 0]) ** 2 + (lens[1] * d[1] + lens[3] - pixels[i, 1]) ** 2
+        d = distort(lens[_DISTORTION:], x[0] / x[2], x[1] / x[2])
+        total += (lens[_FX] * d.x + lens[_CX] - pixels[i, 0]) ** 2 + (lens[_FY] * d.y + lens[_CY] - pixels[i, 1]) ** 2
     return np.sqrt(total / len(points))
 
 
