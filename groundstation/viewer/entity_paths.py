@@ -6,10 +6,13 @@ import numpy as np
 import rerun as rr
 
 from groundstation.arrays import FloatArray
+from groundstation.errors import InputError
 
 Colour = NewType("Colour", tuple[int, int, int])
 
 TIMELINE = "session_time"
+# 64 bits of nanoseconds hold 292 years
+MAX_TIME_S = 9.2e9
 # the frame of docs/conventions.md that all entities are in, and what Rerun calls the frame of the entity /
 RUNWAY_FRAME = "runway"
 ROOT_FRAME = "tf#/"
@@ -106,5 +109,11 @@ def dimmed(colour: Colour) -> Colour:
 
 
 def time_column(t_s: FloatArray) -> rr.TimeColumn:
-    """Return session times (n,) in s as the recording's index, rounded to whole ns."""
+    """Return session times (n,) in s as the recording's index, rounded to whole ns.
+
+    Raises `InputError` for times that 64 bits of ns do not hold.
+    """
+    latest_s = float(np.max(np.abs(t_s), initial=0.0))
+    if latest_s > MAX_TIME_S:
+        raise InputError("session time", got=f"{latest_s:g} s", wanted=f"at most {MAX_TIME_S:g} s")
     return rr.TimeColumn(TIMELINE, duration=np.round(np.asarray(t_s) * 1e9).astype("timedelta64[ns]"))

@@ -9,6 +9,7 @@ import rerun as rr
 from groundstation.files.csv_table import CsvTable
 from groundstation.messages import Kinematics, TrackEstimate, TrackEvent, TrackStatus, TriangulationStatus
 from groundstation.sinks.track_files import TRACK_COLUMNS
+from groundstation.viewer.entity_paths import MAX_TIME_S
 from groundstation.viewer.reference_lines import ReferenceLine, log_reference_line
 from groundstation.viewer.scene import RunwayOutline, log_runway, log_styles, long_enough
 from groundstation.viewer.track_channel import TrackChannel
@@ -75,12 +76,15 @@ def _estimates(path: Path) -> Iterator[TrackEstimate]:
             kinematics = Kinematics(
                 position_runway_m=np.array(known[:3]), velocity_runway_m_s=np.array(known[3:6]), covariance=covariance
             )
+        t_s = table.number(row, "t_s")
+        if abs(t_s) > MAX_TIME_S:
+            raise table.fault(row.line, got=f"t_s = {t_s:g}", wanted=f"at most {MAX_TIME_S:g} s")
         status = statuses.get(row.text["status"])
         if status is None:
             raise table.fault(row.line, got=f"status {row.text['status']!r}", wanted=", ".join(statuses))
         yield TrackEstimate(
             epoch=epoch,
-            t_s=table.number(row, "t_s"),
+            t_s=t_s,
             status=status,
             kinematics=kinematics,
             triangulation=None,
