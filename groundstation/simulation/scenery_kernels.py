@@ -14,6 +14,7 @@ TREES_M = 520.0
 _EDGE_MARK_M, _DASH_M, _DASH_EVERY_M = 0.18, 6.0, 14.0
 _HAZE_M = 3500.0
 _FAR_M = 60_000.0
+_HALF_WIDTH, _START, _END, _AIM_MARK = 0, 1, 2, 3  # order of the runway, m
 
 
 @njit(cache=True, nogil=True)
@@ -109,7 +110,7 @@ def _ground(
         98.0 + 26.0 * wide + 46.0 * fine,
         84.0 + 40.0 * wide + 40.0 * fine,
     )
-    half, start, end, aim = runway[0], runway[1], runway[2], runway[3]
+    half, start, end, aim = runway[_HALF_WIDTH], runway[_START], runway[_END], runway[_AIM_MARK]
     along = _within(y, start, end, covered_y)
     paved = along * _within(x, -half, half, covered_x)
     if paved <= 0.0:

@@ -1,6 +1,7 @@
 """Rays of a picture to colours of the ground, compiled; each texture is averaged over the pixel's footprint."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -8,6 +9,30 @@ from numba import njit
 from groundstation.arrays import FloatArray
 
 _OCTAVES = 7
+
+
+class Illumination(NamedTuple):
+    """How a scene is lit: colours (3,) of the sun's light, of the haze and of the zenith, and the rest of `Light`."""
+
+    sun: FloatArray
+    haze: FloatArray
+    zenith: FloatArray
+    visibility_m: float
+    cloud_shadow: float
+    skyline_rad: float
+    fall: float
+    own_lamp: float
+    cloud_across_m: float
+    cloud_along_m: float
+
+
+class Footprint(NamedTuple):
+    """How the ground point of a pixel moves with the pixel (u, v), m per px."""
+
+    x_by_u: float
+    y_by_u: float
+    x_by_v: float
+    y_by_v: float
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -81,15 +106,15 @@ def _dashed(y: float, period: float, share: float) -> float:
 def _ground_colour(
     x: float,
     y: float,
-    jac: FloatArray,
+    footprint: Footprint,
     patches: FloatArray,
     base: FloatArray,
     field_m: float,
     seed: int,
     out: FloatArray,
 ) -> None:
-    """Fill the reflectance (3,) of a footprint; ``jac`` (4,) holds ∂x/∂u, ∂y/∂u, ∂x/∂v, ∂y/∂v in m per px."""
-    fx, fy = abs(jac[0]) + abs(jac[2]), abs(jac[1]) + abs(jac[3])
+    """Fill the reflectance (3,) of the ground that a pixel covers about (x, y) m."""
+    fx, fy = abs(footprint.x_by_u) + abs(footprint.x_by_v), abs(footprint.y_by_u) + abs(footprint.y_by_v)
     grain = _texture(x, y, fx, fy, 24.0, _OCTAVES, seed)
     fx, fy = fx + 1e-6, fy + 1e-6
     grain += _tufts(x, y, fx, fy, 5.0, seed + 51) / 0.45 + _tufts(x, y, fx, fy, 19.0, seed + 61) / 0.45
@@ -103,8 +128,16 @@ def _ground_colour(
         dx, dy = x - p[0], y - p[1]
         along = dx * p[2] + dy * p[3]
         across = dx * p[3] - dy * p[2]
-        f_along = abs(jac[0] * p[2] + jac[1] * p[3]) + abs(jac[2] * p[2] + jac[3] * p[3]) + 1e-6
-        f_across = abs(jac[0] * p[3] - jac[1] * p[2]) + abs(jac[2] * p[3] - jac[3] * p[2]) + 1e-6
+        f_along = (
+            abs(footprint.x_by_u * p[2] + footprint.y_by_u * p[3])
+            + abs(footprint.x_by_v * p[2] + footprint.y_by_v * p[3])
+            + 1e-6
+        )
+        f_across = (
+            abs(footprint.x_by_u * p[3] - footprint.y_by_u * p[2])
+            + abs(footprint.x_by_v * p[3] - footprint.y_by_v * p[2])
+            + 1e-6
+        )
         if abs(along) > p[5] + 0.5 * f_along or abs(across) > p[4] + 0.5 * f_across:
             continue
         alpha = p[9] * _covered(across, f_across, p[4]) * _covered(along, f_along, p[5])
@@ -146,19 +179,17 @@ def render_ground(
     camera: FloatArray,
     patches: FloatArray,
     base: FloatArray,
-    light: FloatArray,
+    light: Illumination,
     field_m: float,
     seed: int,
     out: FloatArray,
 ) -> None:
     """Fill ``out`` (h, w, 3) with linear colours.
 
-    ``rays`` (h, w, 2) normalised camera rays; ``rotation`` threshold_from_camera; ``light`` (16,): colour of the light
-    (3), of the haze (3), of the zenith (3), visibility m, share of cloud shadow, height of the skyline rad, fall of
-    the light across the picture, brightness of the aircraft's own lamp, size of the clouds' shadows (2) m.
+    ``rays`` (h, w, 2) normalised camera rays; ``rotation`` threshold_from_camera.
     """
     h, w = out.shape[:2]
-    jac, colour = np.empty(4), np.empty(3)
+    colour = np.empty(3)
     near, point = np.empty(3), np.empty((3, 2))
     for i in range(h):
         for j in range(w):
@@ -168,34 +199,33 @@ def render_ground(
             size = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
             rise = near[2] / size
             azimuth = math.atan2(near[0], near[1])
-            skyline = light[11] * max(0.6 + value_noise(azimuth * 14.0, 3.3, seed + 5), 0.0)
+            skyline = light.skyline_rad * max(0.6 + value_noise(azimuth * 14.0, 3.3, seed + 5), 0.0)
             if rise > -0.002 and rise < skyline:
                 for c in range(3):
-                    out[i, j, c] = 0.75 * light[3 + c] + 0.25 * light[c] * base[0, c]
+                    out[i, j, c] = 0.75 * light.haze[c] + 0.25 * light.sun[c] * base[0, c]
                 continue
             if rise >= -0.002:
                 up = min(max(rise, 0.0) * 3.0, 1.0)
                 for c in range(3):
-                    out[i, j, c] = light[3 + c] * (1.0 - up) + light[6 + c] * up
+                    out[i, j, c] = light.haze[c] * (1.0 - up) + light.zenith[c] * up
                 continue
             if not _footprint(rays, i, j, rotation, camera, point):
                 for c in range(3):
-                    out[i, j, c] = light[3 + c]
+                    out[i, j, c] = light.haze[c]
                 continue
             x, y = point[0]
-            jac[0], jac[1] = point[1, 0] - x, point[1, 1] - y
-            jac[2], jac[3] = point[2, 0] - x, point[2, 1] - y
-            _ground_colour(x, y, jac, patches, base, field_m, seed, colour)
+            footprint = Footprint(point[1, 0] - x, point[1, 1] - y, point[2, 0] - x, point[2, 1] - y)
+            _ground_colour(x, y, footprint, patches, base, field_m, seed, colour)
             distance = math.sqrt((x - camera[0]) ** 2 + (y - camera[1]) ** 2 + camera[2] ** 2)
-            cloud = 1.0 - light[10] * min(
-                max(0.5 + 1.6 * value_noise(x / light[14], y / light[15], seed + 33), 0.0), 1.0
+            cloud = 1.0 - light.cloud_shadow * min(
+                max(0.5 + 1.6 * value_noise(x / light.cloud_across_m, y / light.cloud_along_m, seed + 33), 0.0), 1.0
             )
-            own = light[13] * (60.0 / max(distance, 20.0)) ** 2
-            clear = math.exp(-distance / light[9])
-            fall = 1.0 + light[12] * (j / w - 0.5)
+            own = light.own_lamp * (60.0 / max(distance, 20.0)) ** 2
+            clear = math.exp(-distance / light.visibility_m)
+            fall = 1.0 + light.fall * (j / w - 0.5)
             for c in range(3):
-                lit = colour[c] * (light[c] * cloud * fall + own)
-                out[i, j, c] = lit * clear + light[3 + c] * (1.0 - clear)
+                lit = colour[c] * (light.sun[c] * cloud * fall + own)
+                out[i, j, c] = lit * clear + light.haze[c] * (1.0 - clear)
 
 
 @njit(cache=True, nogil=True)

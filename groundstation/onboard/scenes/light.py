@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from groundstation.arrays import FloatArray
 from groundstation.onboard.scenes.ground import Colour
+from groundstation.onboard.scenes.ground_kernel import Illumination
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,10 +41,21 @@ class Light:
     shot_noise: float = 2.0
     blur_px: float = 0.6
 
-    def packed(self) -> FloatArray:
-        """Return the numbers of `kernels.render_ground`, (16,)."""
-        rest = (self.visibility_m, self.cloud_shadow, self.skyline_rad, self.fall, self.own_lamp, *self.cloud_m)
-        return np.array([*self.sun, *self.haze, *self.zenith, *rest])
+    def illumination(self) -> Illumination:
+        """Return what `ground_kernel.render_ground` takes of it."""
+        across_m, along_m = self.cloud_m
+        return Illumination(
+            sun=np.array(self.sun, np.float64),
+            haze=np.array(self.haze, np.float64),
+            zenith=np.array(self.zenith, np.float64),
+            visibility_m=float(self.visibility_m),
+            cloud_shadow=float(self.cloud_shadow),
+            skyline_rad=float(self.skyline_rad),
+            fall=float(self.fall),
+            own_lamp=float(self.own_lamp),
+            cloud_across_m=float(across_m),
+            cloud_along_m=float(along_m),
+        )
 
 
 DAY = Light()

@@ -200,7 +200,7 @@ class Renderer:
         base = np.array([field.surfaces.ground, field.surfaces.ground_other])
         rotation = np.ascontiguousarray(pose.threshold_from_camera)
         render_ground(
-            self._rays, rotation, pose.camera_threshold_m, self._patches, base, light.packed(), field.field_m,
+            self._rays, rotation, pose.camera_threshold_m, self._patches, base, light.illumination(), field.field_m,
             self.sequence.seed, linear,
         )  # fmt: skip
         if light.lamp_power > 0.0:
