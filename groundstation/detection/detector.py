@@ -15,11 +15,11 @@ from groundstation.detection import registration
 from groundstation.detection.appearance import initial_appearance
 from groundstation.detection.background import BackgroundModel, Difference
 from groundstation.detection.config import DetectionConfig, TargetPoint
+from groundstation.detection.nose_point import find_nose
 from groundstation.detection.preprocess import Prepared, prepare
 from groundstation.detection.regions import Group, Regions, find_regions, soft_silhouette
 from groundstation.detection.segmentation import make_segmenter
 from groundstation.detection.start_contour import PreviousSilhouette, start_contour
-from groundstation.detection.target_point import find_nose
 from groundstation.detection.target_selection import TargetMemory, features_of, select_target
 from groundstation.detection.working_image import DetectionHint, WorkingImage, crop_working_image, expectation
 from groundstation.geometry.mahalanobis import mahalanobis_squared

@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
+from groundstation.detection.nose_point import NosePoint, find_nose
 from groundstation.detection.point_noise import uncorrelated_covariance
-from groundstation.detection.target_point import NosePoint, find_nose
 
 FINE = 6
 NOISE = 0.05
