@@ -144,12 +144,14 @@ class _PosReader:
 
     def _place(self, values: dict[str, float], layout: PosLayout, where: str) -> tuple[float, float, float]:
         """Return latitude, longitude in degrees and ellipsoid height in m."""
-        if "latitude" in values:
+        # the header's first columns are the place; a damaged one may have the name of another kind further on
+        first = layout.columns[0]
+        if first == "latitude":
             height = values["height"]
             if layout.geodetic:
                 height = self._heights.ellipsoid(height, None)
             return values["latitude"], values["longitude"], height
-        if "x-ecef" in values:
+        if first == "x-ecef":
             ecef = np.array([values[f"{axis}-ecef"] for axis in "xyz"])
         else:
             base = layout.base_deg_m or self._options.base_deg_m

@@ -169,6 +169,14 @@ def test_a_place_beyond_the_earth_costs_its_row_only(tmp_path: Path, name: str, 
     assert "1 × row that is no place on Earth" in log.remarks[0]
 
 
+def test_a_header_with_a_second_kind_of_place_is_read_by_the_first(tmp_path: Path) -> None:
+    """Expected: the baseline that the header begins with, though a later column is named latitude."""
+    text = (DATA / "enu.pos").read_text()
+    assert text.count("sdnu(m)") == 1
+    (tmp_path / "two.pos").write_text(text.replace("sdnu(m)", "latitude(deg)"))
+    same_flight(read_log(tmp_path / "two.pos"))
+
+
 def test_another_datum_and_other_columns(tmp_path: Path) -> None:
     text = (DATA / "calendar.pos").read_text()
     path = tmp_path / "log.pos"
