@@ -52,12 +52,27 @@ def load_toml(path: TextFile, error: type[InputError]) -> dict[str, Any]:
         parts = _most_key_parts(text)
         if parts > MAX_KEY_PARTS:
             raise error(str(path), got=f"a key of {parts} parts", wanted=f"keys of at most {MAX_KEY_PARTS}")
-        return tomllib.loads(text)
+        values = tomllib.loads(text)
+        _check_integers(values)
+        return values
     except OSError as fault:
         raise error(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
     except (ValueError, RecursionError) as fault:
         # a whole number of thousands of digits is a plain ValueError
         raise error(str(path), got=f"not TOML ({shown(str(fault), 200)})", wanted="a TOML file") from fault
+
+
+def _check_integers(values: dict[str, Any]) -> None:
+    """Raise ValueError for an integer beyond 64 bits, which TOML does not have and Python may not print."""
+    waiting: list[Any] = [values]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            waiting.extend(value.values())
+        elif isinstance(value, list):
+            waiting.extend(value)
+        elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+            raise ValueError(f"an integer of {value.bit_length()} bits")
 
 
 def _most_key_parts(text: str) -> int:

@@ -1,4 +1,8 @@
-"""Rotations as matrices and Hamilton quaternions (w, x, y, z)."""
+"""Rotations as matrices and Hamilton quaternions (w, x, y, z).
+
+Not taken from SciPy's `Rotation`, which needs 1.2 to 5 times as long for one rotation (`benchmarks/library_costs.py`);
+the tests compare the two.
+"""
 
 import numpy as np
 

@@ -148,3 +148,14 @@ def test_keys_of_many_parts_are_refused_and_dots_elsewhere_are_not(text: str, re
     else:
         with pytest.raises(ConfigError, match="a key of 17 parts; wanted keys of at most 16"):
             load_toml(path, ConfigError)
+
+
+@pytest.mark.parametrize("number", [f"0x{'f' * 4000}", "9223372036854775808", "-9223372036854775809"])
+def test_integers_beyond_64_bits_are_refused(tmp_path: Path, number: str) -> None:
+    """Expected: an error of one line; a number of thousands of digits cannot even be printed."""
+    path = tmp_path / "session.toml"
+    path.write_text(f"[dgps]\ndate = [1, {number}]\n")
+    with pytest.raises(ConfigError, match=r"not TOML \(an integer of \d+ bits\)"):
+        load_toml(path, ConfigError)
+    path.write_text("first = -9223372036854775808\nlast = 9223372036854775807\n")
+    assert load_toml(path, ConfigError) == {"first": -(2**63), "last": 2**63 - 1}

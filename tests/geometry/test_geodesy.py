@@ -1,11 +1,25 @@
 """WGS 84 to a local frame, against values known from elsewhere."""
 
 import numpy as np
+import pymap3d
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.geometry.geodesy import SEMI_MAJOR_M, ecef_from_geodetic, enu_from_geodetic
+from groundstation.geometry.geodesy import SEMI_MAJOR_M, ecef_from_geodetic, enu_from_geodetic, geodetic_from_ecef
+
+
+def test_the_same_places_as_pymap3d(rng: np.random.Generator) -> None:
+    """Expected: 10 nm forward; back, pymap3d's latitude is the less exact one (µm)."""
+    lat = np.concatenate([np.degrees(np.arcsin(rng.uniform(-1.0, 1.0, 2000))), [-90.0, 0.0, 90.0]])
+    lon, height = rng.uniform(-180.0, 180.0, lat.size), rng.uniform(-1e3, 1e5, lat.size)
+    ecef = ecef_from_geodetic(lat, lon, height)
+    np.testing.assert_allclose(ecef, np.stack(pymap3d.geodetic2ecef(lat, lon, height), axis=-1), rtol=0.0, atol=1e-8)
+    origin = (45.0, 7.0, 100.0)
+    enu = enu_from_geodetic(lat, lon, height, origin)
+    np.testing.assert_allclose(enu, np.stack(pymap3d.geodetic2enu(lat, lon, height, *origin), axis=-1), atol=2e-8)
+    for own, theirs in zip(geodetic_from_ecef(ecef), pymap3d.ecef2geodetic(*ecef.T), strict=True):
+        np.testing.assert_allclose(own[:-3], np.asarray(theirs)[:-3], rtol=0.0, atol=2e-8)
 
 
 def test_known_places() -> None:

@@ -1,4 +1,4 @@
-"""Quaternions and matrices say the same."""
+"""Quaternions, rotation vectors and matrices agree, with each other and with SciPy."""
 
 import math
 
@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from groundstation.geometry.angles import wrap_rad
-from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_z, wxyz_from_matrix
+from groundstation.geometry.rotation import (
+    matrix_from_wxyz,
+    rotation_from_vector,
+    rotation_x,
+    rotation_z,
+    wxyz_from_matrix,
+)
 
 components = st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: math.hypot(*q) > 0.1)
 
@@ -38,3 +45,12 @@ def test_wrapping(angle: float) -> None:
     assert -math.pi <= wrapped < math.pi
     assert math.isclose(math.cos(wrapped), math.cos(angle), abs_tol=1e-6)
     assert math.isclose(math.sin(wrapped), math.sin(angle), abs_tol=1e-6)
+
+
+def test_the_same_rotations_as_scipy(rng: np.random.Generator) -> None:
+    for vector in rng.normal(0.0, 2.0, (50, 3)):
+        theirs = Rotation.from_rotvec(vector)
+        matrix = theirs.as_matrix()
+        np.testing.assert_allclose(rotation_from_vector(vector), matrix, atol=1e-14)
+        np.testing.assert_allclose(wxyz_from_matrix(matrix), theirs.as_quat(canonical=True)[[3, 0, 1, 2]], atol=1e-14)
+        np.testing.assert_allclose(matrix_from_wxyz(wxyz_from_matrix(matrix)), matrix, atol=1e-14)
