@@ -1,7 +1,7 @@
 """Places on Earth as a local frame: WGS 84 latitude, longitude and height to east, north, up.
 
-Not taken from pymap3d: its latitude of an earth-centred position is off by up to 1.3 µm where this one is by 2.4 nm, and
-one position, as live operation converts them, takes it 2.5 times as long, a thousand half as long
+Not taken from pymap3d: its latitude of an earth-centred position is off by up to 1.3 µm, this one by 2.4 nm, and for
+one position, as live operation converts them, it needs 2.5 times as long, for a thousand half as long
 (`benchmarks/library_costs.py`). The tests compare the two.
 """
 
