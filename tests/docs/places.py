@@ -128,7 +128,7 @@ PLACES: dict[str, tuple[str, ...]] = {
         "| videos above 250 MB go into Rerun picture by picture | _ | _ | _ | # |",
     ),
     "seeded faults found by the tests": ("~ found (# %; wanted",),
-    "fuzz: inputs of a reader, least; most": ("inputs of 48 readers, # (`track.csv`) to # of each",),
+    "fuzz: inputs of each reader; recordings": ("49 readers, # inputs of each,", "; # recordings of mutated structure"),
     "runway edges from the nose, RMSE; worst approach": (
         _APPROACH.format("0.3 | _ | _ | _ | _ | _ | #"),
         "| each approach, px | _ | _ | _ | _ | #, 1.0, 0.8 |",
