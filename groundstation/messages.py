@@ -264,7 +264,7 @@ class Purpose(StrEnum):
 class PointingCommand:
     """How a station's PTU shall turn from ``t_s`` on: at these rates, and so that it is at these angles by then.
 
-    Angles in rad, rates in rad/s, as in `PtuSample`; whoever turns the unit uses the one or the other, as the unit can.
+    Angles in rad, rates in rad/s, as in `PtuSample`; a unit is commanded by one or the other, as its protocol permits.
     """
 
     t_s: float
@@ -289,7 +289,7 @@ class TrackEvent:
 class StepReport:
     """All that one `Pipeline.step` brought forth; often empty, since frames wait for their angles.
 
-    ``states`` answer heartbeats, and are newer than the ``estimates`` beside them.
+    ``states`` answer heartbeats, and are newer than the ``estimates`` next to them.
     """
 
     cameras: tuple[CameraReport, ...] = ()

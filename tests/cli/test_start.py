@@ -11,7 +11,7 @@ import groundstation.cli.main
 from groundstation.cli.start import ONE_THREAD, main
 
 ROOT = Path(__file__).resolve().parents[2]
-# whoever imports the command line is interrupted
+# the import of the command line is interrupted
 INTERRUPTED = """
 import sys
 class Finder:

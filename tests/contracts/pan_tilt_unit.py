@@ -37,7 +37,7 @@ from ptu_drivers import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContractRig:
-    """A unit to be tested, with the truth beside it.
+    """A unit to be tested, with the truth next to it.
 
     Attributes
     ----------

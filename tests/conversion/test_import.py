@@ -183,7 +183,7 @@ def test_offsets_a_frame_table_and_no_log(parts: Path) -> None:
     again = read_frames(load_session(parts / "session"))
     np.testing.assert_array_equal(again.numbers["right"], table.numbers["right"])
     shutil.rmtree(parts / "session")
-    # a log in UTC beside times of nobody knows when
+    # a log in UTC next to times of an unknown clock
     assert run(parts, "--frames", str(parts / "times.csv"), without=starts) == 1
 
 

@@ -78,7 +78,7 @@ def test_a_full_turn_is_not_a_jump() -> None:
 
 def test_readings_of_an_unknown_station_are_ignored() -> None:
     _, encoders = feed()
-    assert encoders.read(PtuSample(t_s=0.0, station="nobody", pan_rad=0.0, tilt_rad=0.0)) is None
+    assert encoders.read(PtuSample(t_s=0.0, station="unknown", pan_rad=0.0, tilt_rad=0.0)) is None
 
 
 def test_a_head_that_speeds_up_while_it_turns_fast_has_no_spike() -> None:

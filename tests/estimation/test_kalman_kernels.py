@@ -73,6 +73,6 @@ def test_the_small_solver_is_the_general_one(rng: np.random.Generator, m: int) -
 
 @pytest.mark.parametrize("bad", [np.zeros((2, 2)), np.array([[1.0, 2.0], [2.0, 4.0]]), np.full((2, 2), np.nan)])
 def test_the_small_solver_refuses_what_the_general_one_refuses(bad: FloatArray) -> None:
-    """So that numbers no filter can work with are still a fault that the pipeline begins anew from."""
+    """So that numbers no filter can work with are still a fault that the pipeline begins again from."""
     with pytest.raises(np.linalg.LinAlgError):
         solve_small(bad.copy(), np.ones((2, 1)))

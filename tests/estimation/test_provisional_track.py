@@ -23,7 +23,7 @@ OFF_PX = 40.0
 
 
 def first_spoiled(events: Sequence[Event], count: int = 1, from_s: float = 0.0) -> list[Event]:
-    """The events with the first pixels from a time on beside the target."""
+    """The events with the first pixels from a time on next to the target."""
     done = list(events)
     pixels = [k for k, e in enumerate(done) if isinstance(e, PixelMeasurement) and e.t_s >= from_s]
     for k in pixels[:count]:

@@ -1,4 +1,4 @@
-"""One camera alone for seconds, then a second one: the target is placed anew where the rays meet, and honestly so."""
+"""One camera alone for seconds, then a second one: the target is placed again where the rays meet, and honestly so."""
 
 from dataclasses import dataclass, replace
 
@@ -116,7 +116,7 @@ def flown(seed: int, *, rig_errors: bool, journal: FilterJournal | None = None) 
     for t in np.arange(FRAME_S, end_s, FRAME_S):
         look("first", t)
         if t < BOTH_S:
-            assert not look("second", t + 0.03), "two cameras that see it all along place nothing anew"
+            assert not look("second", t + 0.03), "two cameras that see it all along place nothing placed"
     ekf.predict_to(end_s)
     prior_off_m = float(np.linalg.norm(ekf.state[:3] - craft.at(end_s)))
     placed = look("second", end_s)
@@ -128,19 +128,19 @@ def flown(seed: int, *, rig_errors: bool, journal: FilterJournal | None = None) 
 def test_the_second_camera_s_first_pixel_places_the_craft_honestly(rig_errors: bool) -> None:
     """Position, velocity and both together inside two-sided chi-square bounds."""
     back = [flown(seed, rig_errors=rig_errors) for seed in range(RUNS)]
-    anew = [b for b in back if b.placed]
+    placed = [b for b in back if b.placed]
     # of the others the filter alone had put the craft behind the first camera: left to a new acquisition
-    assert len(anew) >= 0.9 * RUNS
-    assert np.median([b.prior_off_m for b in anew]) > 5.0
-    n = len(anew)
+    assert len(placed) >= 0.9 * RUNS
+    assert np.median([b.prior_off_m for b in placed]) > 5.0
+    n = len(placed)
     low, high = chi2.ppf([0.001, 0.999], 3 * n) / n
-    assert low < np.mean([b.square(slice(0, 3)) for b in anew]) < high
-    assert low < np.mean([b.square(slice(3, 6)) for b in anew]) < high
+    assert low < np.mean([b.square(slice(0, 3)) for b in placed]) < high
+    assert low < np.mean([b.square(slice(3, 6)) for b in placed]) < high
     low, high = chi2.ppf([0.001, 0.999], 6 * n) / n
-    assert low < np.mean([b.square(slice(0, 6)) for b in anew]) < high
+    assert low < np.mean([b.square(slice(0, 6)) for b in placed]) < high
     # and it says something: the bearing rate is known, the speed along the ray to a few m/s
-    assert np.median([np.sqrt(np.trace(b.ekf.covariance[3:6, 3:6])) for b in anew]) < 8.0
-    assert max(np.linalg.norm(b.truth[:3] - b.ekf.state[:3]) for b in anew) < (1.5 if rig_errors else 0.6)
+    assert np.median([np.sqrt(np.trace(b.ekf.covariance[3:6, 3:6])) for b in placed]) < 8.0
+    assert max(np.linalg.norm(b.truth[:3] - b.ekf.state[:3]) for b in placed) < (1.5 if rig_errors else 0.6)
 
 
 def test_taking_it_for_one_more_pixel_would_be_overconfident(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -230,7 +230,7 @@ def test_a_lone_camera_s_pixel_is_met_where_plain_steps_jump_about() -> None:
 
 
 def test_what_was_before_ends_on_the_tape() -> None:
-    """The past is not drawn along by what was placed anew, so the smoother ends there, too."""
+    """The past is not drawn along by what was placed again, so the smoother ends there, too."""
     journal = FilterJournal()
     back = flown(3, rig_errors=False, journal=journal)
     assert back.placed

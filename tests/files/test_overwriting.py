@@ -179,7 +179,7 @@ def test_what_is_kept_beside_a_rig_replaces_no_table(tmp_path: Path, capsys: pyt
 
 
 def test_what_is_new_or_elsewhere_is_written(tmp_path: Path) -> None:
-    """Expected: a new rig in the session's folder, results below it, again, and beside what is read."""
+    """Expected: a new rig in the session's folder, results below it, again, and next to what is read."""
     session = Tiny(rows=3, video="png").write(tmp_path / "session")
     read = [session, tmp_path / "station.toml"]
     (tmp_path / "station.toml").write_text("")

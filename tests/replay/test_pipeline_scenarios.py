@@ -133,7 +133,7 @@ def test_both_cameras_lost_and_back(flight: list[Event]) -> None:
 
 
 def test_lost_for_good_is_said_and_then_acquired_again(flight: list[Event]) -> None:
-    """Without any pixel for longer than lost_after_s: lost, no estimate; with the pixels back: acquired anew."""
+    """Without any pixel for longer than lost_after_s: lost, no estimate; with the pixels back: acquired again."""
     cut = [e for e in flight if not (isinstance(e, PixelMeasurement) and 4.0 <= e.t_s < 9.0)]
     flown = Flown(cut, settings=config(lost_after_s=3.0))
     lost = [e for e in flown.estimates if 7.1 <= e.t_s < 8.9]
@@ -269,7 +269,7 @@ def slow(t_s: float) -> np.ndarray:
 
 
 def test_a_labelled_target_need_not_move_to_be_believed() -> None:
-    """Whoever labelled it knows what it is: tracked from the start to the end, at half a metre a second."""
+    """A labelled target: tracked from the start to the end, at half a metre a second."""
     rig = make_rig()
     flown = Flown(flight_events(rig, slow, np.random.default_rng(11), duration_s=8.0), rig=rig)
     assert flown.statuses(1.5, 8.0) == {TrackStatus.TRACKING}
@@ -315,7 +315,7 @@ def test_nothing_is_searched_for_before_a_given_start(flight: list[Event]) -> No
 
 
 def test_a_ptu_spike_does_not_reach_the_baseline(flight: list[Event], clean: Flown) -> None:
-    """One reading 0.3° off beside an exposure: the triangulated point moves by no more than its stated sigmas."""
+    """One reading 0.3° off next to an exposure: the triangulated point moves by no more than its stated sigmas."""
     target = 6.007
     spiked = [
         replace(e, pan_rad=e.pan_rad + np.radians(0.3))

@@ -106,7 +106,7 @@ def test_answers_that_differ_are_counted(recorded: Path) -> None:
 
 @pytest.mark.parametrize("wider", [True, False])
 def test_another_tuning_looks_where_the_recording_has_pixels(recorded: Path, tmp_path: Path, wider: bool) -> None:
-    """Expected: what it wants beside what was kept it goes without; the aircraft is tracked, and nothing fails."""
+    """Expected: what it wants next to what was kept it goes without; the aircraft is tracked, and nothing fails."""
     tuning = tmp_path / "tuning.toml"
     tuning.write_text(f"[detection]\nroi_basic_px = {[220, 140] if wider else [70, 50]}\n", encoding="utf-8")
     request = ReplayRequest(

@@ -27,7 +27,7 @@ def open_rig() -> Rig:
 
 
 def sent(off_m: np.ndarray, from_s: float = FROM_S, rate_hz: float = 50.0) -> list[Event]:
-    """Positions ``off_m`` beside the aircraft, each claimed to be good to 2 cm."""
+    """Positions ``off_m`` next to the aircraft, each claimed to be good to 2 cm."""
     return [
         ReferenceFix(t_s=float(t), position_runway_m=glide(float(t)) + off_m, sigma_m=np.full(3, 0.02))
         for t in np.arange(from_s + 0.003, TO_S - 0.1, 1.0 / rate_hz)

@@ -122,7 +122,7 @@ def test_landing_consistency_is_reported(landing: Replayed) -> None:
 
 @dataclass(frozen=True)
 class Sight:
-    """One look of the detector beside the truth: how far off, and whether nose and silhouette lay where it looked."""
+    """One look of the detector next to the truth: how far off, and whether nose and silhouette lay where it looked."""
 
     t_s: float
     width_px: int

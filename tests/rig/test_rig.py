@@ -158,7 +158,7 @@ def with_shared(parameters: list[str], matrix: str, more: str = "") -> str:
 
 
 def test_what_stations_share(tmp_path: Path) -> None:
-    """Two pans that are only known together stand in the rig's own table, beside what a station says of itself."""
+    """Two pans that are only known together stand in the rig's own table, next to what a station says of itself."""
     pans = ["left.runway_from_base.z", "right.runway_from_base.z"]
     rig = load(tmp_path, with_shared(pans, "[[4e-8, 3.9e-8], [3.9e-8, 4e-8]]"))
     everything = rig.calibration_covariance()

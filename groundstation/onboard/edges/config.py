@@ -33,7 +33,7 @@ class TrackerConfig:
     first_band_m : width of the neighbourhoods where a pair is first looked at, on the ground; wide ones are not held
         by markings within the runway.
     band_m, least_band_px, most_band_px : width of the neighbourhoods on the ground, and its limits in the picture.
-    attitude_sigma_rad, position_sigma_m : what a pose may be wrong by, anew in each frame (crossings only).
+    attitude_sigma_rad, position_sigma_m : what a pose may be wrong by, again in each frame (crossings only).
     lasting_attitude_rad, lasting_height_m : and for good: roll and pitch, and height; estimated (crossings only).
     lasting_turn_rad, lasting_rise_m : process noise of these per frame.
     turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
@@ -53,7 +53,7 @@ class TrackerConfig:
     profile_sigma_m, profile_sigma_px : the same where a profile says what its markings leave open.
     plain_contrast : contrast (0 to 1) below which an edge is faint, and ``edge_sigma_px`` grows as it falls.
     gate : largest normalised innovation squared of an accepted measurement, 4 degrees of freedom.
-    coast_frames : how long the lines are predicted alone before they are sought anew.
+    coast_frames : how long the lines are predicted alone before they are sought again.
     line_noise, process_noise : the paper's U and Q, per element (lines only).
     """
 

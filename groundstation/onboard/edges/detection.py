@@ -26,7 +26,7 @@ class EdgeDetectionConfig:
     candidates : N.
     half_angle_rad : half the range of angles off the vertical (the paper's θ of step 1a).
     angles : of the coarse grid; the fine one has as many between two of them.
-    reach_m, least_reach_px : width of the regions beside a line.
+    reach_m, least_reach_px : width of the regions next to a line.
     apart_m : least distance of two candidates.
     """
 

@@ -4,7 +4,7 @@ With spatially variant means (Eqs. 1 and 3)::
 
     E(d) = −½ Σ_lines ∫ |u(t) − v(t)|² ds,  u(t) = 1/ℓ ∫₀^ℓ I(C(t) − sN) ds,  v(t) likewise outwards
 
-with C(t) = ((1−t)·x_top + t·x_bottom, y) and ℓ(t) held while the lines move. The gradient is derived anew from these
+with C(t) = ((1−t)·x_top + t·x_bottom, y) and ℓ(t) held while the lines move. The gradient is derived again from these
 two equations: through I at the samples, through N and through ds; it is exact for the bilinear picture. The paper's
 (Eqs. 6 to 9, corrected: −t for t in 7 and 9) is `spatially_variant_as_printed`.
 

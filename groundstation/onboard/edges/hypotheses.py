@@ -1,6 +1,6 @@
 """Pairs of lines that may be the runway, followed side by side until one of them has proved to be.
 
-A taxiway beside a runway, a road, a repaired strip: in one picture two of their edges can be as contrasty a pair as
+A taxiway next to a runway, a road, a repaired strip: in one picture two of their edges can be as contrasty a pair as
 the runway's. Over some frames they are not: on the ground they are too wide or too far aside once roll, pitch and
 height are settled by where the lines meet, they move against the pose, or what lies between them is another colour at
 either edge.
@@ -63,7 +63,7 @@ class Hypothesis:
     state, edges : the lines, and what the last frame showed of them.
     frames, missed : since they were found; without edges since they were last seen.
     agreement, nis, lost : means over the last frames: see `EdgeMeasurement`, NIS at most 25, share without edges.
-    markings : paint and lamps beside its edges, where it was followed by profiles.
+    markings : paint and lamps next to its edges, where it was followed by profiles.
     """
 
     state: LineState

@@ -81,13 +81,13 @@ def track_lines(
     update = _update(camera, predicted, look, found)
     if update.nis > config.gate:
         return _missed(config, look, predicted, EdgeMiss.GATED, update.nis)
-    crossings, anew = _in_picture(config, predicted, look, found, update)
+    crossings, independent = _in_picture(config, predicted, look, found, update)
     lasting = _lasting(config, look, predicted, found)
     edges = Edges(
         state=update.state,
         rows_px=look.rows,
         crossings_px=crossings,
-        covariance_px2=anew + lasting,
+        covariance_px2=independent + lasting,
         systematic_px2=lasting,
         predicted_px=look.predicted,
         measured_px=found.crossings_px,
@@ -160,7 +160,7 @@ def side_lines_of(config: ProfileConfig, runway: RunwayGuess) -> ProfileConfig:
 
 
 def lamps_seen(camera_m: FloatArray, mean: FloatArray, height_m: float) -> LampParallax:
-    """Return where lamps of a height beside lines (a, b, c, d, …) are seen on the ground, from a camera (3,).
+    """Return where lamps of a height next to lines (a, b, c, d, …) are seen on the ground, from a camera (3,).
 
     By H / (H − h) farther from below the camera than they stand: half a metre on short final.
     """

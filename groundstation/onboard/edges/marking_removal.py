@@ -1,6 +1,6 @@
 """Taking painted lines and lamps out of a picture before its regions are compared.
 
-A painted edge line beside the edge, or a row of lamps, makes a stronger edge than that of the pavement, half a metre
+A painted edge line next to the edge, or a row of lamps, makes a stronger edge than that of the pavement, half a metre
 to a metre off it. Paint is bright and narrow; an opening along the rows (the largest of the smallest) takes away what
 is brighter than its surroundings and narrower than a given width, and leaves wider regions where they are. The glow of
 a lamp by night touches the pavement, whose colour an opening would give to it: there the row is bridged instead from

@@ -2,7 +2,7 @@
 
 Paint half a metre inside one place of the edge may be lamps a metre outside another, in one picture, and a bright bar
 fits something anywhere. So the places of a side line and of lamps (a layout) are hypotheses: by turns others are fitted
-beside the one that is held, all with any paint and light; each mark has to be worth what it is free to fit, and to look
+next to the one that is held, all with any paint and light; each mark has to be worth what it is free to fit, and look
 like what it is. A wrong layout moves both edges alike out or in, and other lines may have the same layout. What
 another is likelier by adds up over pictures; above a margin it takes the place of the one that is held. Until then
 edges are reported with what the layouts leave open: the second moment of where others put the lines, about these.
@@ -52,7 +52,7 @@ Places = tuple[int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Markings:
-    """What is beside the edges.
+    """What is next to the edges.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ def layout_at(places: Places, config: ProfileConfig) -> Layout:
 
 
 def expected_excess(markings: Markings, config: ProfileConfig) -> ExpectedExcess:
-    """Return what is expected beside the edges: of the first picture's own wide fit the paint alone, else both."""
+    """Return what is expected next to the edges: of the first picture's own wide fit the paint alone, else both."""
     held = markings.noise / config.mark_sigma**2
     stiffness = np.array([held, held if markings.frames > 0 else 0.0])
     return ExpectedExcess(excess=markings.excess, stiffness=stiffness)

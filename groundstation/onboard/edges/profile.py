@@ -1,7 +1,7 @@
 """Where the edges lie by the profile across them: pavement, a painted line, the ground, lamps.
 
 The energies compare two bands that move with the trial line. Where a painted line runs half a metre inside the edge,
-or lamps a metre outside, such bands have their optimum beside the edge: on the inner side of the paint (haze), or in
+or lamps a metre outside, such bands have their optimum next to the edge: on the inner side of the paint (haze), or in
 what replaced the lamps (night). Here the pixels are the same for every trial: all within a window about the line. Each
 block of rows is straightened to a profile, in steps that grow with the perspective; for each displacement its levels
 (inside, outside, what paint and lamps add) follow by least squares, through the picture's blur. What is left over

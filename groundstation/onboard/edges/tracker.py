@@ -5,7 +5,7 @@ one that proves better than the others over some frames is the runway; the runwa
 where it looks unlike one or is missed, and now and then in any case: then Algorithm 1 may bring a better pair, and the
 comparison begins again.
 
-What Algorithm 1 finds beside pairs that are followed is looked at over some frames, in the picture where it was found:
+What Algorithm 1 finds next to pairs that are followed is looked at over some frames, in the picture where it was found:
 a frame has so many pieces of work (following a pair, Algorithm 1, a look at one of its pairs), of which following comes
 first. Work is counted, not timed: the same pictures give the same edges.
 """

@@ -32,7 +32,7 @@ class MotionConfig:
     corners, quality, apart_px : Harris corners at most, least strength as a share of the best one's, distance.
     patch_px, ratio : size of a descriptor's key point; Lowe's ratio.
     tolerance_px, least_inliers : RANSAC's.
-    refine : fit rotation and translation anew to the matches, the ground being known from the first pose.
+    refine : fit rotation and translation again to the matches, the ground being known from the first pose.
     seed : of RANSAC.
     """
 

@@ -19,7 +19,7 @@ class StraightApproach:
 
     Attributes
     ----------
-    start_y_m, start_x_m : where it begins, before and beside the threshold.
+    start_y_m, start_x_m : where it begins, before and next to the threshold.
     speed_m_s, slope_rad : over ground, and down.
     aim_y_m : where the path meets the ground.
     crab_rad, pitch_rad : heading off the track, and nose above the horizon.

@@ -52,7 +52,7 @@ class NoseFrame:
 
 
 _ROAD = math.radians(90.0)
-# what lamps' places are drawn of, beside the seeds of all else
+# what lamps' places are drawn of, next to the seeds of all else
 _LAMPS = 1
 SEQUENCES: tuple[Sequence, ...] = (
     Sequence(
@@ -129,7 +129,11 @@ def varied(
     draw = np.random.default_rng([seed, sequence.seed])
     field, approach, side = sequence.airfield, sequence.approach, float(draw.choice([-1.0, 1.0]))
     across = (float(draw.uniform(-30.0, 30.0)), float(draw.uniform(15.0, 90.0)), _ROAD + float(draw.normal(0.0, 0.15)))
-    beside = (-side * float(draw.uniform(32.0, 60.0)), float(draw.uniform(-200.0, 0.0)), float(draw.normal(0.0, 0.05)))
+    side_road = (
+        -side * float(draw.uniform(32.0, 60.0)),
+        float(draw.uniform(-200.0, 0.0)),
+        float(draw.normal(0.0, 0.05)),
+    )
     drawn = replace(
         sequence,
         seed=seed,
@@ -141,7 +145,7 @@ def varied(
             edge_stripe_m=float(draw.choice([0.0, 0.3, 0.45])),
             bars=int(draw.integers(3, 6)),
             taxiway_side=int(side),
-            roads=((*beside, float(draw.uniform(6.0, 10.0))), (*across, float(draw.uniform(6.0, 9.0)))),
+            roads=((*side_road, float(draw.uniform(6.0, 10.0))), (*across, float(draw.uniform(6.0, 9.0)))),
         ),
         approach=replace(
             approach,

@@ -11,7 +11,7 @@ class CornerMethod(enum.StrEnum):
     """How corners follow from the tracked edges and the thresholds' predicted places.
 
     ``edges``: tracked edges meet thresholds that are seen between them; ``sides``: all four sides are
-    measured anew; ``susan``: the strongest SUSAN corner near each, as in the paper.
+    measured again; ``susan``: the strongest SUSAN corner near each, as in the paper.
     """
 
     EDGES = "edges"
@@ -26,7 +26,7 @@ class ApproachConfig:
     Attributes
     ----------
     inertial : the filter.
-    give_up_after : so many poses refused in a row, before it is trusted, and it starts anew: the first corners may be
+    give_up_after : so many poses refused in a row, before it is trusted, and it starts again: the first corners may be
         wrong ones.
     corners : how corners are found.
     reach_px : how far from the seen thresholds a side or a corner is looked for, at least and at most.
@@ -35,18 +35,18 @@ class ApproachConfig:
     settled_after, width_share : so many frames in a row the edges must have been tracked, and so close to the runway's
         width, before the first pose is believed.
     least_height_px : the thresholds' distance in the picture below which no corners are taken.
-    near_sigma_px, far_sigma_px, susan_sigma_px : what a fit's own covariance leaves out and each picture has anew.
+    near_sigma_px, far_sigma_px, susan_sigma_px : what a fit's own covariance leaves out and each picture has again.
     side_sigma_m, side_sigma_px : what a tracked edge and the pavement may lie apart for the whole flight, on the
         ground and, for blur and haze, in the picture.
-    clear_levels, most_faint : pavement that differs from the ground beside it by fewer grey levels (over brightness
+    clear_levels, most_faint : pavement that differs from the ground next to it by fewer grey levels (over brightness
         and colours, both sides) has edges less sure in the picture, by the ratio, at most so much.
     dark_grey, lamp_sigma_m, lamp_sigma_px : in a darker picture lamps are lit, and edges are drawn to them.
-    scatter_share, most_share, most_scatter : how fast the covariance that pictures have anew follows the innovations'
+    scatter_share, most_share, most_scatter : how fast the covariance that pictures have again follows the innovations'
         mean normalised square over its expectation, what one counts at most, and how far the factor may grow.
-    changing_s, changing_share : edges also lie wrong for some seconds: period, and size beside what lasts.
+    changing_s, changing_share : edges also lie wrong for some seconds: period, and size next to what lasts.
     near_sigma_m, end_sigma_px : the same of a threshold, whose bars begin 6 m behind it, and of its blur;
         ``far_end_…`` of the far one.
-    faint_px : what a threshold's rows are anew besides, over the rise of the difference in units of its noise.
+    faint_px : what a threshold's rows are again besides, over the rise of the difference in units of its noise.
     confirmed_after : so many poses taken since the filter's start, and its fixes are given out: the first two fit any
         velocity, so that two wrong ones begin as well as two right ones.
     trusted_after : so many poses since the filter's start, and it says where thresholds are looked for.

@@ -56,7 +56,7 @@ class FoundCorners:
     Attributes
     ----------
     pixels : (4, 2) px. start_px : (4, 2) where they were looked for.
-    covariance_px2 : (4, 2, 2) of what each picture has anew; a threshold that is not confirmed leaves its corners open
+    covariance_px2 : (4, 2, 2) of what each picture has again; a threshold that is not confirmed leaves its corners open
         along the edges.
     systematic_px : (8, m) what lasts for the flight: columns of one sigma each, u and v of one corner after the other.
     near_seen, far_seen : whether the thresholds are confirmed in this picture.
@@ -242,12 +242,12 @@ def _along_edges(
 
     What lasts of the edges is no part of it.
     """
-    anew = edges.covariance_px2 - edges.systematic_px2
+    independent = edges.covariance_px2 - edges.systematic_px2
     covariance = np.empty((4, 2, 2))
     for seen, which in ((near, _NEAR), (far, _FAR)):
         for number, k in enumerate(which):
             weights = weights_of_ends(edges, float(corners[k, 1]))
-            block = anew[2 * number : 2 * number + 2, 2 * number : 2 * number + 2]
+            block = independent[2 * number : 2 * number + 2, 2 * number : 2 * number + 2]
             side = corners[_NEAR[number]] - corners[_FAR[number]]
             along = side / side[1]
             if seen is None:

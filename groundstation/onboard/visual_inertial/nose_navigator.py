@@ -179,7 +179,7 @@ class NoseNavigator:
     def _choose_tracker_pose(self, outside: NoseCameraPose | None) -> NoseCameraPose | None:
         """Return the pose for the tracker: that from outside as long as there is one, so that nothing feeds itself.
 
-        With the first of the filter's own the tracker begins anew, where the survey says.
+        With the first of the filter's own the tracker begins again, where the survey says.
         """
         if not self._inside and self._trusted():
             self._inside = True
@@ -257,12 +257,14 @@ class NoseNavigator:
             return None
 
     def _correct(self, t_s: float, corners: FoundCorners, pose: RunwayPose) -> PoseInnovation | None:
-        """Hand the pose to the filter with the part of its covariance that each picture has anew; keep the rest."""
-        anew = self._scatter * corners.covariance_px2
+        """Hand the pose to the filter with the part of its covariance that each picture has again; keep the rest."""
+        independent = self._scatter * corners.covariance_px2
         D = self._sensitivity(pose, corners)
         if D is None:
             return None
-        covariance = sum((D[:, 2 * k : 2 * k + 2] @ anew[k] @ D[:, 2 * k : 2 * k + 2].T for k in range(4)), np.zeros(1))
+        covariance = sum(
+            (D[:, 2 * k : 2 * k + 2] @ independent[k] @ D[:, 2 * k : 2 * k + 2].T for k in range(4)), np.zeros(1)
+        )
         lasting = D @ self._in_time(t_s, corners.systematic_px)
         observation = PoseObservation(
             t_s=t_s,
@@ -286,7 +288,7 @@ class NoseNavigator:
         return innovation
 
     def _in_time(self, t_s: float, systematic_px: FloatArray) -> FloatArray:
-        """Return what lasts, and beside it the edges' part that comes and goes within the flight: two phases of a wave.
+        """Return what lasts, and the edges' part that comes and goes within the flight: two phases of a wave.
 
         A constant error of an edge may cancel in the state; one that is there for some seconds does not.
         """
@@ -296,7 +298,7 @@ class NoseNavigator:
         return np.hstack([systematic_px, *waves])
 
     def _learn_scatter(self, innovation: PoseInnovation, observation: PoseObservation) -> None:
-        """Let the covariance that each picture has anew follow what innovations show, never below what fits say."""
+        """Let the covariance that each picture has again follow what innovations show, never below what fits say."""
         if innovation.outcome not in (UpdateOutcome.USED, UpdateOutcome.GATED) or observation.lasting is None:
             return
         value = innovation.value

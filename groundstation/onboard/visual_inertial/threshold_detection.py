@@ -1,7 +1,7 @@
 """Where a threshold is seen: along both tracked edges, the place where the ground between them stops looking other
-than the ground beside them.
+than the ground next to them.
 
-Between the edges there is pavement, beside them is not; before the near threshold and behind the far one both are the
+Between the edges there is pavement, next to them is not; before the near threshold and behind the far one both are the
 same ground. Paint lies inside, a slab of another colour still differs from the grass, and a road that crosses looks
 alike on both sides of an edge line: none of them is taken for the end. A threshold is *confirmed* only if the
 difference rises, on both sides at one place, clearly out of the noise, and is beyond it what it is well outside.
@@ -16,11 +16,11 @@ from groundstation.arrays import FloatArray, ImageArray
 
 _STEP_PX = 0.5
 _SMOOTH_PX = 0.5
-# weight of differences of colours beside brightness
+# weight of differences of colours next to brightness
 _COLOUR = 2.0
 # rows outside that show what no runway looks like, as far as the picture goes
 _FLOOR_PX = 14.0
-# across the strip in half widths: inside, and beside it on either side
+# across the strip in half widths: inside, and next to it on either side
 _INSIDE = np.linspace(-0.85, 0.85, 18)
 _BESIDE = np.linspace(1.35, 2.2, 9)
 _COLUMNS = np.concatenate([-_BESIDE[::-1], _INSIDE, _BESIDE])
@@ -162,7 +162,7 @@ def _spread(values: FloatArray) -> float:
 
 
 def _differences(image: ImageArray, corners_px: FloatArray, shifts: FloatArray, far: bool) -> FloatArray:
-    """Return (2, n): how differently each row looks inside and beside, left and right; NaN out of the picture."""
+    """Return (2, n): how differently each row looks inside and next to, left and right; NaN out of the picture."""
     near_left, far_left, far_right, near_right = corners_px
     ends = []
     for low, high in ((near_left, far_left), (near_right, far_right)):
@@ -174,8 +174,8 @@ def _differences(image: ImageArray, corners_px: FloatArray, shifts: FloatArray, 
     out = np.zeros((2, len(shifts)))
     for seen in _by_colour(_sampled(image, points)):
         inside = seen[:, b : b + i]
-        for number, beside in enumerate((seen[:, :b], seen[:, b + i :])):
+        for number, outside in enumerate((seen[:, :b], seen[:, b + i :])):
             # sample by sample: white bars on dark asphalt are on average like sand
             mine = inside[:, : i // 2] if number == 0 else inside[:, i // 2 :]
-            out[number] += np.abs(mine - np.median(beside, axis=1)[:, None]).mean(axis=1)
+            out[number] += np.abs(mine - np.median(outside, axis=1)[:, None]).mean(axis=1)
     return out

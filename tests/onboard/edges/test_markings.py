@@ -132,7 +132,7 @@ def test_paint_and_lamps_must_look_like_what_they_are() -> None:
     assert worth(0.3, 0.0, 0.0, Layout(line_m=None, lamps_m=None)) == 0.0
     seen, unseen = CONFIG.line_cost, CONFIG.line_cost + CONFIG.dim_cost
     assert worth(0.3, 0.2, 0.0, line) == seen
-    # darker than pavement; hardly brighter than the ground, as sand is beside itself
+    # darker than pavement; hardly brighter than the ground, as sand is next to itself
     assert worth(-0.3, -0.6, 0.0, line) == unseen
     assert worth(0.3, 0.28, 0.0, line) == unseen
     assert worth(0.0, 0.0, 0.1, lamps) == CONFIG.lamps_cost

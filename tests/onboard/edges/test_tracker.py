@@ -65,7 +65,7 @@ def test_a_taxiway_beside_the_runway_is_not_the_runway() -> None:
 
 
 def test_a_wrong_track_is_doubted_and_the_runway_found() -> None:
-    """Started on bare ground beside the runway, surely: after some frames without edges the runway takes its place."""
+    """Started on bare ground next to the runway, surely: after some frames without edges the runway takes its place."""
     pose = approach()
     tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=replace(GUESS, width_m=18.0)))
     aside = np.array([1.0, 0.0, -35.0, -17.0, 0.0, 0.0, 0.0])
@@ -99,7 +99,7 @@ def test_a_strip_within_the_runway_is_doubted_long_before_the_usual_check() -> N
 
 
 def doubted(config: TrackerConfig, frames: int, *, written_over: bool) -> list[EdgeReport]:
-    """Return what is said of a runway that the tracker does not know, started surely beside it."""
+    """Return what is said of a runway that the tracker does not know, started surely next to it."""
     pose = approach()
     tracker = EdgeTracker(KAPPA, SIZE, config)
     tracker.start(LineState(mean=np.array([1.0, 0.0, -35.0, -17.0, 0.0, 0.0, 0.0]), covariance=1e-6 * np.eye(7)))

@@ -124,10 +124,10 @@ def test_a_lasting_error_goes_through_the_filter_as_its_sensitivity_says(rng: np
     mount = CameraMount(camera_in_body_m=np.zeros(3), body_from_camera=np.eye(3))
     modes = np.array([[0.5, 2.0, -0.3, 0.002, 0.001, -0.003]]).T
     main, told_wrong = InertialFilter(config, mount), InertialFilter(config, mount)
-    beside = ConsiderFilterBank(config, mount, 1)
+    parallel = ConsiderFilterBank(config, mount, 1)
     for k in range(200):
         sample = ImuSample(t_s=0.01 * k, force_m_s2=np.array([0.1, 0.0, 9.8]), rate_rad_s=np.zeros(3))
-        for one in (main, told_wrong, beside):
+        for one in (main, told_wrong, parallel):
             one.process_imu(sample)
         if k % 10 == 0:
             place = np.array([0.0, 100.0 - 0.2 * k, 10.0]) + 0.1 * rng.standard_normal(3)
@@ -136,7 +136,7 @@ def test_a_lasting_error_goes_through_the_filter_as_its_sensitivity_says(rng: np
                 covariance=np.diag([0.1, 1.0, 0.1, 1e-4, 1e-4, 1e-4]),
             )  # fmt: skip
             main.update(observation)
-            beside.update(observation, modes)
+            parallel.update(observation, modes)
             told_wrong.update(
                 replace(
                     observation,
@@ -144,7 +144,7 @@ def test_a_lasting_error_goes_through_the_filter_as_its_sensitivity_says(rng: np
                     runway_from_camera_wxyz=wxyz_from_matrix(rotation_from_vector(modes[3:, 0])),
                 )
             )
-    S = beside.sensitivity(main.navigation)[:, 0]
+    S = parallel.sensitivity(main.navigation)[:, 0]
     now, other = main.navigation, told_wrong.navigation
     np.testing.assert_allclose(other.position_m - now.position_m, S[:3], rtol=0.03, atol=0.01)
     np.testing.assert_allclose(other.velocity_m_s - now.velocity_m_s, S[6:], rtol=0.05, atol=0.02)

@@ -58,7 +58,7 @@ def same_flight(log: GnssLog, n: int = 6, *, metres: float = 2e-3) -> None:
 def test_ubx_as_pyubx2_writes_it(tmp_path: Path) -> None:
     log = log_of(tmp_path, ubx_log(flight()), ".ubx")
     same_flight(log)
-    # HPPOSLLH beside PVT: 1e-9 degrees
+    # HPPOSLLH next to PVT: 1e-9 degrees
     assert log.lat_deg == pytest.approx([p.lat for p in flight()], abs=6e-10)
     assert log.sigma_enu_m[0] == pytest.approx([0.010 / math.sqrt(2), 0.010 / math.sqrt(2), 0.015])
     assert log.remarks == ()

@@ -1,7 +1,7 @@
 """Cameras of Aravis, which is nothing of ours, delivering into our source; prints what came of it as JSON.
 
 Run in a network namespace of its own (`test_gige_fakes.py` does), so that two cameras can have port 3956 on two
-addresses, and nobody else's cameras answer: `python -m tests.sources.cameras.aravis_scenarios NAME`.
+addresses, and no other cameras answer: `python -m tests.sources.cameras.aravis_scenarios NAME`.
 """
 
 import json

@@ -111,7 +111,7 @@ def test_a_clock_that_jumps_is_fitted_again(step_s: float, rng: np.random.Genera
     changes = [i for i, r in enumerate(readings) if r.change is not ClockChange.NONE]
     assert len(changes) == 1
     assert changes[0] <= 3.0 * RATE_HZ
-    # set back beyond its last stamp it has plainly begun anew
+    # set back beyond its last stamp it was plainly restarted
     expected = ClockChange.RESET if step_s < 0.0 or abs(step_s) > 1.0 else ClockChange.JUMP
     assert readings[changes[0]].change is expected
     errors = np.array([r.t_s for r in readings]) - truth[600:]

@@ -82,7 +82,7 @@ def test_lost_packets_are_counted_and_only_whole_pictures_are_handed_on() -> Non
 
 
 def test_a_camera_pulled_and_put_back_twice_comes_back_twice() -> None:
-    """The other one goes on meanwhile; nobody who reads is held up, else this would not come to its end."""
+    """The other one goes on meanwhile; no reader is blocked, else this would not end."""
     result = scenario("unplugged")
     left, right = result["left"], result["right"]
     assert left["counts"]["reconnects"] >= 2
@@ -109,7 +109,7 @@ def test_what_a_camera_refuses_is_one_line() -> None:
         assert text in said[name]
         assert said[name].startswith("gige:127.0.0.")
         assert "\n" not in said[name]
-    # and whoever has the camera is not disturbed
+    # and the owner of the camera is not disturbed
     assert int(said["frames"]) > 0
 
 
