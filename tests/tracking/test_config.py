@@ -53,7 +53,7 @@ def test_what_a_file_leaves_out_keeps_its_default(tmp_path: Path) -> None:
         ("detection = 1", "detection: got 1; wanted a table"),
         ('[detection]\ngate_sigmas = "5"', "gate_sigmas: got '5'; wanted a finite number"),
         ("[detection]\ngate_sigmas = nan", "gate_sigmas: got nan; wanted a finite number"),
-        ("[detection]\ngate_sigmas = 0x" + "f" * 300, "gate_sigmas: got 1"),
+        ("[detection]\ngate_sigmas = 0x" + "f" * 300, "tuning.toml: got not TOML (an integer of 1200 bits)"),
         ("[detection]\nequalise = 1", "equalise: got 1; wanted true or false"),
         ("[detection]\nroi_basic_px = [250]", "roi_basic_px: got [250]; wanted a list of a whole number and a whole"),
         ("[detection]\nroi_basic_px = [250, 99.5]", "roi_basic_px: got 99.5; wanted a whole number"),
