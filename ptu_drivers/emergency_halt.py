@@ -154,7 +154,7 @@ def _heard(transport: SerialTransport, command: str, until_s: float) -> bool:
 def _acknowledged(line: FlirLine, command: str) -> None:
     answer = line.query(command).answer
     if not answer.ok:
-        raise RefusedError(command, said=answer.text)
+        raise RefusedError(command, reported=answer.text)
 
 
 def _halt_pelco(framing: PelcoFraming) -> Callable[[HaltLine, int, Callable[[], float]], None]:

@@ -44,10 +44,10 @@ class ProtocolError(PtuError):
 class RefusedError(PtuError):
     """The unit understood the command and refused it."""
 
-    def __init__(self, command: str, *, said: str) -> None:
+    def __init__(self, command: str, *, reported: str) -> None:
         self.command = command
-        self.said = said
-        super().__init__(f"{command}: the unit refused it: {_line(said)}")
+        self.reported = reported
+        super().__init__(f"{command}: the unit refused it: {_line(reported)}")
 
 
 class LimitError(PtuError):

@@ -1,5 +1,6 @@
 """Internal exception of the drivers: an exchange failed, with its named reason."""
 
+from ptu_drivers.errors import PtuError
 from ptu_drivers.health import FailureReason
 
 
@@ -10,3 +11,8 @@ class ExchangeFailed(Exception):  # noqa: N818 - not an error: a named reason, w
         self.reason = reason
         self.got = got
         super().__init__(got or reason.value)
+
+
+def reason_of(fault: ExchangeFailed | PtuError) -> FailureReason:
+    """Return the reason that a fault is counted under."""
+    return fault.reason if isinstance(fault, ExchangeFailed) else FailureReason.LINE_LOST

@@ -40,7 +40,7 @@ class FailureReason(StrEnum):
     TOO_FAST = "too fast"
     """Further from the last angle than the unit can have turned since."""
     UNCONFIRMED = "unconfirmed"
-    """Not where it was expected, and asked again it said something that does not fit."""
+    """Not where it was expected, and the repeated answer does not fit either."""
     STARTING = "starting"
     """The unit was reset or power-cycled; its angles count from nowhere until it has homed."""
     PREEMPTED = "preempted"
@@ -95,6 +95,10 @@ class HealthCounter:
     watchdog_stops: int = 0
     last_reading_s: float = float("-inf")
     halt_owed: bool = False
+
+    def is_ready(self) -> bool:
+        """Return whether the unit can be asked at once."""
+        return self.state is UnitState.READY
 
     def snapshot(self) -> Health:
         """Return what was counted until now."""

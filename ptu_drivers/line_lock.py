@@ -2,7 +2,7 @@
 
 import threading
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.health import FailureReason
@@ -88,6 +88,26 @@ class _Halting:
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._lock.release()
+
+
+class LockedLine(Protocol):
+    """What the life cycle of a unit needs of its line: a `PreemptibleLine`, or a connection of another kind."""
+
+    url: str
+    lock: LineLock
+    """Who uses it; an exchange gives up when a halt waits."""
+
+    def now(self) -> float:
+        """Return the clock, s."""
+
+    def wait(self, duration_s: float) -> None:
+        """Let time pass."""
+
+    def reopen(self) -> None:
+        """Close and open again. Raises LineError."""
+
+    def close(self) -> None:
+        """Let go; never raises."""
 
 
 class PreemptibleLine:

@@ -127,7 +127,7 @@ class AxisDescription:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnitDescription:
-    """What the unit said of itself.
+    """How the unit describes itself.
 
     Attributes
     ----------

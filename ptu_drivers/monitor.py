@@ -21,7 +21,7 @@ _SILENT_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Watched:
+class PollStatistics:
     """What was seen in a while of asking.
 
     Attributes
@@ -73,7 +73,7 @@ class MoveResult:
         return round(abs(self.wanted_rad - self.reached_rad) / self.quantum_rad)
 
 
-class Watching:
+class PollMonitor:
     """Asks a unit, and keeps what is needed to say how it does.
 
     Parameters
@@ -112,13 +112,13 @@ class Watching:
         self._sigmas.append(max(got.pan.sigma_t_s, got.tilt.sigma_t_s))
         return got
 
-    def result(self) -> Watched:
+    def result(self) -> PollStatistics:
         """Return what was seen. Raises ProtocolError if there was not one reading."""
         if self._last is None:
             failures = ", ".join(f"{k} {v}" for k, v in self._unit.health().failures.items())
             got = f"no angle in {self.duration_s:.0f} s ({failures})"
             raise ProtocolError(self._unit.describe().url, got=got, wanted="angles")
-        return Watched(
+        return PollStatistics(
             duration_s=self.duration_s,
             round_trips_s=tuple(self._trips),
             last=self._last,
@@ -128,14 +128,16 @@ class Watching:
         )
 
 
-def watch(unit: PanTiltUnit, duration_s: float, now: Callable[[], float], wait: Callable[[float], None]) -> Watched:
+def watch(
+    unit: PanTiltUnit, duration_s: float, now: Callable[[], float], wait: Callable[[float], None]
+) -> PollStatistics:
     """Ask as fast as the line allows, for so long.
 
     Raises
     ------
     ProtocolError : not one reading.
     """
-    seen = Watching(unit, now)
+    seen = PollMonitor(unit, now)
     while seen.duration_s < duration_s:
         seen.step(wait)
     return seen.result()
@@ -199,13 +201,13 @@ def halted(unit: PanTiltUnit) -> str:
 
 
 def _lost(unit: PanTiltUnit, got: NoReading, silent_s: float) -> LineError:
-    """Try to halt what is no longer heard of, and return what is to be said of it."""
-    said = f"the line lost on the way: no angle for {silent_s:.1f} s ({got.reason}); {halted(unit)}"
-    return LineError(unit.describe().url, got=said, wanted="an angle")
+    """Try to halt a unit that no longer answers, and return the message on it."""
+    reported = f"the line lost on the way: no angle for {silent_s:.1f} s ({got.reason}); {halted(unit)}"
+    return LineError(unit.describe().url, got=reported, wanted="an angle")
 
 
 def _moved(
-    axis: Axis, begun_s: float, wanted: float, path: Sequence[Reading], said: UnitDescription, lost_line: bool
+    axis: Axis, begun_s: float, wanted: float, path: Sequence[Reading], reported: UnitDescription, lost_line: bool
 ) -> MoveResult:
     samples = [r.pan if axis is Axis.PAN else r.tilt for r in path]
     start, end = samples[0].angle_rad, samples[-1].angle_rad
@@ -225,7 +227,7 @@ def _moved(
         took_s=changes[-1].t_s - begun_s if changes else 0.0,
         peak_rad_s=max(rates, default=0.0),
         stuck_s=stuck,
-        quantum_rad=said.axis(axis).quantum_rad,
+        quantum_rad=reported.axis(axis).quantum_rad,
         lost_line=lost_line,
     )
 
@@ -237,8 +239,8 @@ def first_reading(
     begun = now()
     while isinstance(got := unit.read(), NoReading):
         if now() - begun > timeout_s:
-            said = f"no angle in {timeout_s:g} s ({got.reason}, {got.state})"
-            raise LineError(unit.describe().url, got=said, wanted="one")
+            reported = f"no angle in {timeout_s:g} s ({got.reason}, {got.state})"
+            raise LineError(unit.describe().url, got=reported, wanted="one")
         wait(_IDLE_S)
     return got
 
@@ -247,30 +249,30 @@ def _angles(reading: Reading) -> tuple[float, float]:
     return reading.pan.angle_rad, reading.tilt.angle_rad
 
 
-def _far(reading: Reading, targets_rad: dict[Axis, float], said: UnitDescription) -> bool:
+def _far(reading: Reading, targets_rad: dict[Axis, float], reported: UnitDescription) -> bool:
     at = dict(zip(Axis, _angles(reading), strict=True))
-    return any(abs(at[axis] - wanted) > 1.5 * said.axis(axis).quantum_rad for axis, wanted in targets_rad.items())
+    return any(abs(at[axis] - wanted) > 1.5 * reported.axis(axis).quantum_rad for axis, wanted in targets_rad.items())
 
 
-def format_description(said: UnitDescription) -> str:
+def format_description(reported: UnitDescription) -> str:
     """Return what a unit is, for people."""
-    name = " ".join(p for p in (said.model, said.serial) if p) or "unnamed unit"
-    rows = [f"{name} on {said.url}, {said.protocol}", f"  {said.firmware}"]
+    name = " ".join(p for p in (reported.model, reported.serial) if p) or "unnamed unit"
+    rows = [f"{name} on {reported.url}, {reported.protocol}", f"  {reported.firmware}"]
     for axis in Axis:
-        a = said.axis(axis)
+        a = reported.axis(axis)
         rows.append(
             f"  {axis:4}  {math.degrees(a.low_rad):9.3f} … {math.degrees(a.high_rad):8.3f} deg"
             f"   step {math.degrees(a.quantum_rad):.6f} deg"
             f"   {math.degrees(a.min_rate_rad_s):.3f} … {math.degrees(a.max_rate_rad_s):.3f} deg/s"
             f"   {math.degrees(a.max_acceleration_rad_s2):.1f} deg/s²"
         )
-    rows.append("  can: " + ", ".join(sorted(said.capabilities)))
-    rows.append(f"  without its host: {said.lease}")
-    rows += [f"  {key}: {text}" for key, text in said.details.items()]
+    rows.append("  can: " + ", ".join(sorted(reported.capabilities)))
+    rows.append(f"  without its host: {reported.lease}")
+    rows += [f"  {key}: {text}" for key, text in reported.details.items()]
     return "\n".join(rows)
 
 
-def format_watched(seen: Watched, said: UnitDescription) -> str:
+def format_watched(seen: PollStatistics, reported: UnitDescription) -> str:
     """Return rate, histogram of the round trips, failures and margins, for people."""
     trips = sorted(t * 1e3 for t in seen.round_trips_s)
     middle, most = trips[len(trips) // 2], trips[int(0.95 * (len(trips) - 1))]
@@ -282,7 +284,7 @@ def format_watched(seen: Watched, said: UnitDescription) -> str:
     ]
     for axis in Axis:
         at = seen.last.pan if axis is Axis.PAN else seen.last.tilt
-        a = said.axis(axis)
+        a = reported.axis(axis)
         below, above = math.degrees(at.angle_rad - a.low_rad), math.degrees(a.high_rad - at.angle_rad)
         rows.append(
             f"{axis:4} {math.degrees(at.angle_rad):9.4f} deg; to the limits {below:.2f} deg below, {above:.2f} above"

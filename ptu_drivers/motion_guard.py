@@ -188,7 +188,7 @@ class HaltingThread:
         return GuardReport(name=self._name, acknowledged=False, began_s=began_s, ended_s=self._clock(), why=why)
 
 
-class Expiry:
+class ExpiredLeases:
     """Which leases have run out and were not acted on yet.
 
     A lease counts as run out when two looks in a row find it so: after a moment in which the whole machine stood still,
@@ -236,7 +236,7 @@ def serve_guard(lines: Mapping[str, HaltLine], leases: MotionLeases, pipe: Conne
 
     reserve = MemoryReserve()
     halting = {name: HaltingThread(name, line, report, reserve=reserve) for name, line in lines.items()}
-    expiry = Expiry(leases)
+    expiry = ExpiredLeases(leases)
     orphaned_s: float | None = None
     while True:
         now_s = time.monotonic()

@@ -1,49 +1,28 @@
-"""Common base of the drivers of units that are polled.
+"""Common base of all drivers: a unit that is polled, and what every call does over line trouble.
 
-Lock, limits, counts, watchdog, halt and reconnection are here. A
-protocol adds how to ask, move, halt and set up. Its angles are the unit's own, before the settings' sign and zero.
+Lock, limits, counts, watchdog, halt and shutdown are here. A protocol adds how to ask, move, halt and set up, and what
+it does in its own way (docs/ptu.md). Its angles are the unit's own, before the settings' sign and zero.
 """
 
 from abc import abstractmethod
-from typing import Protocol
+from collections.abc import Callable
+from contextlib import suppress
 
-from ptu_drivers.axis_limits import check_angle, check_rate
+from ptu_drivers.axis_limits import check_angle, check_rate, check_speed
 from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError, UnsupportedError
-from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.exchange_failed import ExchangeFailed, reason_of
 from ptu_drivers.health import FailureReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
-from ptu_drivers.line_lock import LineLock
+from ptu_drivers.line_lock import LockedLine
 from ptu_drivers.messages import Axis, Capability, NoReading, Reading, UnitDescription
 from ptu_drivers.rate_motion import RateMotion
+from ptu_drivers.reconnection import Reconnection
 from ptu_drivers.settings import AxisSettings, UnitSettings
 from ptu_drivers.watchdog import Watchdog
 
-# timeouts in a row after which the line is opened again: a socket can be half open, an adapter asleep
-_SILENCES = 4
-_REOPEN_S = 0.2
 _HALT_TRIES = 3
 # motion by rate is looked at this often by itself, so that it can be stopped at a limit
 _LOOK_S = 0.1
-
-
-class Line(Protocol):
-    """What the common part needs of a line; a `Transport`, or a connection of another kind."""
-
-    url: str
-    lock: LineLock
-    """Who uses it; an exchange gives up when a halt waits."""
-
-    def now(self) -> float:
-        """Return the clock, s."""
-
-    def wait(self, duration_s: float) -> None:
-        """Let time pass."""
-
-    def reopen(self) -> None:
-        """Close and open again. Raises LineError."""
-
-    def close(self) -> None:
-        """Let go; never raises."""
 
 
 class PolledUnit(PanTiltUnit):
@@ -58,8 +37,17 @@ class PolledUnit(PanTiltUnit):
     watch : run the watchdog in a thread; without, it is looked at with each call (time that is simulated).
     """
 
+    _stale_s = _LOOK_S
+    """After the command of a rate, angles that are older are read again, s."""
+
     def __init__(
-        self, line: Line, settings: UnitSettings, description: UnitDescription, health: HealthCounter, *, watch: bool
+        self,
+        line: LockedLine,
+        settings: UnitSettings,
+        description: UnitDescription,
+        health: HealthCounter,
+        *,
+        watch: bool,
     ) -> None:
         self._line = line
         self._settings = settings
@@ -68,8 +56,7 @@ class PolledUnit(PanTiltUnit):
         self._health.state = UnitState.READY
         self._lock = line.lock
         self._closed = False
-        self._silences = 0
-        self._next_reopen_s = float("-inf")
+        self._reconnection = Reconnection(line, health)
         self._until_s = float("inf")
         """When the present call must be over, s."""
         self._turning = RateMotion(description=description)
@@ -82,14 +69,6 @@ class PolledUnit(PanTiltUnit):
         """Ask both axes; raises ExchangeFailed, LineError."""
 
     @abstractmethod
-    def _resynchronise(self) -> None:
-        """Match answers to questions again after a failure; raises ExchangeFailed, LineError."""
-
-    @abstractmethod
-    def _set_up(self) -> None:
-        """After the line was opened again: set what the unit may have lost; raises ExchangeFailed, LineError."""
-
-    @abstractmethod
     def _send_position(self, targets: dict[Axis, float], rate_rad_s: float | None) -> None:
         """Command positions, the unit's own rad; raises ExchangeFailed, RefusedError, LineError."""
 
@@ -100,6 +79,67 @@ class PolledUnit(PanTiltUnit):
     @abstractmethod
     def _send_halt(self) -> None:
         """Stop both axes; raises ExchangeFailed, RefusedError, LineError."""
+
+    def _resynchronise(self) -> None:
+        """Match answers to questions again after a failure; raises ExchangeFailed, LineError."""
+
+    def _set_up(self) -> None:
+        """After the line was opened again: set what the unit may have lost; raises ExchangeFailed, LineError."""
+
+    def _recover(self) -> FailureReason | None:
+        """Bring line and unit back; return why that is not done yet, None where the unit can be asked now.
+
+        Raises ExchangeFailed, RefusedError, LineError, which are noted where they are caught.
+        """
+        if self._health.state is UnitState.LINE_LOST:
+            self._reconnection.reopen(self._until_s)
+            self._set_up()
+        self._resynchronise()
+        return None
+
+    def _recover_to_halt(self) -> FailureReason | None:
+        """Bring the line as far as a halt needs; return why it cannot be sent yet, None where it can. Raises likewise.
+
+        No resynchronisation first: a halt that may be heard is worth more than an answer that is certain.
+        """
+        if self._health.state is UnitState.LINE_LOST:
+            self._reconnection.reopen(self._until_s)
+        return None
+
+    def _note_failure(self, fault: ExchangeFailed | LineError) -> FailureReason:
+        """Count a failed exchange and choose the recovery step; return its reason."""
+        reason = self._reconnection.note_failure(fault)
+        if self._health.state is UnitState.LINE_LOST and self._turning.rates is not None:
+            self._turning.end()
+            self._health.halt_owed = True
+        return reason
+
+    def _keep_motion(self) -> FailureReason | None:
+        """Before a question: end motion by rate that is overdue; return why there will be no angles, if so."""
+        self._check_watchdog()
+        return None
+
+    def _check_room(self, asked: dict[Axis, float]) -> None:
+        """Return if the axes have room to turn at these rates, rad/s. Raises LimitError, NoAnswerError."""
+        self._turning.check_room(asked, self._last)
+
+    def _stop_at_limits(self, reading: Reading) -> FailureReason | None:
+        """Halt motion by rate that would pass a limit before the next look; return as `_keep_motion`."""
+        if self._turning.nears_limit(reading, self._line.now()):
+            self._health.limit_events += 1
+            self._try_halt()
+        return None
+
+    def _note_refusal(self) -> None:
+        """After a command that was refused: one axis may have taken it."""
+        self._turning.end()
+        self._health.halt_owed = True
+
+    def _halt_blind(self) -> None:
+        """Send a halt without waiting for anything, where that can be heard; never raises."""
+
+    def _release(self) -> None:
+        """After the last halt: what else a unit needs before it is left alone; raises ExchangeFailed, PtuError."""
 
     def describe(self) -> UnitDescription:
         """Return what the probe found."""
@@ -114,24 +154,12 @@ class PolledUnit(PanTiltUnit):
         """Ask both axes where they are."""
         with self._lock:
             self._begin()
-            self._check_watchdog()
-            try:
-                if self._health.state is not UnitState.READY:
-                    self._recover()
-                reading = self._query()
-            except RefusedError as refused:
-                return self._note_failure(ExchangeFailed(FailureReason.REFUSED, str(refused)))
-            except (ExchangeFailed, LineError) as fault:
-                return self._note_failure(fault)
-            self._silences = 0
-            self._health.state = UnitState.READY
-            self._health.readings += 1
-            self._last = reading
-            self._health.last_reading_s = max(reading.pan.t_s, reading.tilt.t_s)
-            self._stop_at_limits(reading)
+            got = self._keep_motion() or self._ask()
+            if not isinstance(got, Reading):
+                return NoReading(reason=got, state=self._health.state, t_s=self._line.now())
             if self._health.halt_owed:
                 self._try_halt()
-            return reading
+            return got
 
     def move_to(
         self, *, pan_rad: float | None = None, tilt_rad: float | None = None, rate_rad_s: float | None = None
@@ -145,10 +173,14 @@ class PolledUnit(PanTiltUnit):
             for axis, value in asked.items():
                 check_angle(axis, self._description.axis(axis), value)
                 if rate_rad_s is not None:
-                    check_rate(axis, self._description.axis(axis), rate_rad_s)
-            self._turning.end()
+                    check_speed(axis, self._description.axis(axis), rate_rad_s)
             targets = {axis: self._axis(axis).unit_angle(value) for axis, value in asked.items()}
-            self._command("move", lambda: self._send_position(targets, rate_rad_s))
+
+            def send() -> None:
+                self._turning.end()
+                self._send_position(targets, rate_rad_s)
+
+            self._command("move", send)
 
     def move_at(self, *, pan_rad_s: float, tilt_rad_s: float) -> None:
         """Turn at a rate until the next command."""
@@ -157,23 +189,26 @@ class PolledUnit(PanTiltUnit):
             if Capability.VELOCITY not in self._description.capabilities:
                 raise UnsupportedError(self._description.protocol, got="a rate")
             asked = {Axis.PAN: pan_rad_s, Axis.TILT: tilt_rad_s}
-            self._turning.begin(asked, self._line.now(), self._last)
+            for axis, value in asked.items():
+                check_rate(axis, self._description.axis(axis), value)
+            self._check_room(asked)
+            self._turning.begin(asked, self._line.now())
             rates = {axis: self._axis(axis).sign * value for axis, value in asked.items()}
             # before anything turns: a command that fails may still have been taken
             if self._watches and self._watchdog is None:
                 self._watchdog = Watchdog(self._watch, min(_LOOK_S, self._settings.watchdog_s / 4 or _LOOK_S))
             self._command("turn", lambda: self._send_rates(rates))
-            if self._line.now() - self._health.last_reading_s > _LOOK_S:
+            if self._line.now() - self._health.last_reading_s > self._stale_s:
                 self.read()
 
     def halt(self) -> None:
         """Stop both axes now."""
         with self._lock.for_halt():
             self._begin()
-            self._halt()
+            self._halt_at_once()
 
     def home(self) -> None:
-        """Reset and home; units of these protocols cannot be asked to."""
+        """Reset and home; most protocols cannot ask a unit to."""
         with self._lock:
             self._begin()
             raise UnsupportedError(self._description.protocol, got="a request to home")
@@ -186,21 +221,20 @@ class PolledUnit(PanTiltUnit):
             if self._watchdog is not None:
                 self._watchdog.stop()
             self._try_again()
-            self._try_halt(_HALT_TRIES)
+            with suppress(PtuError):
+                self._halt_at_once()
             self._try_again()
             try:
                 if not self._health.halt_owed:
                     self._release()
             except (ExchangeFailed, PtuError) as fault:
-                self._health.failures[
-                    fault.reason if isinstance(fault, ExchangeFailed) else FailureReason.LINE_LOST
-                ] += 1
+                self._health.failures[reason_of(fault)] += 1
+            if self._health.halt_owed:
+                # the line is dead: once more, it may carry one way
+                self._halt_blind()
             self._closed = True
             self._health.state = UnitState.CLOSED
             self._line.close()
-
-    def _release(self) -> None:
-        """After the last halt: what else a unit needs before it is left alone."""
 
     def _axis(self, axis: Axis) -> AxisSettings:
         return self._settings.pan if axis is Axis.PAN else self._settings.tilt
@@ -215,100 +249,95 @@ class PolledUnit(PanTiltUnit):
         """Give the call the time of one exchange from now on."""
         self._until_s = self._line.now() + self._description.reply_timeout_s
 
-    def _command(self, name: str, send: "_Send") -> None:
-        """Send once; what is not acknowledged may still move, and is halted when the line is back."""
-        began = self._line.now()
+    def _ask(self) -> Reading | FailureReason:
+        """Return both angles, or why there are none; recovers before where that is due."""
         try:
-            if self._health.state is not UnitState.READY:
-                self._recover()
+            if not self._health.is_ready() and (reason := self._recover()):
+                return reason
+            reading = self._query()
+        except RefusedError as refused:
+            return self._note_failure(ExchangeFailed(FailureReason.REFUSED, str(refused)))
+        except (ExchangeFailed, LineError) as fault:
+            return self._note_failure(fault)
+        self._reconnection.note_answer()
+        self._health.readings += 1
+        self._last = reading
+        self._health.last_reading_s = max(reading.pan.t_s, reading.tilt.t_s)
+        return self._stop_at_limits(reading) or reading
+
+    def _command(self, name: str, send: Callable[[], None]) -> None:
+        """Recover where that is due, and send; raises NoAnswerError, RefusedError, LineError."""
+        began = self._line.now()
+
+        def recover_and_send() -> None:
+            self._make_ready(name)
+            send()
+
+        fault = self._attempt(recover_and_send)
+        if isinstance(fault, LineError):
+            raise fault
+        if fault is not None:
+            raise NoAnswerError(name, waited_s=self._line.now() - began, got=str(fault)) from fault
+
+    def _make_ready(self, name: str) -> None:
+        """Recover where that is due; raises NoAnswerError where it takes more calls, and as `_recover`."""
+        began = self._line.now()
+        if not self._health.is_ready() and self._recover() and not self._health.is_ready():
+            raise NoAnswerError(name, waited_s=self._line.now() - began, got=f"state: {self._health.state}")
+
+    def _attempt(self, send: Callable[[], None]) -> ExchangeFailed | LineError | None:
+        """Send once, and return what failed; what is not acknowledged may still move, and is halted when it answers.
+
+        Raises RefusedError, and what `send` raises else.
+        """
+        try:
             send()
         except RefusedError:
-            # one axis may have taken it
-            self._turning.end()
-            self._health.halt_owed = True
+            self._note_refusal()
             raise
         except (ExchangeFailed, LineError) as fault:
             self._turning.end()
             self._health.halt_owed = True
             self._note_failure(fault)
-            if isinstance(fault, LineError):
-                raise
-            raise NoAnswerError(name, waited_s=self._line.now() - began, got=str(fault)) from fault
+            return fault
         # a new command replaces the motion that the halt was owed for
         self._health.halt_owed = False
-        self._health.state = UnitState.READY
-        self._silences = 0
+        self._reconnection.note_answer()
+        return None
 
-    def _halt(self, tries: int = _HALT_TRIES) -> None:
+    def _halt_at_once(self) -> None:
+        """Halt, first without a question where an answer is in doubt; raises as `halt`."""
+        if not self._health.is_ready():
+            self._health.halt_owed = True
+            self._halt_blind()
+            self._try_again()
+        self._halt(_HALT_TRIES)
+
+    def _halt(self, tries: int) -> None:
         self._turning.end()
         self._health.halt_owed = True
-        began = self._line.now()
-        last: ExchangeFailed | LineError | None = None
+        began, got = self._line.now(), ""
         for n in range(tries):
             if n:
                 self._try_again()
             try:
-                if self._health.state is UnitState.LINE_LOST:
-                    self._reconnect()
-                # no resynchronisation first: a halt that may be heard is worth more than an answer that is certain
-                self._send_halt()
+                if self._recover_to_halt() is None and self._health.halt_owed:
+                    self._send_halt()
+                    self._health.halt_owed = False
+                got = f"state: {self._health.state}"
             except (ExchangeFailed, LineError) as fault:
-                last = fault
                 self._note_failure(fault)
                 if isinstance(fault, LineError):
-                    break
-            else:
-                self._health.halt_owed = False
+                    raise
+                got = str(fault)
+            if not self._health.halt_owed:
                 return
-        if isinstance(last, LineError):
-            raise last
-        raise NoAnswerError("halt", waited_s=self._line.now() - began, got=str(last))
+        raise NoAnswerError("halt", waited_s=self._line.now() - began, got=got)
 
-    def _try_halt(self, tries: int = 1) -> None:
+    def _try_halt(self) -> None:
         """Halt; failure stays owed."""
-        try:
-            self._halt(tries)
-        except PtuError:
-            return
-
-    def _note_failure(self, fault: ExchangeFailed | LineError) -> NoReading:
-        """Count a failed exchange and choose the recovery step."""
-        if isinstance(fault, LineError):
-            reason = FailureReason.LINE_LOST
-            self._lose()
-        else:
-            reason = fault.reason
-            silent = reason in (FailureReason.TIMEOUT, FailureReason.LINE_LOST)
-            self._silences = self._silences + 1 if silent else 0
-            if self._health.state is UnitState.READY:
-                self._health.state = UnitState.RESYNCHRONISING
-                self._health.resyncs += 1
-            if self._silences >= _SILENCES and self._health.state is not UnitState.LINE_LOST:
-                self._lose()
-        self._health.failures[reason] += 1
-        return NoReading(reason=reason, state=self._health.state, t_s=self._line.now())
-
-    def _lose(self) -> None:
-        self._silences = 0
-        if self._turning.rates is not None:
-            self._health.halt_owed = True
-            self._turning.end()
-        self._health.state = UnitState.LINE_LOST
-
-    def _recover(self) -> None:
-        if self._health.state is UnitState.LINE_LOST:
-            self._reconnect()
-            self._set_up()
-        self._resynchronise()
-
-    def _reconnect(self) -> None:
-        now = self._line.now()
-        if now < self._next_reopen_s:
-            self._line.wait(min(self._next_reopen_s, self._until_s) - now)
-        self._next_reopen_s = self._line.now() + _REOPEN_S
-        self._line.reopen()
-        self._health.reconnects += 1
-        self._health.state = UnitState.RESYNCHRONISING
+        with suppress(PtuError):
+            self._halt(1)
 
     def _check_watchdog(self) -> None:
         """Halt motion by rate that was not renewed in time."""
@@ -316,29 +345,16 @@ class PolledUnit(PanTiltUnit):
             self._health.watchdog_stops += 1
             self._try_halt()
 
-    def _stop_at_limits(self, reading: Reading) -> None:
-        """Halt motion by rate that would pass a limit before the next look."""
-        if self._turning.nears_limit(reading, self._line.now()):
-            self._health.limit_events += 1
-            self._try_halt()
-
     def _watch(self) -> None:
         """Supervise motion by rate: the command timeout and the limits."""
         with self._lock:
             if self._closed:
                 return
+            self._try_again()
             if self._health.halt_owed:
                 # a halt that was not acknowledged is tried until it is, whether or not anybody reads
-                self._try_again()
                 self._try_halt()
-                return
-            if not self._turning.turns():
-                return
-            self._try_again()
-            self._check_watchdog()
-            if self._line.now() - self._health.last_reading_s > _LOOK_S:
-                self.read()
-
-
-class _Send(Protocol):
-    def __call__(self) -> None: ...
+            elif self._turning.turns():
+                self._check_watchdog()
+                if self._line.now() - self._health.last_reading_s > _LOOK_S:
+                    self.read()

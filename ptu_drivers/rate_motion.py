@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ptu_drivers.axis_limits import check_rate, check_room
+from ptu_drivers.axis_limits import check_room
 from ptu_drivers.messages import Axis, Reading, UnitDescription
 
 # until it is looked at again and has come to rest
@@ -24,15 +24,25 @@ class RateMotion:
     rates: dict[Axis, float] | None = None
     commanded_s: float = 0.0
 
-    def begin(self, asked: dict[Axis, float], now_s: float, last: Reading | None) -> None:
-        """Take new rates, rad/s, if the axes may turn so fast and have room, as far as is known. Raises LimitError."""
-        for axis, value in asked.items():
-            check_rate(axis, self.description.axis(axis), value)
-            if last is not None and not (self.rates and self.rates[axis]):
-                # from rest; motion is stopped at its limit anyway
-                ahead_rad = last.axis(axis).angle_rad + value * _AHEAD_S
-                check_room(axis, self.description.axis(axis), ahead_rad, value)
+    def from_rest(self, asked: dict[Axis, float]) -> dict[Axis, float]:
+        """Return those of the rates, rad/s, whose axes do not turn yet; motion is stopped at its limit anyway."""
+        return {axis: rate for axis, rate in asked.items() if not (self.rates and self.rates[axis])}
+
+    def check_room(self, asked: dict[Axis, float], last: Reading | None) -> None:
+        """Return if the axes have room to turn at these rates, rad/s, as far as is known. Raises LimitError."""
+        if last is None:
+            return
+        for axis, rate in self.from_rest(asked).items():
+            check_room(axis, self.description.axis(axis), last.axis(axis).angle_rad + rate * _AHEAD_S, rate)
+
+    def begin(self, asked: dict[Axis, float], now_s: float) -> None:
+        """Take new rates, rad/s."""
         self.rates, self.commanded_s = asked, now_s
+
+    def stop(self, axis: Axis) -> None:
+        """Note that one axis was stopped."""
+        if self.rates is not None:
+            self.rates[axis] = 0.0
 
     def end(self) -> None:
         """Forget the rates: another command replaced them, or they are to be halted."""
@@ -49,8 +59,8 @@ class RateMotion:
     def nears_limit(self, reading: Reading, now_s: float) -> bool:
         """Return whether an axis would pass its limit before the next look."""
         for axis, rate in (self.rates or {}).items():
-            sample, said = reading.axis(axis), self.description.axis(axis)
+            sample, reported = reading.axis(axis), self.description.axis(axis)
             ahead = sample.angle_rad + rate * (now_s - sample.t_s + _AHEAD_S)
-            if (rate > 0 and ahead > said.high_rad) or (rate < 0 and ahead < said.low_rad):
+            if (rate > 0 and ahead > reported.high_rad) or (rate < 0 and ahead < reported.low_rad):
                 return True
         return False

@@ -26,7 +26,7 @@ def decode(name: str, status: int, body: bytes, transaction: int) -> dict[str, A
     text = body.decode("utf-8", "replace")
     if status != http.client.OK:
         # in Alpaca that is not for the device's own errors: a wrong name, number or device
-        raise RefusedError(name, said=f"HTTP {status}: {text}")
+        raise RefusedError(name, reported=f"HTTP {status}: {text}")
     try:
         answer = json.loads(text)
     except (ValueError, RecursionError) as wrong:
@@ -40,7 +40,7 @@ def decode(name: str, status: int, body: bytes, transaction: int) -> dict[str, A
         )
     error = answer.get("ErrorNumber", 0)
     if error:
-        raise RefusedError(name, said=f"{answer.get('ErrorMessage', '')} ({error})")
+        raise RefusedError(name, reported=f"{answer.get('ErrorMessage', '')} ({error})")
     return answer
 
 

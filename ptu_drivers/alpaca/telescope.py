@@ -9,13 +9,13 @@ from urllib.parse import urlencode
 from ptu_drivers.alpaca.codec import decode, finite
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.health import FailureReason
-from ptu_drivers.polled_unit import Line
+from ptu_drivers.line_lock import LockedLine
 
 _CLIENT = 4242
 NOT_IMPLEMENTED = 0x400
 
 
-class HttpLine(Line, Protocol):
+class HttpLine(LockedLine, Protocol):
     """What carries a request: a connection, or a simulated one."""
 
     def transfer(self, method: str, path: str, query: str, until_s: float) -> tuple[int, bytes]:

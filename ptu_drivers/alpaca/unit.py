@@ -127,9 +127,6 @@ class AlpacaUnit(PolledUnit):
         zero_rad = self._axis(Axis.PAN).unit_angle(0.0)
         return zero_rad + math.remainder(unit_rad - zero_rad, 2 * math.pi)
 
-    def _resynchronise(self) -> None:
-        """Nothing: an answer cannot outlive its connection."""
-
     def _set_up(self) -> None:
         prepare(self._telescope, self._until_s)
 

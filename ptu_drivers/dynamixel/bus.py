@@ -220,7 +220,7 @@ class DynamixelBus:
         alert = bool(error & ServoError.ALERT)
         (self.hardware_alert.add if alert else self.hardware_alert.discard)(identifier)
         if error & ~ServoError.ALERT:
-            raise RefusedError(f"{what} of servo {identifier}", said=self._sdk.getRxPacketError(error & 0x7F))
+            raise RefusedError(f"{what} of servo {identifier}", reported=self._sdk.getRxPacketError(error & 0x7F))
         if length != size + _LENGTH_OF_EMPTY:
             raise ExchangeFailed(FailureReason.ECHO_MISMATCH, f"{what}: {length - _LENGTH_OF_EMPTY} bytes, not {size}")
         return Status(

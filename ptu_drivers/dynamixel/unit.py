@@ -59,7 +59,7 @@ class DynamixelOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Servo:
-    """What one servo said at the probe; limits in steps, rate in units of its register."""
+    """What one servo answered at the probe; limits in steps, rate in units of its register."""
 
     identifier: int
     model: table.Model
@@ -163,7 +163,7 @@ class DynamixelUnit(PolledUnit):
             n = servo.identifier
             errors = table.hardware_errors(self._bus.read(n, table.HARDWARE_ERROR))
             if errors:
-                raise RefusedError(f"torque of {axis.value}", said=f"hardware error: {errors}")
+                raise RefusedError(f"torque of {axis.value}", reported=f"hardware error: {errors}")
             # 0 also clears a watchdog that has stopped the servo and closed its goals
             self._bus.write(n, table.BUS_WATCHDOG, 0)
             if self._bus.read(n, table.OPERATING_MODE) != mode:

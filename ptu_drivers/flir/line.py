@@ -27,7 +27,7 @@ class Exchanged:
 
     Attributes
     ----------
-    answer : what was said; its echo is the question's.
+    answer : what was received; its echo is the question's.
     begun_s, done_s : when the first byte was sent, and the last one received, s.
     earliest_s, latest_s : the delimiter reached the unit in between, s: not before all bytes had been on the line,
         not after its echo or the first byte of the reply had begun.
@@ -192,6 +192,8 @@ class FlirLine:
         while not answered(self.transport.now() + self.longest_s()):
             if self.transport.now() - began > timeout_s:
                 raise ExchangeFailed(FailureReason.TIMEOUT, "nothing")
+            # the time of an exchange is over: from now on it returns at once
+            self.transport.wait(_QUIET_S)
 
     def _spell(self, command: str) -> str:
         """Vary the case of the letters; the unit does not care, and its echo repeats it."""

@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ptu_drivers.axis_limits import narrowed
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import integer, integers, only_number
 from ptu_drivers.flir.line import Exchanged, FlirLine
-from ptu_drivers.health import FailureReason
 from ptu_drivers.messages import Axis, AxisDescription
 from ptu_drivers.settings import AxisSettings
 
@@ -44,22 +44,19 @@ class AxisFacts:
 
     def describe(self, settings: AxisSettings) -> AxisDescription:
         """Return the axis after sign, zero and soft limits."""
-        ends = sorted((settings.angle(self.low * self.quantum_rad), settings.angle(self.high * self.quantum_rad)))
-        low, high = max(ends[0], settings.low_rad), min(ends[1], settings.high_rad)
-        rate = min(self.max_rate * self.quantum_rad, settings.max_rate_rad_s)
-        if not low < high:
-            raise ProtocolError("soft limits", got="none of the unit's range", wanted="some of it")
-        return AxisDescription(
-            quantum_rad=self.quantum_rad,
-            low_rad=low,
-            high_rad=high,
-            low_from="settings" if settings.low_rad > ends[0] else "unit",
-            high_from="settings" if settings.high_rad < ends[1] else "unit",
-            max_rate_rad_s=rate,
-            min_rate_rad_s=self.min_rate * self.quantum_rad,
-            rate_from="settings" if rate == settings.max_rate_rad_s else "unit",
-            max_acceleration_rad_s2=self.acceleration * self.quantum_rad,
+        step_rad = self.quantum_rad
+        reported = narrowed(
+            settings,
+            quantum_rad=step_rad,
+            low_rad=self.low * step_rad,
+            high_rad=self.high * step_rad,
+            max_rate_rad_s=self.max_rate * step_rad,
+            min_rate_rad_s=self.min_rate * step_rad,
+            max_acceleration_rad_s2=self.acceleration * step_rad,
         )
+        if not reported.low_rad < reported.high_rad:
+            raise ProtocolError("soft limits", got="none of the unit's range", wanted="some of it")
+        return reported
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,9 +114,9 @@ def set_up(line: FlirLine) -> None:
     ExchangeFailed, ProtocolError : the unit does not do it.
     """
     for command in ("EE", "FT", "CI"):
-        said = require_ok(line, command).answer
-        if not said.ok:
-            raise ProtocolError(command, got=said.text or "an error", wanted="*")
+        reported = require_ok(line, command).answer
+        if not reported.ok:
+            raise ProtocolError(command, got=reported.text or "an error", wanted="*")
     # that the echo is on, each answer shows; that it is terse, this one
     integer(require_ok(line, "PP").answer.text)
 
@@ -134,10 +131,10 @@ def probe(line: FlirLine) -> UnitFacts:
     details: dict[str, str] = {}
 
     def text(command: str) -> str:
-        said = require_ok(line, command).answer
-        if said.ok and said.text:
-            details[command] = said.text
-            return said.text
+        reported = require_ok(line, command).answer
+        if reported.ok and reported.text:
+            details[command] = reported.text
+            return reported.text
         return ""
 
     firmware, model, serial = text("V"), text("VM"), text("VS")
@@ -165,9 +162,9 @@ def probe(line: FlirLine) -> UnitFacts:
 def _axis(line: FlirLine, letter: str) -> AxisFacts:
     def number(what: str) -> float:
         for last in (False, False, True):
-            said = require_ok(line, letter + what).answer
+            reported = require_ok(line, letter + what).answer
             try:
-                return only_number(said.text if said.ok else "an error: " + said.text)
+                return only_number(reported.text if reported.ok else "an error: " + reported.text)
             except ProtocolError:
                 # another line may have run into this one
                 if last:
@@ -191,11 +188,11 @@ def _axis(line: FlirLine, letter: str) -> AxisFacts:
 
 def _supports_combined(line: FlirLine) -> bool:
     """Return whether `B` answers with positions first, as `PP` and `TP` say them at rest."""
-    said = require_ok(line, "B").answer
-    if not said.ok:
+    reported = require_ok(line, "B").answer
+    if not reported.ok:
         return False
     try:
-        four = integers(said.text, 4)
+        four = integers(reported.text, 4)
     except ProtocolError:
         return False
     pan, tilt = (integer(require_ok(line, c).answer.text) for c in ("PP", "TP"))
@@ -208,10 +205,10 @@ def _device_clock(line: FlirLine) -> tuple[float, int]:
     No source shows the order of `BT`: the positions must be those of `PP` and `TP`, and one number must run as fast
     as `CNF` says.
     """
-    if not require_ok(line, "BT").answer.ok or not (said := require_ok(line, "CNF").answer).ok:
+    if not require_ok(line, "BT").answer.ok or not (reported := require_ok(line, "CNF").answer).ok:
         return 0.0, 0
     try:
-        hz = only_number(said.text)
+        hz = only_number(reported.text)
         first = require_ok(line, "BT")
         line.transport.wait(0.2)
         second = require_ok(line, "BT")
@@ -228,8 +225,3 @@ def _device_clock(line: FlirLine) -> tuple[float, int]:
         if 0.99 * shortest <= ran <= 1.01 * longest:
             return hz, place
     return 0.0, 0
-
-
-def failure_of(fault: ProtocolError) -> ExchangeFailed:
-    """Return an answer that cannot be parsed, as a failed exchange."""
-    return ExchangeFailed(FailureReason.GARBAGE, fault.got)

@@ -47,10 +47,6 @@ class Recovery:
         """Everything is well."""
         self._answered_s = self._line.transport.now()
 
-    def keep_baud(self) -> None:
-        """Take the line's speed as the one that the unit is meant to have."""
-        self._baud = self._line.transport.baud()
-
     def record_failure(self, reason: FailureReason) -> None:
         """Something doubtful came; the next `advance` begins to mend it."""
         self._counter.failures[reason] += 1
@@ -91,23 +87,26 @@ class Recovery:
         else:
             line.resynchronise(deadline_s)
         self._look_for_restart(deadline_s)
-        if self._counter.halt_owed and not self._queue:
-            line.query("H", deadline_s=deadline_s)
-            self._counter.halt_owed = False
+        if not self._queue:
+            self._halt_if_owed(deadline_s)
         self._failed = 0
         if line.transport.baud() != self._baud:
             # it answers at another speed than it was set to
             self._restart()
         self._counter.state = UnitState.STARTING if self._queue else UnitState.READY
 
+    def _halt_if_owed(self, deadline_s: float) -> None:
+        if self._counter.halt_owed:
+            self._counter.halt_owed = not self._line.query("H", deadline_s=deadline_s).answer.ok
+
     def _look_for_restart(self, deadline_s: float) -> None:
         """A unit that was restarted talks verbosely again."""
-        said = self._line.query("PP", deadline_s=deadline_s).answer
+        reported = self._line.query("PP", deadline_s=deadline_s).answer
         try:
-            integer(said.text)
+            integer(reported.text)
         except ProtocolError as fault:
-            if not said.ok or "position" not in said.text:
-                raise ExchangeFailed(FailureReason.GARBAGE, said.text) from fault
+            if not reported.ok or "position" not in reported.text:
+                raise ExchangeFailed(FailureReason.GARBAGE, reported.text) from fault
             if self._line.transport.now() - self._answered_s > _BOOT_S:
                 self._restart()
             else:
@@ -127,6 +126,7 @@ class Recovery:
     def _start(self, deadline_s: float) -> None:
         line = self._line
         if not self._queue:
+            self._halt_if_owed(deadline_s)
             self._counter.state = UnitState.READY
             return
         command = self._queue[0]

@@ -46,7 +46,7 @@ def open_flir(
     if query != "auto" and query not in tuple(Query):
         raise ProtocolError("query", got=query, wanted="auto, " + ", ".join(Query))
     transport = SerialTransport(url, BAUDS[0], clock)
-    return connect(transport, settings, patience_s=patience_s, query=query, threaded=True)
+    return connect(transport, settings, patience_s=patience_s, query=query, watch=True)
 
 
 def connect(
@@ -55,13 +55,13 @@ def connect(
     *,
     patience_s: float = 5.0,
     query: str = "auto",
-    threaded: bool = False,
+    watch: bool = False,
 ) -> "FlirUnit":
     """Find the unit on an open line, set it up, probe it.
 
     Parameters
     ----------
-    threaded : run the watchdog in a thread of its own; else it looks only when `read` is called.
+    watch : run the watchdog in a thread of its own; else it looks only when `read` is called.
     """
     counter = HealthCounter()
     shared = PreemptibleLine(transport)
@@ -78,7 +78,7 @@ def connect(
     except PtuError:
         transport.close()
         raise
-    unit = FlirUnit(line, shared.lock, counter, facts, settings, threaded=threaded)
+    unit = FlirUnit(shared, line, settings, facts, counter, watch=watch)
     unit.use_query(best_query(facts) if query == "auto" else Query(query), type_ahead=type_ahead)
     return unit
 
@@ -87,8 +87,8 @@ def _takes_type_ahead(line: FlirLine) -> bool:
     """Return whether letters typed while an answer comes in leave that answer whole; tried, since nothing says so."""
     try:
         for _ in range(_TRIES):
-            for said in line.query_pair("PP", "TP"):
-                integer(said.answer.text)
+            for reported in line.query_pair("PP", "TP"):
+                integer(reported.answer.text)
     except (ExchangeFailed, ProtocolError):
         line.resynchronise(line.transport.now() + line.longest_s())
         return False

@@ -1,9 +1,8 @@
-"""What a FLIR unit is told to do, in counts, after every limit was looked at."""
+"""Angles and rates of a FLIR unit in counts, and how far it would go on."""
 
 import math
 from dataclasses import dataclass
 
-from ptu_drivers.axis_limits import check_angle, check_rate
 from ptu_drivers.errors import LimitError
 from ptu_drivers.flir.probe import UnitFacts
 from ptu_drivers.messages import Axis, Reading, UnitDescription
@@ -15,7 +14,7 @@ _OBEY_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Converter:
-    """Angles and rates to counts, and back; refuses what is beyond a limit."""
+    """Angles and rates to counts, and back."""
 
     facts: UnitFacts
     description: UnitDescription
@@ -40,24 +39,18 @@ class Converter:
         # the unit's own ends come back from radians with their last digits changed
         return max(math.ceil(low - 1e-6), facts.low), min(math.floor(high + 1e-6), facts.high)
 
-    def position(self, axis: Axis, angle_rad: float) -> int:
-        """Return the position of an angle, counts. Raises LimitError."""
-        check_angle(axis, self.description.axis(axis), angle_rad)
+    def position(self, axis: Axis, unit_rad: float) -> int:
+        """Return the position of the unit's own angle, rad, in counts."""
         facts = self.facts.axis(axis)
-        counts = round(self.of(axis).unit_angle(angle_rad) / facts.quantum_rad)
-        return min(max(counts, facts.low), facts.high)
+        return min(max(round(unit_rad / facts.quantum_rad), facts.low), facts.high)
 
-    def rate(self, axis: Axis, rate_rad_s: float, *, still: bool = True) -> int:
-        """Return a signed rate, counts/s; `still` allows 0. Raises LimitError."""
-        a = self.description.axis(axis)
-        check_rate(axis, a, rate_rad_s)
-        facts = self.facts.axis(axis)
-        if rate_rad_s == 0.0 and still:
+    def rate(self, axis: Axis, unit_rad_s: float) -> int:
+        """Return a signed rate, counts/s, of the unit's own, rad/s, which is 0 or within its bounds."""
+        if unit_rad_s == 0.0:
             return 0
-        if rate_rad_s == 0.0 and a.min_rate_rad_s > 0.0:
-            raise LimitError(axis.value, "minimum speed", got=0.0, bound=a.min_rate_rad_s, origin="unit")
-        size = min(max(round(abs(rate_rad_s) / facts.quantum_rad), facts.min_rate), facts.max_rate)
-        return int(math.copysign(size, rate_rad_s)) * self.of(axis).sign
+        facts = self.facts.axis(axis)
+        size = min(max(round(abs(unit_rad_s) / facts.quantum_rad), facts.min_rate), facts.max_rate)
+        return int(math.copysign(size, unit_rad_s))
 
     def reach(self, axis: Axis, reading: Reading, rate_rad_s: float) -> float:
         """Return where the axis would come to rest if it were told to stop now, rad."""

@@ -202,9 +202,6 @@ class PelcoUnit(PolledUnit):
             gate.forget()
         self._exchange.wait_until_idle(self._answer_by_s())
 
-    def _set_up(self) -> None:
-        """Nothing is set that a unit could lose."""
-
     def _send_position(self, targets: dict[Axis, float], rate_rad_s: float | None) -> None:
         opcodes = {Axis.PAN: Opcode.SET_PAN, Axis.TILT: Opcode.SET_TILT}
         for axis, unit_rad in targets.items():

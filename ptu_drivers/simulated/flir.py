@@ -220,9 +220,9 @@ class FlirInterpreter:
             return self._illegal()
         parts = (("P", "S", four[2]), ("T", "S", four[3]), ("P", "P", four[0]), ("T", "P", four[1]))
         for letter, what, value in parts:
-            said = self._axis_command(letter + what, value, t_s)
-            if said.text != "*":
-                return said
+            reported = self._axis_command(letter + what, value, t_s)
+            if reported.text != "*":
+                return reported
         return LineEffect(text="*")
 
     def _unit_command(self, name: str, t_s: float) -> LineEffect:

@@ -103,10 +103,10 @@ class SimulatedUnit(SimulatedPeer):
             self.lost_commands += 1
             return
         self._last_command_s = begin
-        said = self.flir.execute(command.decode("latin-1"), begin)
-        self._off_until_s = max(self._off_until_s, said.deaf_until_s)
+        reported = self.flir.execute(command.decode("latin-1"), begin)
+        self._off_until_s = max(self._off_until_s, reported.deaf_until_s)
         lead = b"\n" if self.line.leading_lf and not self.flir.echo else b""
-        self._answer(begin, lead + said.text.encode("latin-1") + b"\r\n", said.not_before_s)
-        if said.baud and self.baud:
+        self._answer(begin, lead + reported.text.encode("latin-1") + b"\r\n", reported.not_before_s)
+        if reported.baud and self.baud:
             # the reply still goes out at the old speed
-            self.baud = said.baud
+            self.baud = reported.baud

@@ -69,7 +69,7 @@ class _Pty:
         os.close(self._slave)
 
 
-class _Claim:
+class _PathLock:
     """A link's path is this program's as long as it runs, however it ends; others that would take it are refused."""
 
     def __init__(self, link: Path) -> None:
@@ -171,7 +171,7 @@ class SimulatedServer:
         self._random = random.Random(seed)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        self._claim = _Claim(link) if isinstance(link, Path) else None
+        self._claim = _PathLock(link) if isinstance(link, Path) else None
         try:
             self._end: _Pty | _Tcp | None = self._make()
         except LineError:

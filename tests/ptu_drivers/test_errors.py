@@ -15,8 +15,8 @@ def test_each_says_what_was_got_and_wanted_and_keeps_it() -> None:
     assert str(silent) == "PP: got nothing in 0.25 s; wanted an answer"
     foreign = ProtocolError("PR", got="rubbish", wanted="a number")
     assert (foreign.where, foreign.got, foreign.wanted) == ("PR", "rubbish", "a number")
-    refused = RefusedError("PS9", said="Maximum speed exceeded")
-    assert (refused.command, refused.said) == ("PS9", "Maximum speed exceeded")
+    refused = RefusedError("PS9", reported="Maximum speed exceeded")
+    assert (refused.command, refused.reported) == ("PS9", "Maximum speed exceeded")
     for error in (gone, silent, foreign, refused):
         assert isinstance(error, PtuError)
         assert len(str(error).splitlines()) == 1

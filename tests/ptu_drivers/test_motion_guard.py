@@ -16,7 +16,7 @@ from ptu_drivers.messages import Axis
 from ptu_drivers.motion_guard import (
     HALTING_S,
     LEASE_S,
-    Expiry,
+    ExpiredLeases,
     GuardReport,
     HaltingThread,
     MemoryReserve,
@@ -41,7 +41,7 @@ def until(condition: Callable[[], bool], seconds: float = 30.0) -> bool:
 
 def test_a_lease_that_runs_out_is_acted_on_once() -> None:
     leases = MotionLeases(("left", "right"))
-    expiry = Expiry(leases)
+    expiry = ExpiredLeases(leases)
     assert expiry.expired(100.0) == ()
     leases.renew("left", 10.0)
     leases.renew("right", 20.0)
@@ -59,7 +59,7 @@ def test_a_lease_that_runs_out_is_acted_on_once() -> None:
 
 def test_a_lease_that_is_renewed_in_between_is_in_force() -> None:
     leases = MotionLeases(("left",))
-    expiry = Expiry(leases)
+    expiry = ExpiredLeases(leases)
     leases.renew("left", 10.0)
     assert expiry.expired(10.1) == ()
     leases.renew("left", 10.5)

@@ -58,13 +58,13 @@ def drive(client: list[str], tmp_path: Path) -> tuple[str, VirtualLine]:
 
 
 def test_mrpt_drives_the_simulated_unit(mrpt_client: list[str], tmp_path: Path) -> None:
-    said, _ = drive(mrpt_client, tmp_path)
-    assert "moved 1 awaited 1 asked 1 at 0.1000 limit 1 3.0369 beyond 0" in said
+    reported, _ = drive(mrpt_client, tmp_path)
+    assert "moved 1 awaited 1 asked 1 at 0.1000 limit 1 3.0369 beyond 0" in reported
 
 
 def test_flirptu_drives_the_simulated_unit(flirptu_client: list[str], tmp_path: Path) -> None:
-    said, _ = drive(flirptu_client, tmp_path)
-    assert said.splitlines() == [
+    reported, _ = drive(flirptu_client, tmp_path)
+    assert reported.splitlines() == [
         "echo True resolution 23.142857 23.142857",
         "limits -27067 27067 -4666 13999 speed 8000 8000",
         "pan True 300 0",
@@ -113,6 +113,6 @@ if __name__ == "__main__" and "--record" in sys.argv:
     for name, command in (("mrpt", sys.argv[2]), ("flirptu", sys.argv[3])):
         client = [command] if name == "mrpt" else [command, str(PEERS / "flirptu_client.py")]
         with tempfile.TemporaryDirectory() as folder:
-            said, line = drive(client, Path(folder))
-            print(said)
+            reported, line = drive(client, Path(folder))
+            print(reported)
             (PEERS / f"{name}.txt").write_text(transcript(line), encoding="utf-8")

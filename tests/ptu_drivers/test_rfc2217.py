@@ -72,8 +72,8 @@ def lost_and_back(unit: PanTiltUnit, break_it: object, mend: object) -> None:
 def test_probe_positions_and_instants(flir: Flir) -> None:
     _, simulated, server = flir
     with open_ptu(server.url, settings=UnitSettings(reply_timeout_s=1.0)) as unit:
-        said = unit.describe()
-        assert (said.model, said.serial, said.details["baud"]) == ("PTU-D48E", "SIM001", "9600")
+        reported = unit.describe()
+        assert (reported.model, reported.serial, reported.details["baud"]) == ("PTU-D48E", "SIM001", "9600")
         unit.move_to(pan_rad=0.3, tilt_rad=-0.1)
         end = time.monotonic() + 20.0
         while time.monotonic() < end:
@@ -147,6 +147,6 @@ def test_nobody_there_and_somebody_who_speaks_no_rfc_2217(flir: Flir, capsys: py
     with pytest.raises(LineError, match="wanted a line that is there"):
         open_ptu(server.url)
     assert main(["ptu", "probe", server.url]) == 1
-    said = capsys.readouterr().err
-    assert said.startswith(f"groundstation: {server.url}: got ")
-    assert said.count("\n") == 1
+    reported = capsys.readouterr().err
+    assert reported.startswith(f"groundstation: {server.url}: got ")
+    assert reported.count("\n") == 1

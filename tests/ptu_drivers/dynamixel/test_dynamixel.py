@@ -97,12 +97,12 @@ def test_our_driver_over_a_pseudo_terminal(tmp_path: Path) -> None:
 
 def test_the_model_says_what_a_step_is_and_the_servo_its_limits() -> None:
     _, line = rig(ServoModel(limits_deg=(-30.0, 60.0), velocity_limit=100))
-    said = connect(line).describe()
-    assert said.model == "XM430-W350"
-    assert said.pan.quantum_rad == 2 * math.pi / 4096
-    assert math.degrees(said.pan.low_rad) == pytest.approx(-30, abs=0.05)
-    assert math.degrees(said.tilt.high_rad) == pytest.approx(60, abs=0.05)
-    assert said.pan.max_rate_rad_s == pytest.approx(100 * 0.229 * 2 * math.pi / 60)
+    reported = connect(line).describe()
+    assert reported.model == "XM430-W350"
+    assert reported.pan.quantum_rad == 2 * math.pi / 4096
+    assert math.degrees(reported.pan.low_rad) == pytest.approx(-30, abs=0.05)
+    assert math.degrees(reported.tilt.high_rad) == pytest.approx(60, abs=0.05)
+    assert reported.pan.max_rate_rad_s == pytest.approx(100 * 0.229 * 2 * math.pi / 60)
 
 
 def test_instants_are_the_servos_own() -> None:
@@ -275,17 +275,17 @@ def test_closing_stops_and_lets_go(off: bool, torque: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "reported"),
     [
         (lambda sim: sim.servo(Axis.PAN).put(table.MODEL_NUMBER, 350), "model number 350 of servo 1"),
         (lambda sim: sim.servo(Axis.TILT).put(table.DRIVE_MODE, 4), "servo 2: got a time-based profile"),
         (lambda sim: sim.servos.pop(2), "no status packet.* from servo 2 at 57600.*tilt servo"),
     ],
 )
-def test_what_cannot_be_driven_is_named(spoil: Callable[[SimulatedDynamixel], object], said: str) -> None:
+def test_what_cannot_be_driven_is_named(spoil: Callable[[SimulatedDynamixel], object], reported: str) -> None:
     sim, line = rig()
     spoil(sim)
-    with pytest.raises(ProtocolError, match=said):
+    with pytest.raises(ProtocolError, match=reported):
         connect(line)
 
 

@@ -162,15 +162,15 @@ def test_anything_at_all(data: bytes, cut: int) -> None:
     """Nothing but our own error, whatever comes, and the same lines however it is cut."""
     lines = split(data, cut)
     assert lines == split(data)
-    said = []
+    reported = []
     for line in lines:
         try:
             parsed = parse_line(line)
             if isinstance(parsed, FlirReply):
                 integer(parsed.text)
         except ProtocolError as fault:
-            said.append(str(fault))
-    assert all(text.isprintable() for text in said)
+            reported.append(str(fault))
+    assert all(text.isprintable() for text in reported)
 
 
 def test_fuzz_short() -> None:

@@ -145,10 +145,10 @@ def test_motion_by_rate_stops_before_a_soft_limit() -> None:
     soft = device.describe().tilt.low_rad
     end = line.now() + 6.0
     while line.now() < end:
-        with only(LimitError) as said:
+        with only(LimitError) as reported:
             device.move_at(pan_rad_s=0.0, tilt_rad_s=-0.3)
-        if said:
-            assert "lower limit" in said[0]
+        if reported:
+            assert "lower limit" in reported[0]
             break
         for _ in range(3):
             device.read()

@@ -24,11 +24,11 @@ class Rig:
 
     def __init__(self, facts: UnitFacts = FACTS, settings: UnitSettings | None = None) -> None:
         self.t_s = 10.0
-        self.said: list[str] = []
+        self.reported: list[str] = []
         settings = settings or UnitSettings()
         about = describe_unit(facts, VirtualLine(SimulatedUnit()), settings, 0.5)
         self.converter = Converter(facts=facts, description=about, settings=settings)
-        self.chain = RateChain(self.converter, self.said.append, lambda: self.t_s)
+        self.chain = RateChain(self.converter, self.reported.append, lambda: self.t_s)
 
     def see(self, pan: float, tilt: float = 0.0) -> None:
         angles = {Axis.PAN: pan * AXIS.quantum_rad, Axis.TILT: tilt * AXIS.quantum_rad}
@@ -44,9 +44,9 @@ class Rig:
 
     def turn(self, pan: int, tilt: int = 0) -> list[str]:
         """Return what a rate makes it command."""
-        self.said.clear()
+        self.reported.clear()
         self.chain.turn({Axis.PAN: pan, Axis.TILT: tilt})
-        return list(self.said)
+        return list(self.reported)
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -84,9 +84,9 @@ def test_a_slower_rate_draws_the_target_back_and_a_reversal_turns_it() -> None:
     assert rig.turn(100) == ["PS100", "PP528"]
     rig.t_s += 0.25
     rig.see(502.0)
-    said = rig.turn(-1000)
-    assert said[0] == "PS1000"
-    assert -100 < int(said[1].removeprefix("PP")) < 200
+    reported = rig.turn(-1000)
+    assert reported[0] == "PS1000"
+    assert -100 < int(reported[1].removeprefix("PP")) < 200
     assert rig.turn(-1000) == []
 
 
@@ -149,7 +149,7 @@ def test_after_a_halt_the_angles_must_be_new() -> None:
     rig.chain.stand()
     assert rig.chain.is_lost()
     # nothing to renew, and nothing to halt
-    rig.said.clear()
+    rig.reported.clear()
     rig.chain.renew()
     assert rig.turn(0) == []
 
@@ -164,21 +164,21 @@ def test_a_speed_whose_command_failed_is_sent_again() -> None:
     chain = RateChain(rig.converter, refuse, lambda: rig.t_s)
     with pytest.raises(ZeroDivisionError):
         chain.set_speed(Axis.PAN, 500)
-    chain._command = rig.said.append
+    chain._command = rig.reported.append
     chain.set_speed(Axis.PAN, 2000)
-    assert rig.said == ["PS2000"]
+    assert rig.reported == ["PS2000"]
 
 
 def test_how_long_a_lease_is_and_what_the_unit_says_of_it() -> None:
     """Half a second where braking leaves time for it, less for fast rates, at rest within 1 s; D-series take longer."""
     assert [lease_s(braking, 0.0) for braking in (0.0, 0.4, 0.5, 0.6, 2.0)] == pytest.approx([0.5, 0.5, 0.4, 0.3, 0.3])
     assert lease_s(0.1, 0.1) == pytest.approx(1.0)
-    said = lease_of(FACTS)
-    assert said.kind is LeaseKind.SHORT_MOVES
-    assert (said.renewed_s, said.stop_s) == (0.5, pytest.approx(0.3 + 1.0 + 0.1))
+    reported = lease_of(FACTS)
+    assert reported.kind is LeaseKind.SHORT_MOVES
+    assert (reported.renewed_s, reported.stop_s) == (0.5, pytest.approx(0.3 + 1.0 + 0.1))
     slow = replace(AXIS, max_rate=3200)
     assert lease_of(replace(FACTS, pan=slow, tilt=slow)).stop_s == pytest.approx(1.0)
-    assert str(said) == "motion by rate ends by short moves, at rest within 1.40 s of the last renewal"
+    assert str(reported) == "motion by rate ends by short moves, at rest within 1.40 s of the last renewal"
     assert str(NO_LEASE) == "nothing in the unit ends motion by rate: it turns to its own limit"
     assert str(MOVES_ONLY) == "no motion by rate; a move to a position ends there"
     assert NO_LEASE.stop_s == MOVES_ONLY.stop_s == math.inf
