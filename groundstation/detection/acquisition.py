@@ -12,7 +12,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
 from groundstation.box import Box
 from groundstation.detection.background_motion import BackgroundChange, SceneModel
-from groundstation.detection.candidates import Spot, contrast_map, find_spots, gap, joined, scales
+from groundstation.detection.candidates import CandidateRegion, contrast_map, find_spots, gap, joined, scales
 from groundstation.detection.skyline import CELL_PX, sky_around, sky_cells
 from groundstation.geometry.camera import Lens
 from groundstation.picture import Picture, as_picture
@@ -149,10 +149,10 @@ class CandidateFinder:
         return self._combined(still, working, change)
 
     # ------------------------------------------------------------------------------------- in one image
-    def _standing_out(self, grey: ImageArray, camera_from_runway: FloatArray | None) -> list[Spot]:
+    def _standing_out(self, grey: ImageArray, camera_from_runway: FloatArray | None) -> list[CandidateRegion]:
         """Return what stands out by contrast, weighted by where it is."""
         c = self._config
-        spots: list[Spot] = []
+        spots: list[CandidateRegion] = []
         sky: MaskArray | None = None
         for level in scales(grey, c.levels, c.reduction):
             contrast = contrast_map(level)
@@ -183,13 +183,13 @@ class CandidateFinder:
         ray_from_full = np.array([[1 / fx, 0.0, -cx / fx], [0.0, 1 / fy, -cy / fy], [0.0, 0.0, 1.0]])
         return np.asarray(camera_from_runway[:, 2] @ ray_from_full @ full_from_working, np.float64)
 
-    def _plausible(self, spot: Spot) -> bool:
+    def _plausible(self, spot: CandidateRegion) -> bool:
         w, h = spot.box.size
         if max(w, h) > self._config.max_size * self._image_size[0]:
             return False
         return max(w, h) <= self._config.max_elongation * min(w, h)
 
-    def _weighted(self, spot: Spot, sky: MaskArray) -> Spot:
+    def _weighted(self, spot: CandidateRegion, sky: MaskArray) -> CandidateRegion:
         """Return the spot with its contrast reduced by how little of its surroundings is sky."""
         cell = CELL_PX * self._scale
         x0, y0, x1, y1 = (v / cell for v in spot.box)
@@ -198,7 +198,7 @@ class CandidateFinder:
         return replace(spot, contrast=spot.contrast * (least + (1.0 - least) * share), sky=share)
 
     # ----------------------------------------------------------------------------------- against others
-    def _changed(self, grey: ImageArray, change: BackgroundChange) -> list[Spot]:
+    def _changed(self, grey: ImageArray, change: BackgroundChange) -> list[CandidateRegion]:
         """Return what moves against the static scene."""
         c = self._config
         spots = find_spots(change.significance, c.motion_low_sigma, c.motion_high_sigma, self._scale)
@@ -215,13 +215,13 @@ class CandidateFinder:
                 whole += [p for p in (main, *rest) if p.mass >= _PART * w.mass]
         return [s for s in whole if self._plausible(s) and not self._left_behind(s, grey, change.earlier)]
 
-    def _left_behind(self, spot: Spot, grey: ImageArray, earlier: ImageArray) -> bool:
+    def _left_behind(self, spot: CandidateRegion, grey: ImageArray, earlier: ImageArray) -> bool:
         """Return whether something was here earlier and is no more."""
         window = self._window(spot, 2).slices
         now, then = grey[window], earlier[window]
         return float(now.std()) < _LEFT_BEHIND * float(then[then > 0].std() if (then > 0).any() else 0.0)
 
-    def _motion(self, spot: Spot, grey: ImageArray, change: BackgroundChange) -> tuple[float, float] | None:
+    def _motion(self, spot: CandidateRegion, grey: ImageArray, change: BackgroundChange) -> tuple[float, float] | None:
         """Return the rate (u, v) in px/s at which a spot moves over the scene, None where it is not found again."""
         x0, y0, x1, y1 = self._window(spot, 2)
         if x1 - x0 > _MAX_MATCHED_PX or y1 - y0 > _MAX_MATCHED_PX or change.age_s <= 0.0:
@@ -235,13 +235,15 @@ class CandidateFinder:
         rate = self._scale / change.age_s
         return (x0 - a - column) * rate, (y0 - b - row) * rate
 
-    def _window(self, spot: Spot, margin: int) -> Box[int]:
+    def _window(self, spot: CandidateRegion, margin: int) -> Box[int]:
         """Return the spot's box in working pixels, widened and inside the picture."""
         x0, y0, x1, y1 = (round(v / self._scale) for v in spot.box)
         w, h = self._size
         return Box(max(x0 - margin, 0), max(y0 - margin, 0), min(x1 + margin, w), min(y1 + margin, h))
 
-    def _combined(self, still: list[Spot], grey: ImageArray, change: BackgroundChange | None) -> tuple[Candidate, ...]:
+    def _combined(
+        self, still: list[CandidateRegion], grey: ImageArray, change: BackgroundChange | None
+    ) -> tuple[Candidate, ...]:
         """Return all as candidates, best first; what is seen both ways counts once.
 
         Against the sky the contrast shows the whole silhouette, against the ground only the motion is its own.
@@ -262,7 +264,7 @@ class CandidateFinder:
         found.sort(key=lambda f: -f.score)
         return tuple(found[: self._config.max_candidates])
 
-    def _candidate(self, spot: Spot, *, moving: bool, motion_px_s: tuple[float, float] | None) -> Candidate:
+    def _candidate(self, spot: CandidateRegion, *, moving: bool, motion_px_s: tuple[float, float] | None) -> Candidate:
         w, h = self._image_size
         x0, y0, x1, y1 = spot.box
         return Candidate(
@@ -275,14 +277,14 @@ class CandidateFinder:
         )
 
 
-def _inside(a: Spot, b: Spot) -> bool:
+def _inside(a: CandidateRegion, b: CandidateRegion) -> bool:
     """Return whether the centre of ``a`` lies in the box of ``b``."""
     return b.box.x0 <= a.centre[0] <= b.box.x1 and b.box.y0 <= a.centre[1] <= b.box.y1
 
 
-def _distinct(spots: list[Spot]) -> list[Spot]:
+def _distinct(spots: list[CandidateRegion]) -> list[CandidateRegion]:
     """Drop every spot whose centre lies in a better one's box, unless it is the whole of which that is a part."""
-    kept: list[Spot] = []
+    kept: list[CandidateRegion] = []
     for s in spots:
         if not any(_inside(s, k) and s.size <= _WHOLE * k.size for k in kept):
             kept.append(s)

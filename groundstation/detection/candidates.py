@@ -30,7 +30,7 @@ _SPREAD_TO_SIGMA = 1.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spot:
+class CandidateRegion:
     """A region that stands out: ``box`` and ``centre`` in px of the full image.
 
     The box counts from the edge of pixel 0.
@@ -147,7 +147,7 @@ def _regions_beyond(contrast: Float32Array, limit: float) -> FloatArray:
     return table
 
 
-def find_spots(contrast: Float32Array, low: float, high: float, scale: float) -> list[Spot]:
+def find_spots(contrast: Float32Array, low: float, high: float, scale: float) -> list[CandidateRegion]:
     """Return the connected regions beyond ±``low`` that somewhere pass ±``high``, strongest first.
 
     ``scale`` is the size of one pixel of the map in px of the full image.
@@ -158,7 +158,7 @@ def find_spots(contrast: Float32Array, low: float, high: float, scale: float) ->
     order = np.argsort(-strength, kind="stable")[:_MAX_SPOTS]
     shift = 0.5 * (scale - 1.0)
     return [
-        Spot(
+        CandidateRegion(
             box=Box(row[0] * scale, row[1] * scale, row[2] * scale, row[3] * scale),
             centre=(row[6] / row[5] * scale + shift, row[7] / row[5] * scale + shift),
             contrast=strong,
@@ -168,20 +168,20 @@ def find_spots(contrast: Float32Array, low: float, high: float, scale: float) ->
     ]
 
 
-def gap(a: Spot, b: Spot) -> float:
+def gap(a: CandidateRegion, b: CandidateRegion) -> float:
     """Return the distance between two boxes, px; 0 where they touch."""
     dx = max(a.box.x0 - b.box.x1, b.box.x0 - a.box.x1, 0.0)
     dy = max(a.box.y0 - b.box.y1, b.box.y0 - a.box.y1, 0.0)
     return max(dx, dy)
 
 
-def joined(spots: list[Spot], reach: float, least_px: float, growth: float) -> list[Spot]:
+def joined(spots: list[CandidateRegion], reach: float, least_px: float, growth: float) -> list[CandidateRegion]:
     """Put together the fragments of one thing, strongest first.
 
     A fragment joins a piece of more mass if it lies closer than ``reach`` of that piece's size (or ``least_px``)
     and does not make it larger than ``growth`` times its size (or three times ``least_px``).
     """
-    whole: list[tuple[Spot, Spot]] = []  # each with its main piece
+    whole: list[tuple[CandidateRegion, CandidateRegion]] = []  # each with its main piece
     for s in sorted(spots, key=lambda s: -s.mass):
         for i, (w, main) in enumerate(whole):
             union = _union(w, s)
@@ -194,9 +194,9 @@ def joined(spots: list[Spot], reach: float, least_px: float, growth: float) -> l
     return sorted((w for w, _ in whole), key=lambda s: -s.contrast)
 
 
-def _union(a: Spot, b: Spot) -> Spot:
+def _union(a: CandidateRegion, b: CandidateRegion) -> CandidateRegion:
     share = a.mass / (a.mass + b.mass)
-    return Spot(
+    return CandidateRegion(
         box=union(a.box, b.box),
         centre=(
             share * a.centre[0] + (1 - share) * b.centre[0],

@@ -12,7 +12,7 @@ from groundstation.arrays import FloatArray, ImageArray, MaskArray
 from groundstation.box import Box
 from groundstation.detection.config import Channel
 from groundstation.detection.flatten import flatten
-from groundstation.detection.preprocess import WINDOW_PER_SPAN, Float32Array, median_window
+from groundstation.detection.level_set_input import WINDOW_PER_SPAN, Float32Array, median_window
 from groundstation.picture import Picture, as_picture
 
 

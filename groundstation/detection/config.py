@@ -18,7 +18,7 @@ class SegmentationMethod(StrEnum):
     """How the scalar image is divided into target and background."""
 
     CHAN_VESE = "chan_vese"
-    # what it is measured against: slower, less able, or both (detection/baselines.py)
+    # what it is measured against: slower, less able, or both (detection/segmentation_baselines.py)
     CHAN_VESE_FULL = "chan_vese_full"
     SNAKE = "snake"
     GVF_SNAKE = "gvf_snake"
@@ -83,7 +83,7 @@ class LevelSetConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnakeConfig:
-    """Weights and numerics of the snakes (detection/snake.py); when to stop is said by `LevelSetConfig`.
+    """Weights and numerics of the snakes (detection/snake.py); when to stop is in `LevelSetConfig`.
 
     Attributes
     ----------

@@ -15,8 +15,8 @@ from groundstation.detection import registration
 from groundstation.detection.appearance import initial_appearance
 from groundstation.detection.background import BackgroundModel, Difference
 from groundstation.detection.config import DetectionConfig, TargetPoint
+from groundstation.detection.level_set_input import LevelSetInput, prepare
 from groundstation.detection.nose_point import find_nose
-from groundstation.detection.preprocess import Prepared, prepare
 from groundstation.detection.regions import Group, Regions, find_regions, soft_silhouette
 from groundstation.detection.segmentation import make_segmenter
 from groundstation.detection.start_contour import PreviousSilhouette, start_contour
@@ -92,7 +92,7 @@ class Detector:
             self._learn(picture, roi, detection, choice.mass * working.scale**2, features_of(choice, regions, working))
         return detection
 
-    def _divide(self, prepared: Prepared, start: MaskArray, working: WorkingImage) -> tuple[Regions, Group | Miss]:
+    def _divide(self, prepared: LevelSetInput, start: MaskArray, working: WorkingImage) -> tuple[Regions, Group | Miss]:
         """Run the level set; return its regions and the target among them, or a miss."""
         regions = find_regions(self.segment(prepared.u, start), prepared.contrast)
         return regions, select_target(regions, working, self._memory, self._config)
@@ -143,7 +143,7 @@ class Detector:
         self,
         group: Group,
         regions: Regions,
-        prepared: Prepared,
+        prepared: LevelSetInput,
         working: WorkingImage,
     ) -> Detection | Miss:
         """Measure the chosen group: target point, covariance, outline."""

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.detection import chan_vese
-from groundstation.detection.baselines import make_baseline
 from groundstation.detection.config import DetectionConfig, LevelSetConfig, SegmentationMethod
 from groundstation.detection.local_fitting import evolve_local
+from groundstation.detection.segmentation_baselines import make_baseline
 
 Float32Array = NDArray[np.float32]
 Segmenter = Callable[[Float32Array, NDArray[np.bool_]], Float32Array]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box, box_of_size
-from groundstation.detection.preprocess import Expectation
+from groundstation.detection.level_set_input import ExpectedTarget
 from groundstation.picture import Picture, as_picture
 
 UNKNOWN_SPAN_PX = 25.0
@@ -171,7 +171,7 @@ def _likely(first: int, last: int, low: float, high: float, sigma: float) -> NDA
     return likely
 
 
-def expectation(working: WorkingImage) -> Expectation:
+def expectation(working: WorkingImage) -> ExpectedTarget:
     """Return the box of the expected target in the working image, with the probability of each column and row."""
     h, w = working.image.shape[:2]
     span = working.span if working.span is not None else UNKNOWN_SPAN_PX
@@ -190,4 +190,4 @@ def expectation(working: WorkingImage) -> Expectation:
         1.0 if working.forward is None else min(math.hypot(float(working.forward[0]), float(working.forward[1])), 1.0)
     )
     thick = None if working.span is None else (_THICK_END_ON + _THICK_PER_LENGTH * length) * working.span
-    return Expectation(box=box, columns=likely[0], rows=likely[1], span_px=working.span, thick_px=thick)
+    return ExpectedTarget(box=box, columns=likely[0], rows=likely[1], span_px=working.span, thick_px=thick)

@@ -5,7 +5,7 @@ import pytest
 
 from groundstation.box import Box
 from groundstation.detection.background import _FramePart
-from groundstation.detection.preprocess import _clutter_moments
+from groundstation.detection.level_set_input import _clutter_moments
 
 
 @pytest.mark.parametrize("keep_out", [Box(6, 4, 13, 9), Box(0, 0, 5, 5), Box(20, 10, 31, 17), Box(0, 0, 0, 0)])

@@ -3,11 +3,11 @@
 import pytest
 
 from groundstation.box import Box
-from groundstation.detection.candidates import Spot, joined
+from groundstation.detection.candidates import CandidateRegion, joined
 
 
-def spot(x0: float, x1: float, mass: float) -> Spot:
-    return Spot(box=Box(x0, 0.0, x1, 4.0), centre=(0.5 * (x0 + x1), 2.0), contrast=mass, mass=mass)
+def spot(x0: float, x1: float, mass: float) -> CandidateRegion:
+    return CandidateRegion(box=Box(x0, 0.0, x1, 4.0), centre=(0.5 * (x0 + x1), 2.0), contrast=mass, mass=mass)
 
 
 @pytest.mark.parametrize(

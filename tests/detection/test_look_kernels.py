@@ -8,7 +8,7 @@ from groundstation.box import Box
 from groundstation.detection.appearance import features_of_regions
 from groundstation.detection.background_histogram import suppress_background_colours
 from groundstation.detection.flatten import _edges, _keep_edges, planes
-from groundstation.detection.preprocess import _levels, _soften
+from groundstation.detection.level_set_input import _levels, _soften
 from groundstation.detection.regions import soft_silhouette
 
 BOX = Box(6, 3, 31, 22)

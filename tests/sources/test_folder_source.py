@@ -206,8 +206,8 @@ def test_the_bundled_session(landing_1: Path) -> None:
 def test_entering_without_anything_to_replay_leaves_no_thread(tmp_path: Path) -> None:
     folder = Tiny(rows=3, ptu_from_s=100.0, ptu_to_s=101.0).write(tmp_path)
     source = FolderSource(load_session(folder))
-    said = complaint(SessionError, source.__enter__)
+    reported = complaint(SessionError, source.__enter__)
     assert (
-        said
+        reported
         == "ptu.csv: got a first reading at 100 s; wanted readings around the frames, 0 to 2.2 s of the session's clock"
     )

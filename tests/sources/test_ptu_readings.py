@@ -46,9 +46,9 @@ def test_it_starts_at_the_time_asked_for(tmp_path: Path) -> None:
 
 
 def test_a_time_that_is_not_covered(tmp_path: Path) -> None:
-    said = complaint(SessionError, lambda: opened(tmp_path, from_s=5.0, to_s=6.0))
+    reported = complaint(SessionError, lambda: opened(tmp_path, from_s=5.0, to_s=6.0))
     assert (
-        said
+        reported
         == "ptu.csv: got readings from 0.7 to 2.5 s; wanted readings around the frames, 5 to 6 s of the session's clock"
     )
 

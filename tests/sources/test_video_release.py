@@ -8,7 +8,7 @@ from groundstation.sources.video_file import VideoFile
 from tests.session.folder import write_video
 
 
-class Watched:
+class PollStatistics:
     """A capture that notes that it was released."""
 
     def __init__(self, capture: object) -> None:
@@ -25,12 +25,12 @@ class Watched:
 
 def test_a_reader_that_ends_early_lets_the_video_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_video(tmp_path / "left.avi", range(5))
-    opened: list[Watched] = []
+    opened: list[PollStatistics] = []
     plain = VideoFile._opened_at
 
-    def watched(self: VideoFile, first: int) -> tuple[Watched, int]:
+    def watched(self: VideoFile, first: int) -> tuple[PollStatistics, int]:
         capture, place = plain(self, first)
-        opened.append(Watched(capture))
+        opened.append(PollStatistics(capture))
         return opened[-1], place
 
     monkeypatch.setattr(VideoFile, "_opened_at", watched)

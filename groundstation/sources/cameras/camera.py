@@ -77,7 +77,7 @@ class CameraTiming:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CameraCare:
+class CameraSupervision:
     """When a camera counts as lost, and how it is sought again.
 
     Parameters
@@ -114,7 +114,7 @@ class SettingsReadBack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Grab:
+class GrabbedFrame:
     """One frame as a device gave it, whole or not.
 
     ``pixels`` (h, w) raw or (h, w, 3) BGR, uint8, its own memory; None where the frame is incomplete. ``device_ns`` is
@@ -139,7 +139,7 @@ class CameraDevice(ABC):
     transfer_sigma_s: float | None = None
 
     @abstractmethod
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         """Return the next frame, None where none came in time.
 
         Raises `CameraLostError`, or `CameraEndedError` at the end of a file.

@@ -39,7 +39,7 @@ class ClockFitConfig:
     bin_s, bins : the earliest arrival of each bin is kept, of the last ``bins`` bins.
     drift_sigma : of a crystal oscillator, s/s, before anything is known.
     jump_s : a shift of less is taken for delay.
-    confirm_s : so long must all arrivals be late by ``jump_s`` before the clock is said to have jumped.
+    confirm_s : so long must all arrivals be late by ``jump_s`` before the clock counts as having jumped.
     floor_s : sigma that no fit goes below: the host's scheduler, the device's tick.
     settled : bins without which nothing is called a jump.
     """

@@ -15,7 +15,7 @@ from groundstation.sources.cameras.camera import (
     CameraError,
     CameraLostError,
     CameraSettings,
-    Grab,
+    GrabbedFrame,
 )
 from groundstation.sources.cameras.genicam_features import apply_settings
 from groundstation.sources.cameras.missing_extra import missing_extra
@@ -70,7 +70,7 @@ class GenicamCamera(CameraDevice):
                 f"{self._where}: got {_line(error)}; wanted a camera that no other program has"
             ) from error
 
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         """Return the next frame, whole or not."""
         try:
             buffer = self._acquirer.try_fetch(timeout=timeout_s)
@@ -102,14 +102,14 @@ class GenicamCamera(CameraDevice):
 
         acquirer.add_callback(acquirer.Events.INCOMPLETE_BUFFER, Discarded())
 
-    def _discarded(self) -> Grab | None:
+    def _discarded(self) -> GrabbedFrame | None:
         """Return an incomplete frame, of which nothing is known, where there was one."""
         if not self._incomplete:
             return None
         self._incomplete -= 1
-        return Grab(frame_id=None, device_ns=None, pixels=None, pattern=None, payload_bytes=0)
+        return GrabbedFrame(frame_id=None, device_ns=None, pixels=None, pattern=None, payload_bytes=0)
 
-    def _taken(self, buffer: Any) -> Grab:
+    def _taken(self, buffer: Any) -> GrabbedFrame:
         """Copy a frame out of its buffer."""
         device_ns = _device_ns(buffer, self._gentl)
         if device_ns is not None and not self.read_back.device_clock:
@@ -121,7 +121,7 @@ class GenicamCamera(CameraDevice):
             data = image.data
             pixels = pixels_of(data, image.data_format, (int(image.width), int(image.height)))
             payload_bytes = data.nbytes
-        return Grab(
+        return GrabbedFrame(
             frame_id=int(buffer.module.frame_id),
             device_ns=device_ns,
             pixels=None if pixels is None else pixels.pixels,

@@ -11,7 +11,7 @@ from groundstation.sources.cameras.camera import (
     CameraError,
     CameraLostError,
     CameraSettings,
-    Grab,
+    GrabbedFrame,
 )
 from groundstation.sources.cameras.genicam_features import apply_settings
 from groundstation.sources.cameras.missing_extra import missing_extra
@@ -53,7 +53,7 @@ class GigeCamera(CameraDevice):
             self.close()
             raise
 
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         """Return the next frame, whole or not."""
         try:
             frame = self._stream.next_frame(max(int(timeout_s * 1000), 1))
@@ -70,14 +70,14 @@ class GigeCamera(CameraDevice):
         device_ns = None
         if frame.ts_dev is not None and self._tick_hz is not None:
             device_ns = frame.ts_dev * 1_000_000_000 // self._tick_hz
-        grab = Grab(frame_id=frame.block_id, device_ns=device_ns, pixels=None, pattern=None, payload_bytes=0)
+        grab = GrabbedFrame(frame_id=frame.block_id, device_ns=device_ns, pixels=None, pattern=None, payload_bytes=0)
         if not frame.is_complete:
             return grab
         data = frame.to_numpy()
         # padding and packing are gone, and colours have become RGB, whatever was sent
         pixel_format = "RGB8" if data.ndim == 3 else frame.pixel_format.removesuffix("Packed").removesuffix("p")
         pixels = pixels_of(data, pixel_format, (frame.width, frame.height))
-        return Grab(
+        return GrabbedFrame(
             frame_id=frame.block_id,
             device_ns=device_ns,
             pixels=pixels.pixels,

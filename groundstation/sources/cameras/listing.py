@@ -10,14 +10,14 @@ from groundstation.sources.cameras.gige import discover_gige
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Listing:
+class CameraListing:
     """``cameras`` are URL and description of each; ``notices`` say where nothing could be looked for, and why."""
 
     cameras: tuple[tuple[str, str], ...]
     notices: tuple[str, ...]
 
 
-def list_cameras(producers: list[str], environ: Mapping[str, str], devices: Path) -> Listing:
+def list_cameras(producers: list[str], environ: Mapping[str, str], devices: Path) -> CameraListing:
     """Look for cameras: GigE Vision on every network, GenTL producers, Linux's video devices below ``devices``."""
     cameras: list[tuple[str, str]] = []
     notices: list[str] = []
@@ -34,4 +34,4 @@ def list_cameras(producers: list[str], environ: Mapping[str, str], devices: Path
         notices.append(str(error))
     for device in sorted(devices.glob("video*")):
         cameras.append((f"opencv:{device}", "a video device"))
-    return Listing(cameras=tuple(cameras), notices=tuple(notices))
+    return CameraListing(cameras=tuple(cameras), notices=tuple(notices))

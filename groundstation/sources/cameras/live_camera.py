@@ -7,12 +7,12 @@ from types import TracebackType
 
 from groundstation.sources.cameras.camera import (
     Camera,
-    CameraCare,
     CameraCounts,
     CameraDevice,
     CameraError,
     CameraEvent,
     CameraFrame,
+    CameraSupervision,
     CameraTiming,
     Clock,
     SettingsReadBack,
@@ -39,7 +39,7 @@ class LiveCamera(Camera):
         name: str,
         connect: Callable[[], CameraDevice],
         timing: CameraTiming,
-        care: CameraCare,
+        care: CameraSupervision,
         clock: Clock,
         on_event: Callable[[CameraEvent], None],
     ) -> None:

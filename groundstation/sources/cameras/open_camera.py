@@ -8,11 +8,11 @@ from pathlib import Path
 from urllib.parse import parse_qs, unquote
 
 from groundstation.sources.cameras.camera import (
-    CameraCare,
     CameraDevice,
     CameraError,
     CameraEvent,
     CameraSettings,
+    CameraSupervision,
     CameraTiming,
     Clock,
 )
@@ -70,7 +70,7 @@ def open_camera(
     clock: Clock,
     on_event: Callable[[CameraEvent], None],
     timing: CameraTiming | None = None,
-    care: CameraCare | None = None,
+    care: CameraSupervision | None = None,
     name: str | None = None,
     environ: Mapping[str, str] | None = None,
 ) -> LiveCamera:
@@ -87,7 +87,7 @@ def open_camera(
     not there or refuses its settings.
     """
     connect = _connector(parse_camera_url(url), settings, clock, os.environ if environ is None else environ)
-    return LiveCamera(name or url, connect, timing or CameraTiming(), care or CameraCare(), clock, on_event)
+    return LiveCamera(name or url, connect, timing or CameraTiming(), care or CameraSupervision(), clock, on_event)
 
 
 def _connector(

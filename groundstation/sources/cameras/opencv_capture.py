@@ -16,7 +16,7 @@ from groundstation.sources.cameras.camera import (
     CameraLostError,
     CameraSettings,
     Clock,
-    Grab,
+    GrabbedFrame,
     SettingsReadBack,
 )
 
@@ -57,7 +57,7 @@ class OpencvCamera(CameraDevice):
             self.close()
             raise
 
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         """Return the next frame; OpenCV waits as long as its driver does, `timeout_s` is not asked."""
         try:
             good, image = self._capture.read()
@@ -66,7 +66,7 @@ class OpencvCamera(CameraDevice):
         if not good or image is None:
             raise CameraLostError("OpenCV reads no more frames")
         # what this costs is in what the transfer is supposed to take; an image's bytes say nothing of a coded stream
-        return Grab(frame_id=None, device_ns=None, pixels=_bgr(image), pattern=None, payload_bytes=0)
+        return GrabbedFrame(frame_id=None, device_ns=None, pixels=_bgr(image), pattern=None, payload_bytes=0)
 
     def close(self) -> None:
         """Let the camera go."""
@@ -113,7 +113,7 @@ class FileCamera(CameraDevice):
         self, path: str, settings: CameraSettings, name: str, clock: Clock, wait: Callable[[float], object]
     ) -> None:
         refuse_settings(settings, name, set())
-        # a folder or a missing file, said before OpenCV complains on the terminal
+        # a folder or a missing file is reported before OpenCV writes to the terminal
         self._capture = cv2.VideoCapture(path)
         if not self._capture.isOpened():
             raise CameraError(f"{name}: got no video that opens; wanted a file that OpenCV reads")
@@ -121,10 +121,10 @@ class FileCamera(CameraDevice):
         self._clock = clock
         self._wait = wait
         self._start_s: float | None = None
-        self._next: Grab | None = None
+        self._next: GrabbedFrame | None = None
         self._count = 0
 
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         """Return the next frame when it is due, None as long as it is not."""
         if self._next is None:
             self._next = self._decoded()
@@ -141,7 +141,7 @@ class FileCamera(CameraDevice):
         """Close the file."""
         self._capture.release()
 
-    def _decoded(self) -> Grab:
+    def _decoded(self) -> GrabbedFrame:
         good, image = self._capture.read()
         if not good or image is None:
             raise CameraEndedError(f"the file ends after {self._count} frames")
@@ -149,7 +149,7 @@ class FileCamera(CameraDevice):
         if self._start_s is None:
             self._start_s = self._clock() - time_s
         self._count += 1
-        return Grab(
+        return GrabbedFrame(
             frame_id=self._count,
             device_ns=round(time_s * 1e9),
             pixels=_bgr(image),

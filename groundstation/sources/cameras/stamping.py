@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from groundstation.sources.cameras.camera import CameraTiming, Grab, StampPoint
+from groundstation.sources.cameras.camera import CameraTiming, GrabbedFrame, StampPoint
 from groundstation.sources.cameras.clock_fit import ClockChange, ClockFit, ClockFitConfig, ClockFitState
 
 # what of an exposure is still to come at the moment that the device stamps
@@ -41,7 +41,7 @@ class Stamper:
 
     def stamp(
         self,
-        grab: Grab,
+        grab: GrabbedFrame,
         arrival_s: float,
         exposure_s: float | None,
         transfer_s: float | None,

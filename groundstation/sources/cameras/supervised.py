@@ -7,7 +7,6 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.sources.cameras.camera import (
-    CameraCare,
     CameraCounts,
     CameraDevice,
     CameraEndedError,
@@ -15,9 +14,10 @@ from groundstation.sources.cameras.camera import (
     CameraEvent,
     CameraEventKind,
     CameraFrame,
+    CameraSupervision,
     CameraTiming,
     Clock,
-    Grab,
+    GrabbedFrame,
     SettingsReadBack,
 )
 from groundstation.sources.cameras.clock_fit import ClockChange, ClockFitState
@@ -46,7 +46,7 @@ class SupervisedCamera:
         name: str,
         connect: Callable[[], CameraDevice],
         timing: CameraTiming,
-        care: CameraCare,
+        care: CameraSupervision,
         clock: Clock,
         wait: Callable[[float], object],
         on_event: Callable[[CameraEvent], None],
@@ -123,7 +123,7 @@ class SupervisedCamera:
         self._heard_s = now
         return self._frame(device, grab, now)
 
-    def _frame(self, device: CameraDevice, grab: Grab, now: float) -> CameraFrame | None:
+    def _frame(self, device: CameraDevice, grab: GrabbedFrame, now: float) -> CameraFrame | None:
         """Number, judge and stamp one frame."""
         if grab.pixels is None and grab.frame_id is None:
             # its number is missing in the count, too

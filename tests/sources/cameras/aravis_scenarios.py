@@ -17,11 +17,11 @@ import numpy as np
 from groundstation.box import Box
 from groundstation.picture import RawPicture
 from groundstation.sources.cameras.camera import (
-    CameraCare,
     CameraError,
     CameraEvent,
     CameraFrame,
     CameraSettings,
+    CameraSupervision,
     CameraTiming,
     StampPoint,
 )
@@ -56,7 +56,11 @@ class FakeCamera:
 
 
 def opened(
-    address: str, settings: CameraSettings, events: list[CameraEvent], care: CameraCare | None = None, query: str = ""
+    address: str,
+    settings: CameraSettings,
+    events: list[CameraEvent],
+    care: CameraSupervision | None = None,
+    query: str = "",
 ) -> LiveCamera:
     url = f"gige:{address}{query}"
     return open_camera(
@@ -148,7 +152,7 @@ def unplugged() -> dict[str, Any]:
     """Two cameras; the left one is pulled and put back, twice; the right one goes on."""
     fakes = [FakeCamera(LEFT, "GV01"), FakeCamera(RIGHT, "GV02")]
     logs: list[list[CameraEvent]] = [[], []]
-    care = CameraCare(silent_after_s=0.6)
+    care = CameraSupervision(silent_after_s=0.6)
     settings = CameraSettings(exposure_s=0.002)
     try:
         with opened(LEFT, settings, logs[0], care) as left, opened(RIGHT, settings, logs[1], care) as right:
@@ -179,15 +183,15 @@ def refused() -> dict[str, Any]:
         "region": CameraSettings(roi_px=(0, 0, 9999, 480)),
         "trigger": CameraSettings(trigger="Line9"),
     }
-    said = {}
+    reported = {}
     try:
         for name, settings in wrong.items():
-            said[name] = complaint(LEFT, settings)
-        said["absent"] = complaint("127.0.0.9", CameraSettings())
+            reported[name] = complaint(LEFT, settings)
+        reported["absent"] = complaint("127.0.0.9", CameraSettings())
         with opened(LEFT, CameraSettings(), []) as left:
-            said["busy"] = complaint(LEFT, CameraSettings())
-            said["frames"] = str(len(collect([left], 1.0)))
-        return said
+            reported["busy"] = complaint(LEFT, CameraSettings())
+            reported["frames"] = str(len(collect([left], 1.0)))
+        return reported
     finally:
         fake.unplug()
 

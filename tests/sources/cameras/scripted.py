@@ -5,19 +5,19 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from groundstation.sources.cameras.camera import (
-    CameraCare,
     CameraDevice,
     CameraError,
     CameraEvent,
     CameraEventKind,
     CameraFrame,
+    CameraSupervision,
     CameraTiming,
-    Grab,
+    GrabbedFrame,
     SettingsReadBack,
 )
 from groundstation.sources.cameras.supervised import SupervisedCamera
 
-Step = Grab | CameraError | None
+Step = GrabbedFrame | CameraError | None
 
 
 class Time:
@@ -33,11 +33,13 @@ class Time:
         self.now_s += seconds
 
 
-def grab(number: int | None, *, level: int | None = None, device_s: float | None = None, whole: bool = True) -> Grab:
+def grab(
+    number: int | None, *, level: int | None = None, device_s: float | None = None, whole: bool = True
+) -> GrabbedFrame:
     """A frame of 6 × 4 px that differs from others by ``level``, else by its number."""
     pixels = np.arange(24, dtype=np.uint8).reshape(4, 6) + np.uint8((level if level is not None else number or 0) % 200)
     stamp = None if device_s is None else round(device_s * 1e9)
-    return Grab(
+    return GrabbedFrame(
         frame_id=number, device_ns=stamp, pixels=pixels if whole else None, pattern=None, payload_bytes=1_000_000
     )
 
@@ -51,7 +53,7 @@ class ScriptedDevice(CameraDevice):
         self._script: Iterator[Step] = iter(script)
         self._time = time
 
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         step = next(self._script, None)
         self._time.wait(timeout_s if step is None else 0.04)
         if isinstance(step, CameraError):
@@ -66,7 +68,10 @@ class Life:
     """A supervised camera of one script per opening; an error instead of a script is one that refuses to open."""
 
     def __init__(
-        self, *scripts: list[Step] | CameraError, care: CameraCare | None = None, timing: CameraTiming | None = None
+        self,
+        *scripts: list[Step] | CameraError,
+        care: CameraSupervision | None = None,
+        timing: CameraTiming | None = None,
     ) -> None:
         self.time = Time()
         self.events: list[CameraEvent] = []
@@ -77,7 +82,7 @@ class Life:
             "left",
             self.connect,
             timing or CameraTiming(),
-            care or CameraCare(),
+            care or CameraSupervision(),
             self.time.clock,
             self.time.wait,
             self.events.append,

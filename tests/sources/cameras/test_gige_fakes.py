@@ -96,7 +96,7 @@ def test_a_camera_pulled_and_put_back_twice_comes_back_twice() -> None:
 
 
 def test_what_a_camera_refuses_is_one_line() -> None:
-    said = scenario("refused")
+    reported = scenario("refused")
     wanted = {
         "exposure": "exposure in µs: got a refusal of ExposureTimeAbs",
         "format": "got a refusal of PixelFormat",
@@ -106,11 +106,11 @@ def test_what_a_camera_refuses_is_one_line() -> None:
         "busy": "wanted a camera that no other program controls",
     }
     for name, text in wanted.items():
-        assert text in said[name]
-        assert said[name].startswith("gige:127.0.0.")
-        assert "\n" not in said[name]
+        assert text in reported[name]
+        assert reported[name].startswith("gige:127.0.0.")
+        assert "\n" not in reported[name]
     # and the owner of the camera is not disturbed
-    assert int(said["frames"]) > 0
+    assert int(reported["frames"]) > 0
 
 
 def test_each_raw_pattern_has_the_colours_that_the_camera_gives_itself() -> None:

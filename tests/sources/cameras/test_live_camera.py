@@ -6,14 +6,14 @@ import time
 import pytest
 
 from groundstation.sources.cameras.camera import (
-    CameraCare,
     CameraDevice,
     CameraEndedError,
     CameraError,
     CameraEvent,
     CameraEventKind,
+    CameraSupervision,
     CameraTiming,
-    Grab,
+    GrabbedFrame,
     SettingsReadBack,
 )
 from groundstation.sources.cameras.live_camera import LiveCamera
@@ -29,7 +29,7 @@ class GatedDevice(CameraDevice):
         self._count, self._gate, self._fault = count, gate, fault
         self._given = 0
 
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         if self._given < self._count:
             self._given += 1
             return grab(self._given)
@@ -41,15 +41,17 @@ class GatedDevice(CameraDevice):
         self.closed.set()
 
 
-def live(device: CameraDevice, care: CameraCare | None = None) -> tuple[LiveCamera, list[CameraEvent]]:
+def live(device: CameraDevice, care: CameraSupervision | None = None) -> tuple[LiveCamera, list[CameraEvent]]:
     events: list[CameraEvent] = []
-    return LiveCamera("c", lambda: device, CameraTiming(), care or CameraCare(), time.monotonic, events.append), events
+    return LiveCamera(
+        "c", lambda: device, CameraTiming(), care or CameraSupervision(), time.monotonic, events.append
+    ), events
 
 
 def test_the_oldest_is_dropped_and_counted() -> None:
     gate = threading.Event()
     device = GatedDevice(10, gate)
-    camera, events = live(device, CameraCare(queue=3))
+    camera, events = live(device, CameraSupervision(queue=3))
     with camera:
         gate.set()
         assert device.closed.wait(5.0)
@@ -91,11 +93,11 @@ def test_a_camera_that_is_not_there_is_an_error_unless_it_is_waited_for() -> Non
     events: list[CameraEvent] = []
     with (
         pytest.raises(CameraError, match="no answer"),
-        LiveCamera("c", nothing, CameraTiming(), CameraCare(), time.monotonic, events.append),
+        LiveCamera("c", nothing, CameraTiming(), CameraSupervision(), time.monotonic, events.append),
     ):
         pass
     assert not events
-    care = CameraCare(wait_at_start=True)
+    care = CameraSupervision(wait_at_start=True)
     with LiveCamera("c", nothing, CameraTiming(), care, time.monotonic, events.append) as camera:
         assert camera.read(0.01) is None
         assert camera.read_back is None

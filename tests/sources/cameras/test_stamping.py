@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.sources.cameras.camera import CameraTiming, Grab, StampPoint
+from groundstation.sources.cameras.camera import CameraTiming, GrabbedFrame, StampPoint
 from groundstation.sources.cameras.stamping import Stamper
 
 PAYLOAD, TRANSFER_S = 1_250_000, 0.010
@@ -18,7 +18,7 @@ def exposed(stamper: Stamper, start_s: float, exposure_s: float, stamp: StampPoi
         StampPoint.MIDDLE: start_s + exposure_s / 2,
         StampPoint.END: start_s + exposure_s,
     }
-    grab = Grab(
+    grab = GrabbedFrame(
         frame_id=1, device_ns=round((500.0 + at_s[stamp]) * 1e9), pixels=None, pattern=None, payload_bytes=PAYLOAD
     )
     return stamper.stamp(grab, start_s + exposure_s + TRANSFER_S, exposure_s, None, None).t_s
@@ -45,7 +45,7 @@ def test_a_wrong_convention_is_wrong_by_what_the_exposure_varies() -> None:
 
 def test_without_a_device_clock_the_arrival_less_the_transfer() -> None:
     stamper = Stamper(CameraTiming(exposure_s=0.02))
-    grab = Grab(frame_id=None, device_ns=None, pixels=None, pattern=None, payload_bytes=PAYLOAD)
+    grab = GrabbedFrame(frame_id=None, device_ns=None, pixels=None, pattern=None, payload_bytes=PAYLOAD)
     stamp = stamper.stamp(grab, 100.0, None, 0.03, 0.02)
     assert (stamp.t_s, stamp.sigma_s) == (pytest.approx(100.0 - 0.03 - 0.01), 0.02)
     told = Stamper(CameraTiming(transfer_s=0.05, transfer_sigma_s=0.001)).stamp(grab, 100.0, 0.01, 0.03, 0.02)

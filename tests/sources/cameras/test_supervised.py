@@ -3,11 +3,11 @@
 import pytest
 
 from groundstation.sources.cameras.camera import (
-    CameraCare,
     CameraEndedError,
     CameraError,
     CameraEventKind,
     CameraLostError,
+    CameraSupervision,
     CameraTiming,
 )
 from tests.sources.cameras.scripted import Life, Step, grab
@@ -75,7 +75,7 @@ def test_unplugged_it_is_opened_again_with_longer_and_longer_pauses() -> None:
 
 
 def test_a_silent_camera_is_opened_again() -> None:
-    life = Life(frames(1, 3), frames(4, 6), care=CameraCare(silent_after_s=1.0))
+    life = Life(frames(1, 3), frames(4, 6), care=CameraSupervision(silent_after_s=1.0))
     life.camera.open()
     got = life.run(2.0, until=lambda: len(life.devices) == 2 and life.time.now_s > life.attempts_s[1] + 0.2)
     assert CameraEventKind.SILENT in life.kinds

@@ -41,7 +41,7 @@ _TAIL = 2.0  # sigmas that noise alone reaches at the shares in question
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Expectation:
+class ExpectedTarget:
     """Where the target is expected in the window.
 
     ``box`` holds it, ``columns`` (box.w,) and ``rows`` (box.h,) float32 say how likely it
@@ -57,7 +57,7 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prepared:
+class LevelSetInput:
     """The scalar image that the level set divides.
 
     ``u`` is (h, w) float32 in [0, 1], ``contrast`` (h, w) float32 the distance from the local background in
@@ -71,7 +71,7 @@ class Prepared:
     reference: float
     channel: Channel
 
-    def fainter(self, share: float) -> "Prepared":
+    def fainter(self, share: float) -> "LevelSetInput":
         """Return the same with u = 1 at a ``share`` of the reference."""
         reference = share * self.reference
         return replace(self, u=_scaled(self.contrast, reference), reference=reference)
@@ -302,8 +302,8 @@ def median_window(size_px: float | None) -> int:
 
 
 def prepare(
-    image: ImageArray, expected: Expectation, difference: Difference | None, config: DetectionConfig
-) -> Prepared:
+    image: ImageArray, expected: ExpectedTarget, difference: Difference | None, config: DetectionConfig
+) -> LevelSetInput:
     """Flatten the background, choose the channel and scale it.
 
     Parameters
@@ -342,7 +342,7 @@ def prepare(
         contrast = _magnitude(contrast, gain)
     # a strong target need not be cut at half its height: nearer the noise, its pale parts stay with it
     reference = max(min(level, _REFERENCE * math.sqrt(level * far)), config.min_contrast_to_noise)
-    return Prepared(
+    return LevelSetInput(
         u=_scaled(contrast, reference), contrast=contrast, reference=reference, level=level, channel=channel
     )
 
