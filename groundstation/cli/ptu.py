@@ -144,10 +144,10 @@ def _probe(options: argparse.Namespace) -> int:
 def _monitor(options: argparse.Namespace) -> int:
     """Print a line a second, and the summary at the end."""
     from ptu_drivers import NoReading
-    from ptu_drivers.monitor import Watching, format_watched
+    from ptu_drivers.monitor import PollMonitor, format_watched
 
     with open_unit(options) as unit:
-        seen = Watching(unit, time.monotonic)
+        seen = PollMonitor(unit, time.monotonic)
         shown = time.monotonic()
         try:
             while options.seconds is None or seen.duration_s < options.seconds:
@@ -175,16 +175,16 @@ def _jog(options: argparse.Namespace) -> int:
         raise GroundstationError("jog: got no angle; wanted --pan, --tilt or both")
     reports: list[MoveResult] = []
     with open_unit(options) as unit:
-        said = unit.describe()
+        reported = unit.describe()
         start = first_reading(unit, time.monotonic, time.sleep, options.patience)
         warn_unguarded(options)
         at = {Axis.PAN: start.pan.angle_rad, Axis.TILT: start.tilt.angle_rad}
         if options.by:
             wanted = {axis: at[axis] + value for axis, value in wanted.items()}
-        axes = [said.axis(axis) for axis in wanted]
+        axes = [reported.axis(axis) for axis in wanted]
         slow = max(0.1 * min(a.max_rate_rad_s for a in axes), *(a.min_rate_rad_s for a in axes))
         rate: float | None = math.radians(options.rate) if options.rate else slow
-        if options.rate is None and Capability.SPEED not in said.capabilities:
+        if options.rate is None and Capability.SPEED not in reported.capabilities:
             rate = None
         try:
             for targets in (wanted, {axis: at[axis] for axis in wanted}) if options.back else (wanted,):

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from pathlib import Path
 
 from groundstation.cli.command_arguments import Commands, add_command, add_simulated_flight
 from groundstation.cli.number_arguments import parse_number
@@ -14,7 +15,12 @@ angles and DGPS. Everything random comes from the seed."""
 _MORE = """examples:
   groundstation simulate --out flights/one
   groundstation simulate --out flights/two --flight take-off --rate 30 --wind 5 --seed 7
+  groundstation simulate --out flights/drawn --world 17
   groundstation replay flights/two --out out/two
+
+a world: airframe, scenery, sky, cameras, stations and flight drawn from a seed (0 to
+2999999: the sets train, validate, test of a million each), or read from a world.toml
+as every drawn session holds it; --rate and --duration hold, other options do not
 
 faults on a timetable, TOML, one table for each; times are session time:
   [[fault]]
@@ -28,7 +34,7 @@ faults on a timetable, TOML, one table for each; times are session time:
 exit code: 0 done; 1 rig, faults or folder are at fault; 2 wrong usage; 130
 interrupted"""
 _FLIGHTS = ("landing", "take-off", "weave")
-_FORMS = ("video", "lossless", "png")
+_FORMS = ("video", "h264", "lossless", "png")
 
 
 def add_simulate(commands: Commands) -> None:
@@ -53,7 +59,11 @@ def add_simulate(commands: Commands) -> None:
         "--pictures",
         choices=_FORMS,
         default="video",
-        help="video: JPEG frames of quality 95, .avi; lossless: FFV1, .mkv; png: folders (default: video)",
+        help="video: JPEG frames of quality 95, .avi; h264: .mp4, with groundstation[world]; lossless: FFV1, .mkv; "
+        "png: folders (default: video)",
+    )
+    simulate.add_argument(
+        "--world", metavar="SEED|FILE", help="draw the whole world from a seed, or read it; see below"
     )
     simulate.add_argument("--grey", action="store_true", help="cameras without colours")
 
@@ -64,9 +74,11 @@ def _positive(text: str) -> float:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """Film one flight and print what was written; returns the exit code."""
+    if options.world is not None:
+        return _run_world(options)
     from groundstation.simulation.flights import FlightModelKind, FlightName
+    from groundstation.simulation.picture_writer import PictureFormat
     from groundstation.simulation.render_flight import RenderRequest, render_flight
-    from groundstation.simulation.rendered_session_folder import PictureFormat
 
     request = RenderRequest(
         out=options.out,
@@ -77,7 +89,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         wind_m_s=options.wind,
         faults=options.faults,
         rig=options.rig,
-        form=PictureFormat(options.pictures),
+        form=PictureFormat("jpeg" if options.pictures == "video" else options.pictures),
         grey=options.grey,
         aircraft=FlightModelKind(options.aircraft),
     )
@@ -85,4 +97,23 @@ def run_simulate(options: argparse.Namespace) -> int:
         result = render_flight(request, line.update)
     print(f"filmed {result.pairs} pairs in {result.duration_s:.1f} s of flight")
     print(f"wrote {result.out}")
+    return 0
+
+
+def _run_world(options: argparse.Namespace) -> int:
+    """Film a drawn or a stated world; returns the exit code."""
+    from groundstation.simulation.world.draw_world import DURATION_S, draw_world
+    from groundstation.simulation.world.render_world import render_world
+    from groundstation.simulation.world.world_file import load_world
+
+    text: str = options.world
+    if text.isdecimal():
+        duration = DURATION_S if options.duration is None else options.duration
+        world = draw_world(int(text), duration_s=duration, frame_hz=options.rate)
+    else:
+        world = load_world(Path(text))
+    with ProgressLine(sys.stderr, "simulate") as line:
+        result = render_world(world, options.out, line.update)
+    print(f"filmed {result.pairs} pairs in {result.duration_s:.1f} s of flight")
+    print(f"wrote {result.folder}")
     return 0

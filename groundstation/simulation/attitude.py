@@ -56,12 +56,12 @@ def pose_at(trajectory: Trajectory, t_s: float, rest_height_m: float) -> Aircraf
     return AircraftPose(
         position_runway_m=position,
         velocity_runway_m_s=velocity,
-        runway_from_body=_rotation(heading, pitch, bank),
+        runway_from_body=runway_from_body(heading, pitch, bank),
     )
 
 
-def _rotation(heading: FloatArray, pitch_rad: float, bank_rad: float) -> FloatArray:
-    """Return runway_from_body (3, 3): heading (2,) of unit length, pitch nose up, bank right wing down."""
+def runway_from_body(heading: FloatArray, pitch_rad: float, bank_rad: float) -> FloatArray:
+    """Return the rotation (3, 3) of a body: unit heading (2,) in the runway plane, pitch nose up, bank right."""
     cp, sp, cb, sb = math.cos(pitch_rad), math.sin(pitch_rad), math.cos(bank_rad), math.sin(bank_rad)
     forward = np.array([cp * heading[0], cp * heading[1], sp])
     right_level = np.array([heading[1], -heading[0], 0.0])

@@ -17,7 +17,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import DGPS_CLOCK, ParameterPrior
 from groundstation.geometry.aim import aim_at
 from groundstation.live.core import LiveCore, LiveStep, live_config
-from groundstation.live.frame_pairing import Pairing
+from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.input_queue import Item
 from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackState, TrackStatus
 from groundstation.pointing.pointing_law import AxisLimits, HeadLimits, HeadPilot, PointingConfig
@@ -335,7 +335,7 @@ class ClosedLoopSimulation:
         clock = ParameterPrior.independent([f"{DGPS_CLOCK}.offset"], [config.estimation.reference_clock_sigma_s])
         return LiveCore(
             Pipeline(self._rig, config, span_m=self._span_m, reference_errors=clock if h.dgps_rate_hz > 0.0 else None),
-            Pairing(self._rig.names, 1.0 / h.frame_rate_hz),
+            FramePairer(self._rig.names, 1.0 / h.frame_rate_hz),
             {n: HeadPilot(g, limits, PointingConfig(latency_s=h.head_latency_s)) for n, g in self._geometries.items()},
             SearchPattern(self._geometries, SearchConfig()),
         )

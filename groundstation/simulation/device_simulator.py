@@ -45,7 +45,7 @@ from groundstation.sources.cameras.camera import (
     CameraDevice,
     CameraError,
     CameraLostError,
-    Grab,
+    GrabbedFrame,
     SettingsReadBack,
 )
 from groundstation.thread_scheduling import give_way, short_gil_switch_interval
@@ -186,7 +186,7 @@ class SimulatedCameraDevice(CameraDevice):
             model="simulated camera", size_px=size_px, pixel_format=_PATTERN.value, device_clock=True
         )
 
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         """Return the next frame, or None after the timeout."""
         try:
             if not self._pipe.poll(timeout_s):
@@ -196,7 +196,7 @@ class SimulatedCameraDevice(CameraDevice):
             raise CameraLostError(f"{self._name}: the simulated range has ended") from fault
         self._told.add(t_s, u_px, v_px)
         pixels = self._slots[slot].copy()
-        return Grab(
+        return GrabbedFrame(
             frame_id=number, device_ns=device_ns, pixels=pixels, pattern=_PATTERN, payload_bytes=int(pixels.nbytes)
         )
 

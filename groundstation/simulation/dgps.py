@@ -15,7 +15,7 @@ from groundstation.simulation.parameter_checks import (
     require_positive,
     require_shape,
 )
-from groundstation.simulation.trajectory import Trajectory
+from groundstation.simulation.trajectory import OrientedTrajectory, Trajectory
 
 MAX_FIXES = 1_000_000
 _DRIFT_LIMIT_PPM = 1e5
@@ -29,9 +29,12 @@ class DgpsModel:
     Attributes
     ----------
     rate_hz, phase_s : fixes are taken at phase + k / rate of true session time.
-    sigma_m : (3,) one sigma per axis of the runway frame.
+    sigma_m : (3,) one sigma per axis of the runway frame, of each fix for itself.
+    wander_sigma_m, wander_s : (3,) one sigma of a slow error in addition, as of orbits and air, and its correlation
+        time; a fix states both together.
     clock_offset_s, clock_drift_ppm : t_dgps = t_session + offset + drift · t_session.
-    antenna_in_body_m : (3,) from the nose: x forward, y right, z down. Forward is the track's direction.
+    antenna_in_body_m : (3,) from the nose: x forward, y right, z down. Without an attitude of the trajectory's own,
+        forward is the track's direction.
     available : where there are fixes.
     frozen : where the receiver goes on repeating its last position; None where it never does.
     """
@@ -39,6 +42,8 @@ class DgpsModel:
     rate_hz: float = 10.0
     phase_s: float = 0.0
     sigma_m: FloatArray = field(default_factory=lambda: np.full(3, 0.02))
+    wander_sigma_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    wander_s: float = 60.0
     clock_offset_s: float = 0.0
     clock_drift_ppm: float = 0.0
     antenna_in_body_m: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -49,8 +54,10 @@ class DgpsModel:
         require_positive("DgpsModel: rate_hz", self.rate_hz)
         require_finite("DgpsModel: phase_s", self.phase_s)
         require_shape("DgpsModel: sigma_m", self.sigma_m, (3,))
-        for sigma in self.sigma_m:
-            require_not_negative("DgpsModel: sigma_m", float(sigma))
+        require_shape("DgpsModel: wander_sigma_m", self.wander_sigma_m, (3,))
+        for sigma in (*self.sigma_m, *self.wander_sigma_m):
+            require_not_negative("DgpsModel: sigma_m and wander_sigma_m", float(sigma))
+        require_positive("DgpsModel: wander_s", self.wander_s)
         require_shape("DgpsModel: antenna_in_body_m", self.antenna_in_body_m, (3,))
         usual = abs(self.clock_drift_ppm) < _DRIFT_LIMIT_PPM and math.isfinite(self.clock_offset_s)
         got = f"{self.clock_offset_s:g} s and {self.clock_drift_ppm:g} ppm"
@@ -67,13 +74,19 @@ def take_fixes(
     require(last - first < MAX_FIXES, "DgpsModel: rate_hz", got=got, wanted=f"at most {MAX_FIXES}")
     t = np.arange(first, last + 1) / model.rate_hz + model.phase_s
     nose, velocity = trajectory.position(t), trajectory.velocity(t)
-    measured = antenna_positions(nose, velocity, model.antenna_in_body_m)
+    if isinstance(trajectory, OrientedTrajectory):
+        measured = nose + np.array([trajectory.attitude(float(at)) @ model.antenna_in_body_m for at in t])
+    else:
+        measured = antenna_positions(nose, velocity, model.antenna_in_body_m)
     measured = measured + generator.normal(size=(t.size, 3)) * model.sigma_m
+    if np.any(model.wander_sigma_m):
+        measured = measured + _wander(model, t.size, generator)
     if model.frozen is not None:
         measured = _held(measured, model.frozen.holds(t, nose))
     stamps = t + model.clock_offset_s + model.clock_drift_ppm * 1e-6 * t
     # a noiseless receiver still has to report a sigma > 0, or none
-    sigma = model.sigma_m if np.all(model.sigma_m > 0) else None
+    stated = np.hypot(model.sigma_m, model.wander_sigma_m)
+    sigma = stated if np.all(stated > 0) else None
     there = model.available.holds(t, nose)
     return tuple(
         DgpsFix(t_s=float(stamp), position_runway_m=place, sigma_m=sigma)
@@ -96,6 +109,15 @@ def antenna_positions(nose_m: FloatArray, velocity_m_s: FloatArray, antenna_in_b
     down = np.cross(forward, right)
     x, y, z = antenna_in_body_m
     return np.asarray(nose_m + x * forward + y * right + z * down)
+
+
+def _wander(model: DgpsModel, count: int, generator: np.random.Generator) -> FloatArray:
+    """Return the slow error (n, 3) of fixes in a row, m: a Gauss-Markov process in its stationary state."""
+    kept = math.exp(-1.0 / (model.rate_hz * model.wander_s))
+    drawn = generator.normal(size=(count, 3)) * model.wander_sigma_m
+    for k in range(1, count):
+        drawn[k] = kept * drawn[k - 1] + math.sqrt(1.0 - kept * kept) * drawn[k]
+    return drawn
 
 
 def _held(positions_m: FloatArray, frozen: np.ndarray) -> FloatArray:

@@ -10,7 +10,7 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import rotation_from_vector, wxyz_from_matrix
 from groundstation.rig.rig import Rig, Station
-from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
+from groundstation.simulation.airframes.trainer import REST_HEIGHT_PER_SPAN
 from groundstation.simulation.approach import GLIDE_SLOPE_RAD, Flare, GlideApproach
 from groundstation.simulation.detection_camera import CameraModel
 from groundstation.simulation.dgps import DgpsModel

@@ -1,6 +1,7 @@
 """Checks of scenario parameters; errors name the parameter, the value and the accepted values."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -32,6 +33,14 @@ def require_not_negative(where: str, value: float) -> None:
 def require_fraction(where: str, value: float) -> None:
     """Raise `ScenarioError` unless a number is a probability."""
     require(0 <= value <= 1, where, got=value, wanted="a number from 0 to 1")
+
+
+def require_within(owner: object, limits: Mapping[str, tuple[float, float]]) -> None:
+    """Raise `ScenarioError` unless each of these attributes of a specification is within its limits."""
+    for name, (low, high) in limits.items():
+        value, where = getattr(owner, name), f"{type(owner).__name__}: {name}"
+        require_finite(where, value)
+        require(low <= value <= high, where, got=f"{value:g}", wanted=f"from {low:g} to {high:g}")
 
 
 def require_shape(where: str, array: FloatArray, shape: tuple[int, ...]) -> None:

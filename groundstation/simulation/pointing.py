@@ -11,6 +11,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.station import StationGeometry
+from groundstation.simulation.command_errors import NO_COMMAND_ERRORS, CommandErrors
 from groundstation.simulation.parameter_checks import require, require_not_negative, require_positive
 from groundstation.simulation.pointing_kernels import aim_many, apply_backlash, simulate_axis
 from groundstation.simulation.trajectory import Trajectory
@@ -91,11 +92,15 @@ class FirstOrderLoop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SecondOrderLoop:
-    """Acceleration = ω² (command − angle) − 2ζω · rate within the limits: lags a steady turn by 2ζ/ω · rate."""
+    """Acceleration = ω² (command − angle) − 2ζω · rate within the limits: lags a steady turn by 2ζ/ω · rate.
+
+    ``errors`` are how the command differs from the target's bearing.
+    """
 
     natural_rad_s: float = 15.0
     damping: float = 0.8
     limits: LoopLimits = field(default_factory=LoopLimits)
+    errors: CommandErrors = NO_COMMAND_ERRORS
 
     def __post_init__(self) -> None:
         require_positive("SecondOrderLoop: damping", self.damping)
@@ -160,6 +165,8 @@ def pointing_history(
     delayed = trajectory.position(np.asarray(t - model.limits.command_delay_s))
     # a target that passes behind the station does not turn the head once around
     command = np.unwrap(aim_many(geometry.packed, delayed), axis=0)
+    if isinstance(model, SecondOrderLoop):
+        command = model.errors.commanded(t, command)
     motor, rate, head = np.empty_like(command), np.zeros_like(command), np.empty_like(command)
     motor[0] = head[0] = command[0]
     limits = model.limits

@@ -1,10 +1,28 @@
 """Compiled drawing of shaded triangles into a small window, several samples to a pixel, nearest first."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from groundstation.arrays import Float32Array, FloatArray
 from groundstation.geometry.kernels import MIN_DEPTH_M, project
+
+
+class SampleGrid(NamedTuple):
+    """Room to draw a window in: ``scale``² samples a pixel, its corner at (x0, y0) px.
+
+    ``near`` and ``owner`` (h · scale, w · scale) are 1/depth and number of the nearest opaque triangle of a sample;
+    ``veil_near`` and ``veil_owner`` those of the nearest translucent one, (0, 0) where no triangle is translucent.
+    """
+
+    x0: int
+    y0: int
+    scale: int
+    near: Float32Array
+    owner: np.ndarray
+    veil_near: Float32Array
+    veil_owner: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -60,24 +78,17 @@ def _fill(t: FloatArray, x0: int, y0: int, scale: int, number: int, near: Float3
 
 
 @njit(cache=True, nogil=True)
-def draw(
-    corners: FloatArray,
-    colours: FloatArray,
-    x0: int,
-    y0: int,
-    scale: int,
-    near: Float32Array,
-    owner: np.ndarray,
-    out: Float32Array,
-) -> None:
+def draw(corners: FloatArray, colours: FloatArray, opacity: FloatArray, grid: SampleGrid, out: Float32Array) -> None:
     """Draw triangles (n, 3, 3) of u, v, 1/depth; fill the window (h, w, 4): B, G, R times cover, and cover 0 to 1.
 
-    ``near`` and ``owner`` (h · scale, w · scale) are room to work in; what stood in them is forgotten.
+    What stood in the grid is forgotten. Of translucent triangles (``opacity`` (n,) below 1) only the nearest counts.
     """
+    x0, y0, scale, near, owner = grid.x0, grid.y0, grid.scale, grid.near, grid.owner
     near[:] = 0.0
     owner[:] = -1
     for k in range(len(corners)):
-        _fill(corners[k], x0, y0, scale, k, near, owner)
+        if opacity[k] >= 1.0:
+            _fill(corners[k], x0, y0, scale, k, near, owner)
     share = 1.0 / (scale * scale)
     for row in range(out.shape[0]):
         for column in range(out.shape[1]):
@@ -92,3 +103,33 @@ def draw(
                         r += colours[k, 2]
             out[row, column, 0], out[row, column, 1] = b * share, g * share
             out[row, column, 2], out[row, column, 3] = r * share, cover * share
+    if grid.veil_owner.size:
+        _draw_veils(corners, colours, opacity, grid, out)
+
+
+@njit(cache=True, nogil=True)
+def _draw_veils(
+    corners: FloatArray, colours: FloatArray, opacity: FloatArray, grid: SampleGrid, out: Float32Array
+) -> None:
+    """Lay the nearest translucent triangle of each sample over what is behind it."""
+    scale, near, owner = grid.scale, grid.near, grid.owner
+    veil_near, veil_owner = grid.veil_near, grid.veil_owner
+    veil_near[:] = 0.0
+    veil_owner[:] = -1
+    for k in range(len(corners)):
+        if opacity[k] < 1.0:
+            _fill(corners[k], grid.x0, grid.y0, scale, k, veil_near, veil_owner)
+    share = 1.0 / (scale * scale)
+    for i in range(veil_owner.shape[0]):
+        for j in range(veil_owner.shape[1]):
+            veil = veil_owner[i, j]
+            if veil < 0 or veil_near[i, j] <= near[i, j]:
+                continue
+            part = opacity[veil] * share
+            behind = owner[i, j]
+            pixel = out[i // scale, j // scale]
+            for c in range(3):
+                hidden = colours[behind, c] if behind >= 0 else 0.0
+                pixel[c] += part * (colours[veil, c] - hidden)
+            if behind < 0:
+                pixel[3] += part

@@ -8,13 +8,14 @@ from pathlib import Path
 from groundstation.errors import ConfigError, ScenarioError
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.rig.rig import Rig, load_rig
-from groundstation.simulation.airframe import trainer
+from groundstation.simulation.airframes.trainer import trainer
 from groundstation.simulation.event_faults import Fault, FaultKind
 from groundstation.simulation.flights import SPAN_M, FlightModelKind, FlightName, flight, rendered_scenario, site_rig
 from groundstation.simulation.optics import Optics
+from groundstation.simulation.picture_writer import PictureFormat
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.rendered_scene import RenderedScene
-from groundstation.simulation.rendered_session_folder import PictureFormat, checked_frames, write_rendered_session
+from groundstation.simulation.rendered_session_folder import checked_frames, write_rendered_session
 from groundstation.simulation.scenery import Scenery
 from groundstation.simulation.session_folder import make_session_folder
 from groundstation.simulation.simulate import SimulatedFlight, simulate
@@ -39,7 +40,7 @@ class RenderRequest:
     wind_m_s: float = 0.0
     faults: Path | None = None
     rig: Path | None = None
-    form: PictureFormat = PictureFormat.VIDEO
+    form: PictureFormat = PictureFormat.JPEG
     grey: bool = False
     aircraft: FlightModelKind = FlightModelKind.WAVES
 

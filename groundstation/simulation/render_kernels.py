@@ -20,11 +20,14 @@ class Panorama(NamedTuple):
     """An equirectangular picture (h, w, 3) BGR; ``place`` (3,): azimuth and elevation of pixel (0, 0), and px/rad.
 
     ``flat`` (h // 16, w // 16) is true for blocks that change evenly between their corners, as a clear sky does.
+    ``depth`` (h, w) uint16 is how far off an object is that hides what is behind it, in 0.25 m along the ray; 65535
+    where there is none.
     """
 
     image: ImageArray
     place: FloatArray
     flat: MaskArray
+    depth: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -42,7 +45,7 @@ def directions(rays: FloatArray, turns: FloatArray, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _near(azimuth: float, to: float) -> float:
+def near_azimuth(azimuth: float, to: float) -> float:
     """Return the same azimuth within half a turn of another."""
     return azimuth - 2.0 * np.pi * np.round((azimuth - to) / (2.0 * np.pi))
 
@@ -172,7 +175,7 @@ def _flat_tile(
 
 
 @njit(cache=True, nogil=True)
-def _kept_inside(corner: FloatArray, shift: FloatArray, width: int, height: int) -> bool:
+def kept_inside(corner: FloatArray, shift: FloatArray, width: int, height: int) -> bool:
     """Push corners (4, 2) a pixel and half the shift inside a panorama; return whether they were there."""
     inside = True
     for axis, size in ((0, width), (1, height)):
@@ -182,6 +185,29 @@ def _kept_inside(corner: FloatArray, shift: FloatArray, width: int, height: int)
             inside = inside and within == corner[n, axis]
             corner[n, axis] = within
     return inside
+
+
+@njit(cache=True, nogil=True)
+def tile_corners(
+    nodes: FloatArray,
+    moved: FloatArray,
+    i: int,
+    j: int,
+    place: FloatArray,
+    width: int,
+    height: int,
+    corner: FloatArray,
+    shift: FloatArray,
+) -> bool:
+    """Fill a tile's corners (4, 2) and its motion (2,), px of a panorama; return whether they are inside."""
+    # a panorama may lie across the azimuth at which angles jump by a full turn
+    first = near_azimuth(nodes[i, j, 0], place[0] + 0.5 * width / place[2])
+    for n in range(4):
+        node = nodes[i + (n >> 1), j + (n & 1)]
+        corner[n, 0] = (near_azimuth(node[0], first) - place[0]) * place[2]
+        corner[n, 1] = (place[1] - node[1]) * place[2]
+    shift[0], shift[1] = moved[i, j, 0] * place[2], -moved[i, j, 1] * place[2]
+    return kept_inside(corner, shift, width, height)
 
 
 @njit(cache=True, nogil=True)
@@ -202,17 +228,11 @@ def surroundings(
     corner, shift = np.empty((4, 2)), np.empty(2)
     for i in range(nodes.shape[0] - 1):
         for j in range(nodes.shape[1] - 1):
-            first = nodes[i, j, 0]
             inside = False
             for layer in range(2):
-                place = fine.place if layer == 0 else coarse.place
-                height, width = fine.image.shape[:2] if layer == 0 else coarse.image.shape[:2]
-                for n in range(4):
-                    node = nodes[i + (n >> 1), j + (n & 1)]
-                    corner[n, 0] = (_near(node[0], first) - place[0]) * place[2]
-                    corner[n, 1] = (place[1] - node[1]) * place[2]
-                shift[0], shift[1] = moved[i, j, 0] * place[2], -moved[i, j, 1] * place[2]
-                inside = _kept_inside(corner, shift, width, height)
+                panorama = fine if layer == 0 else coarse
+                height, width = panorama.image.shape[:2]
+                inside = tile_corners(nodes, moved, i, j, panorama.place, width, height, corner, shift)
                 if inside:
                     break
             panorama = fine if layer == 0 else coarse
@@ -228,10 +248,11 @@ def cover(overlay: Float32Array, x0: int, y0: int, channels: np.ndarray, light: 
     for i in range(max(-y0, 0), min(overlay.shape[0], light.shape[0] - y0)):
         for j in range(max(-x0, 0), min(overlay.shape[1], light.shape[1] - x0)):
             share = overlay[i, j, 3]
-            if share > 0.0:
-                y, x = y0 + i, x0 + j
-                k = channels[y & 1, x & 1]
-                light[y, x] = int((1.0 - share) * light[y, x] + 64.0 * overlay[i, j, k] + 0.5)
+            y, x = y0 + i, x0 + j
+            k = channels[y & 1, x & 1]
+            # a lamp has light, but no cover
+            if share > 0.0 or overlay[i, j, k] > 0.0:
+                light[y, x] = min(int((1.0 - share) * light[y, x] + 64.0 * overlay[i, j, k] + 0.5), 65535)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -248,5 +269,27 @@ def expose(
         start = starts[i]
         for j in range(light.shape[1]):
             value = np.float32(light[i, j]) * factor
+            noisy = value + np.sqrt(a * min(value, most) + b) * normals[start + j] + half
+            out[i, j] = np.uint8(np.int32(min(max(noisy, low), most)))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def expose_unevenly(
+    light: np.ndarray,
+    kept: Float32Array,
+    row_gain: Float32Array,
+    slope: float,
+    floor: float,
+    normals: np.ndarray,
+    starts: np.ndarray,
+    out: ImageArray,
+) -> None:
+    """As `expose`, with a share (h, w) of light that each pixel keeps and a gain (h,) of each row."""
+    a, b = np.float32(slope), np.float32(floor)
+    half, low, most = np.float32(0.5), np.float32(0.0), np.float32(255.0)
+    for i in range(light.shape[0]):
+        start, factor = starts[i], row_gain[i] / np.float32(64.0)
+        for j in range(light.shape[1]):
+            value = np.float32(light[i, j]) * kept[i, j] * factor
             noisy = value + np.sqrt(a * min(value, most) + b) * normals[start + j] + half
             out[i, j] = np.uint8(np.int32(min(max(noisy, low), most)))

@@ -1,11 +1,12 @@
-"""Rendering steps that need no camera: a grid of rays, the kernel of motion blur, the crop of a mask."""
+"""Rendering steps that need no camera: a grid of rays, kernels of blur, windows that overlap, the crop of a mask."""
 
 import math
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.arrays import FloatArray, MaskArray
+from groundstation.arrays import Float32Array, FloatArray, MaskArray
 from groundstation.geometry import kernels
 from groundstation.simulation import render_kernels
 
@@ -50,3 +51,50 @@ def crop_mask(mask: MaskArray, corner: tuple[int, int], size_px: tuple[int, int]
         return np.zeros((0, 0), dtype=bool), (0, 0)
     part = cut[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     return part.copy(), (x0 + int(columns[0]), y0 + int(rows[0]))
+
+
+_Slices = tuple[slice, slice]
+
+
+def overlap(
+    first: NDArray[np.generic],
+    first_corner: tuple[int, int],
+    second: NDArray[np.generic],
+    second_corner: tuple[int, int],
+) -> tuple[_Slices, _Slices] | None:
+    """Return the common part of two windows (h, w, …) with their corners x, y, in each one's rows and columns."""
+    spans = []
+    for axis, (a, b) in enumerate(zip(reversed(first_corner), reversed(second_corner), strict=True)):
+        low, high = max(a, b), min(a + first.shape[axis], b + second.shape[axis])
+        if low >= high:
+            return None
+        spans.append((slice(low - a, high - a), slice(low - b, high - b)))
+    rows, columns = spans
+    return (rows[0], columns[0]), (rows[1], columns[1])
+
+
+def merged(windows: list[tuple[Float32Array, tuple[int, int]]], count: int) -> tuple[Float32Array, tuple[int, int]]:
+    """Return the mean of ``count`` windows (h, w, 4) with their corners, those not given being empty."""
+    if len(windows) == count == 1:
+        return windows[0]
+    x0, y0 = min(c[0] for _, c in windows), min(c[1] for _, c in windows)
+    x1, y1 = max(c[0] + w.shape[1] for w, c in windows), max(c[1] + w.shape[0] for w, c in windows)
+    total = np.zeros((y1 - y0, x1 - x0, 4), np.float32)
+    for window, corner in windows:
+        rows, columns = window.shape[:2]
+        total[corner[1] - y0 : corner[1] - y0 + rows, corner[0] - x0 : corner[0] - x0 + columns] += window
+    total *= np.float32(1.0 / count)
+    return total, (x0, y0)
+
+
+def smooth_mosaic(light: NDArray[np.uint16], sigma_px: float, *, coloured: bool) -> None:
+    """Blur light (h, w) in place by a Gaussian of so many px; of a colour mosaic each of the four planes by itself."""
+    step = 2 if coloured else 1
+    sigma = sigma_px / step
+    size = 2 * math.ceil(3.0 * sigma) + 1
+    for row in range(step):
+        for column in range(step):
+            plane = np.ascontiguousarray(light[row::step, column::step])
+            light[row::step, column::step] = cv2.GaussianBlur(
+                plane, (size, size), sigma, borderType=cv2.BORDER_REPLICATE
+            )

@@ -1,46 +1,64 @@
-"""The scene that rendered cameras observe: an aircraft on a trajectory and the scenery, from one seed."""
+"""The scene that rendered cameras observe: an aircraft on a trajectory, what else moves, and the scenery."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN, Airframe, trainer
+from groundstation.simulation.airframes.airframe import Airframe
+from groundstation.simulation.airframes.trainer import trainer
 from groundstation.simulation.attitude import AircraftPose, pose_at
+from groundstation.simulation.scene_body import AircraftBody, Body, Skin
 from groundstation.simulation.scenery import Scenery
-from groundstation.simulation.trajectory import Trajectory
-
-_AMBIENT, _FROM_SKY = 0.34, 0.16
-_HAZE_M = 3500.0
-_HAZE_BGR = np.array([176.0, 172.0, 158.0])
+from groundstation.simulation.trajectory import OrientedTrajectory, Trajectory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RenderedScene:
-    """An aircraft that flies a trajectory over a scenery; times are true session time in s, the frame is runway."""
+    """An aircraft that flies a trajectory over a scenery; times are true session time in s, the frame is runway.
+
+    ``traffic`` is what else moves.
+    """
 
     trajectory: Trajectory
     airframe: Airframe = field(default_factory=trainer)
     scenery: Scenery = field(default_factory=Scenery)
+    traffic: tuple[Body, ...] = ()
+
+    @property
+    def shadow_strength(self) -> float:
+        """Share of the light that a shadow takes away."""
+        return self.scenery.light.shadow
+
+    def target(self) -> Body:
+        """Return the aircraft as a body."""
+        return AircraftBody(airframe=self.airframe, position=self._nose, pose=self.aircraft_at)
 
     def aircraft_at(self, t_s: float) -> AircraftPose:
-        """Return the aircraft's pose at a time, s."""
-        return pose_at(self.trajectory, t_s, REST_HEIGHT_PER_SPAN * self.airframe.span_m)
+        """Return the aircraft's pose at a time, s: its own attitude where the trajectory has one."""
+        if isinstance(self.trajectory, OrientedTrajectory):
+            times = np.array([t_s])
+            return AircraftPose(
+                position_runway_m=self.trajectory.position(times)[0],
+                velocity_runway_m_s=self.trajectory.velocity(times)[0],
+                runway_from_body=self.trajectory.attitude(t_s),
+            )
+        return pose_at(self.trajectory, t_s, self.airframe.rest_height_m)
 
-    def skin(self, pose: AircraftPose) -> FloatArray:
-        """Return the corners (n, 3, 3) of the aircraft's triangles, m, runway frame."""
-        return self.airframe.corners_body_m @ pose.runway_from_body.T + pose.position_runway_m
-
-    def shadow(self, skin: FloatArray) -> FloatArray:
+    def shadow(self, corners_runway_m: FloatArray) -> FloatArray:
         """Return where the sun throws corners (n, 3, 3) onto the runway, (n, 3, 3)."""
         sun = self.scenery.sun_runway
-        return np.asarray(skin - (np.maximum(skin[..., 2:], 0.0) / sun[2]) * sun)
+        return np.asarray(corners_runway_m - (np.maximum(corners_runway_m[..., 2:], 0.0) / sun[2]) * sun)
 
-    def shades(self, pose: AircraftPose, eye_runway_m: FloatArray) -> FloatArray:
-        """Return the triangles' colours (n, 3) BGR in sun, sky light and haze."""
-        normals = self.airframe.normals_body @ pose.runway_from_body.T
-        lit = np.maximum(normals @ self.scenery.sun_runway, 0.0)
-        light = _AMBIENT + _FROM_SKY * normals[:, 2] + (1.0 - _AMBIENT - _FROM_SKY) * lit
-        distance = float(np.linalg.norm(pose.position_runway_m - eye_runway_m))
-        clear = np.exp(-distance / _HAZE_M)
-        return np.asarray(clear * light[:, None] * self.airframe.colours_bgr + (1.0 - clear) * _HAZE_BGR)
+    def shades(self, skin: Skin, towards_runway_m: FloatArray) -> FloatArray:
+        """Return the colours (n, 3) BGR of a skin in sun, sky light and haze; (3,) m leads from the eye to it."""
+        light = self.scenery.light_on(skin.normals_runway)
+        clear = self.transmission(float(np.linalg.norm(towards_runway_m)))
+        return np.asarray(clear * light * skin.colours_bgr + (1.0 - clear) * self.scenery.air_light(towards_runway_m))
+
+    def transmission(self, distance_m: float) -> float:
+        """Return the share of light that the air lets through over a distance, m."""
+        return self.scenery.haze.clearness(distance_m)
+
+    def _nose(self, t_s: float) -> FloatArray:
+        return self.trajectory.position(np.array([t_s]))[0]

@@ -6,38 +6,43 @@ The folder holds what a receiver would have, faults included; truth.csv and mask
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from enum import StrEnum
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import cv2
 import numpy as np
 
-from groundstation.arrays import ImageArray
-from groundstation.errors import InputError, ScenarioError
-from groundstation.files.output_names import below
+from groundstation.errors import ScenarioError
 from groundstation.simulation.device_clocks import device_from_session
 from groundstation.simulation.event_faults import DeliveredFrames, Fault, check_faults, delivered_frames, with_faults
-from groundstation.simulation.rendered_camera import PictureTruth, RenderedCamera
+from groundstation.simulation.parameter_checks import require_fraction
+from groundstation.simulation.picture_writer import PictureCoding, PictureFormat, PictureWriter, picture_writer
+from groundstation.simulation.rendered_camera import RenderedCamera, Shot
 from groundstation.simulation.session_folder import (
     folder_fault,
     make_session_folder,
     stamp_text,
+    target_table,
     write_table,
     write_tables,
 )
 from groundstation.simulation.simulate import SimulatedFlight
+from groundstation.sources.visibility_table import FrameVisibility, write_visibility
 
-_JPEG_QUALITY = 95
+# of the random numbers that choose which frames are lost
+_LOST_STREAM = 302
 
 
-class PictureFormat(StrEnum):
-    """How pictures are kept: JPEG frames of quality 95 in an AVI, lossless FFV1 in a Matroska, or PNG files."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraRecording:
+    """How one camera's pictures are kept, and ``lost_share``, the share of them that never arrives, at random."""
 
-    VIDEO = "video"
-    LOSSLESS = "lossless"
-    PNG = "png"
+    coding: PictureCoding = field(default_factory=PictureCoding)
+    lost_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_fraction("CameraRecording: lost_share", self.lost_share)
 
 
 def write_rendered_session(
@@ -47,23 +52,29 @@ def write_rendered_session(
     *,
     words: Mapping[str, Any],
     faults: Sequence[Fault] = (),
-    form: PictureFormat = PictureFormat.VIDEO,
+    form: PictureFormat = PictureFormat.JPEG,
+    recordings: Mapping[str, CameraRecording] | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
     """Render a flight and write its session; ``words`` are the top of session.toml; ``progress(done, total)`` in pairs.
 
+    ``recordings`` by station say more than ``form``, which is of all stations.
+
     Raises `InputError` if the folder is not empty or cannot be written, `ScenarioError` where a fault cannot be.
     """
-    frames = checked_frames(flight, faults)
+    if recordings is None:
+        recordings = {name: CameraRecording(coding=PictureCoding(form=form)) for name in flight.rig.names}
+    frames = _with_losses(flight, checked_frames(flight, faults), recordings)
     span_m = next(iter(cameras.values())).world.airframe.span_m
-    tables = {**words, "target": {"span_m": span_m}}
+    tables = {**words, "target": {"span_m": span_m, **target_table(flight)}}
     try:
         make_session_folder(folder)
         write_tables(folder, with_faults(flight, faults), tables)
         columns = ["index", *(f"{n}_t_s" for n in flight.rig.names)]
         write_table(folder / "frames.csv", columns, _frame_rows(flight, frames))
-        masks = _film(folder, flight, cameras, frames, form, progress)
-        np.savez_compressed(folder / "masks.npz", allow_pickle=False, **masks)
+        filmed = _film(folder, flight, cameras, frames, recordings, progress)
+        np.savez_compressed(folder / "masks.npz", allow_pickle=False, **filmed.masks)
+        write_visibility(folder, filmed.visibility)
     except (OSError, cv2.error) as fault:
         raise folder_fault(folder, OSError(str(fault))) from fault
 
@@ -88,34 +99,58 @@ def _frame_rows(flight: SimulatedFlight, frames: Mapping[str, DeliveredFrames]) 
         yield [str(k), *(stamp_text(float(stamps[n][k])) if frames[n].there[k] else "" for n in frames)]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Filmed:
+    """The arrays of masks.npz and the rows of visibility.csv."""
+
+    masks: dict[str, Any]
+    visibility: list[tuple[int, str, FrameVisibility]]
+
+
+def _with_losses(
+    flight: SimulatedFlight, frames: Mapping[str, DeliveredFrames], recordings: Mapping[str, CameraRecording]
+) -> dict[str, DeliveredFrames]:
+    """Return what is delivered once frames were lost at random."""
+    left = {}
+    for number, (name, own) in enumerate(frames.items()):
+        generator = np.random.default_rng([flight.scenario.seed, _LOST_STREAM, number])
+        lost = generator.uniform(size=own.there.size) < recordings[name].lost_share
+        left[name] = replace(own, there=own.there & ~lost)
+    return left
+
+
 def _film(
     folder: Path,
     flight: SimulatedFlight,
     cameras: Mapping[str, RenderedCamera],
     frames: Mapping[str, DeliveredFrames],
-    form: PictureFormat,
+    recordings: Mapping[str, CameraRecording],
     progress: Callable[[int, int], None],
-) -> dict[str, Any]:
-    """Write the pictures of all cameras side by side; return the arrays of masks.npz."""
+) -> _Filmed:
+    """Write the pictures of all cameras side by side."""
     count = flight.truth.t_s.size
-    masks: dict[str, Any] = {}
+    filmed = _Filmed(masks={}, visibility=[])
     with ExitStack() as opened:
         rate = flight.scenario.frame_hz
-        writers = {n: opened.enter_context(_Writer(folder, n, c, form, rate)) for n, c in cameras.items()}
+        writers = {
+            n: opened.enter_context(picture_writer(folder, n, c.station.lens.image_size_px, recordings[n].coding, rate))
+            for n, c in cameras.items()
+        }
         pool = opened.enter_context(ThreadPoolExecutor(max_workers=len(cameras)))
         for k in range(count):
             jobs = [pool.submit(_take, flight, n, frames[n], k, cameras[n], writers[n]) for n in cameras]
             for name, job in zip(cameras, jobs, strict=True):
-                truth = job.result()
-                masks[f"{name}_{k:04d}"] = truth.silhouette.astype(np.uint8)
-                masks[f"{name}_{k:04d}_xy"] = np.array(truth.corner_px, dtype=np.int32)
+                shot = job.result()
+                filmed.masks[f"{name}_{k:04d}"] = shot.truth.silhouette.astype(np.uint8)
+                filmed.masks[f"{name}_{k:04d}_xy"] = np.array(shot.truth.corner_px, dtype=np.int32)
+                filmed.visibility.append((k, name, _visibility(shot)))
             progress(k + 1, count)
-    return masks
+    return filmed
 
 
 def _take(
-    flight: SimulatedFlight, name: str, frames: DeliveredFrames, k: int, camera: RenderedCamera, writer: "_Writer"
-) -> PictureTruth:
+    flight: SimulatedFlight, name: str, frames: DeliveredFrames, k: int, camera: RenderedCamera, writer: PictureWriter
+) -> Shot:
     """Write what a camera delivers as number k; return what was truly there to be seen."""
     station = flight.truth.stations[name]
 
@@ -123,48 +158,14 @@ def _take(
         (pan, tilt), (pan_rate, tilt_rate) = station.angles_rad[n].tolist(), station.rates_rad_s[n].tolist()
         return float(station.t_s[n]), pan, tilt, pan_rate, tilt_rate
 
-    writer.write(k, camera.picture(*exposure(int(frames.shown[k]))).whole() if frames.there[k] else None)
-    return camera.truth(*exposure(k))
+    shot, shown = camera.film(*exposure(k)), int(frames.shown[k])
+    picture = shot.picture if shown == k else camera.picture(*exposure(shown))
+    writer.write(k, picture.whole() if frames.there[k] else None)
+    return shot
 
 
-class _Writer:
-    """One station's pictures by number; a missing one keeps its number."""
-
-    def __init__(self, folder: Path, name: str, camera: RenderedCamera, form: PictureFormat, rate_hz: float) -> None:
-        self._form = form
-        self._size = camera.station.lens.image_size_px
-        self._video: cv2.VideoWriter | None = None
-        self._folder = below(folder, name)
-        if form is PictureFormat.PNG:
-            self._folder.mkdir()
-            return
-        if form is PictureFormat.VIDEO:
-            path, backend, code = below(folder, f"{name}.avi"), cv2.CAP_OPENCV_MJPEG, "MJPG"
-        else:
-            path, backend, code = below(folder, f"{name}.mkv"), cv2.CAP_FFMPEG, "FFV1"
-        # the frame rate is a header's formality: frames.csv rules
-        video = cv2.VideoWriter(str(path), backend, cv2.VideoWriter.fourcc(*code), max(rate_hz, 1.0), self._size)
-        if not video.isOpened():
-            raise InputError(str(path), got=f"an OpenCV that does not write {code}", wanted="another --pictures")
-        if form is PictureFormat.VIDEO:
-            video.set(cv2.VIDEOWRITER_PROP_QUALITY, _JPEG_QUALITY)
-        self._video = video
-
-    def __enter__(self) -> "_Writer":
-        return self
-
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
-        if self._video is not None:
-            self._video.release()
-
-    def write(self, number: int, image: ImageArray | None) -> None:
-        """Write picture ``number``; None is a missing one: black in a video, no file in a folder."""
-        if self._video is not None:
-            w, h = self._size
-            self._video.write(np.zeros((h, w, 3), np.uint8) if image is None else image)
-        elif image is not None:
-            path = below(self._folder, f"{number:06d}.png")
-            good, encoded = cv2.imencode(".png", image)
-            if not good:
-                raise OSError(f"{path.name}: OpenCV cannot encode it")
-            path.write_bytes(encoded.tobytes())
+def _visibility(shot: Shot) -> FrameVisibility:
+    truth = shot.truth
+    return FrameVisibility(
+        width_px=truth.width_px, in_view=truth.share_in_view, unhidden=truth.visible_share, snr=shot.snr
+    )

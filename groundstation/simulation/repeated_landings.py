@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
+from groundstation.simulation.airframes.trainer import REST_HEIGHT_PER_SPAN
 from groundstation.simulation.flights import FlightModelKind, TruncatedTrajectory, in_wind
 from groundstation.simulation.trajectory import Trajectory
 

@@ -67,9 +67,8 @@ def write_tables(folder: Path, flight: SimulatedFlight, session: dict[str, Any])
 def _session(flight: SimulatedFlight, words: dict[str, Any], initial: InitialState | None) -> dict[str, Any]:
     """Return session.toml as tables of plain values."""
     tables = dict(words)
-    dgps = flight.scenario.dgps
-    if dgps is not None and np.any(dgps.antenna_in_body_m):
-        tables["target"] = {"antenna_in_body_m": dgps.antenna_in_body_m.tolist()}
+    if target := target_table(flight):
+        tables["target"] = target
     if initial is not None:
         tables["initial"] = {
             "t_s": float(initial.t_s),
@@ -79,6 +78,14 @@ def _session(flight: SimulatedFlight, words: dict[str, Any], initial: InitialSta
             "sigma_velocity_m_s": initial.sigma_velocity_m_s.tolist(),
         }
     return tables
+
+
+def target_table(flight: SimulatedFlight) -> dict[str, Any]:
+    """Return what [target] of session.toml has of the receiver's antenna; empty where it is at the nose."""
+    dgps = flight.scenario.dgps
+    if dgps is None or not np.any(dgps.antenna_in_body_m):
+        return {}
+    return {"antenna_in_body_m": dgps.antenna_in_body_m.tolist()}
 
 
 def _detections(flight: SimulatedFlight) -> Iterable[Cells]:

@@ -101,7 +101,7 @@ class SimulatedReceiver:
                 number += 1
                 if stop.wait(max(t_s + self._model.delivery_s - time.monotonic(), 0.0)):
                     return
-                data = self._said(t_s, t_s + zero_utc_s)
+                data = self._reported(t_s, t_s + zero_utc_s)
                 if data and select.select([], [master], [], 0)[1]:
                     with contextlib.suppress(OSError):
                         os.write(master, data)
@@ -110,7 +110,7 @@ class SimulatedReceiver:
             os.close(master)
             os.close(slave)
 
-    def _said(self, t_s: float, utc_s: float) -> bytes:
+    def _reported(self, t_s: float, utc_s: float) -> bytes:
         since_s = t_s - self._since_s()
         if any(begin <= since_s < end for begin, end in self._model.gone_s):
             return b""

@@ -5,7 +5,7 @@ and out: it then goes on as it was.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -25,6 +25,14 @@ class Trajectory(Protocol):
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
         """Return velocities (n, 3) in m/s at times (n,)."""
+
+
+@runtime_checkable
+class OrientedTrajectory(Trajectory, Protocol):
+    """A flight with its own attitude; that of others is derived from the track (`simulation.attitude`)."""
+
+    def attitude(self, t_s: float) -> FloatArray:
+        """Return ``runway_from_body`` (3, 3) at a time, s; body: x forward, y right, z down."""
 
 
 class SampledTrajectory:

@@ -8,7 +8,8 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 from groundstation.rig.rig import Rig, Station
-from groundstation.simulation.airframe import Airframe, trainer
+from groundstation.simulation.airframes.airframe import Airframe
+from groundstation.simulation.airframes.trainer import trainer
 from groundstation.simulation.flights import site_rig
 from groundstation.simulation.optics import Optics
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -58,7 +59,9 @@ def ball(radius_m: float) -> Airframe:
         corners_body_m=np.array(corners),
         normals_body=np.tile([1.0, 0.0, 0.0], (8, 1)),
         colours_bgr=np.full((8, 3), 20.0),
+        opacity=np.ones(8),
         span_m=2.0 * radius_m,
+        rest_height_m=radius_m,
     )
 
 

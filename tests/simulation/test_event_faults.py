@@ -99,7 +99,7 @@ def test_clocks_step() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "reported"),
     [
         ({"kind": FaultKind.CAMERA_LOST, "station": ""}, "station"),
         ({"kind": FaultKind.DGPS_GAP, "station": "left"}, "station"),
@@ -111,8 +111,8 @@ def test_clocks_step() -> None:
         ({"kind": FaultKind.CAMERA_LATE, "station": "left", "by": -1.0}, "by"),
     ],
 )
-def test_impossible_faults_are_refused(wrong: dict[str, object], said: str) -> None:
-    assert f": {said}: got" in complaint(ScenarioError, lambda: Fault(**wrong))  # type: ignore[arg-type]
+def test_impossible_faults_are_refused(wrong: dict[str, object], reported: str) -> None:
+    assert f": {reported}: got" in complaint(ScenarioError, lambda: Fault(**wrong))  # type: ignore[arg-type]
 
 
 def test_faults_of_absent_devices_are_refused() -> None:

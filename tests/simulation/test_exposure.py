@@ -5,9 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from groundstation.simulation import scenery
 from groundstation.simulation.render_kernels import expose
-from groundstation.simulation.scenery import _COARSER, _FINE_SHARE, _MAX_COARSE_DENSITY, surroundings_of
+from groundstation.simulation.scenery import surroundings
+from groundstation.simulation.scenery.surroundings import (
+    _COARSER,
+    _FINE_SHARE,
+    _MAX_COARSE_DENSITY,
+    surroundings_of,
+)
 
 
 def test_levels_without_noise_are_rounded_and_clipped() -> None:
@@ -31,7 +36,7 @@ def test_noise_has_the_stated_variance_and_never_wraps() -> None:
 @pytest.mark.parametrize("focal_px", [50.0, 500.0, 7000.0])
 def test_what_is_around_is_drawn_coarser_and_never_too_fine(focal_px: float, monkeypatch: pytest.MonkeyPatch) -> None:
     densities: list[float] = []
-    monkeypatch.setattr(scenery, "_panorama", lambda s, eye, grey, density, *rest: densities.append(density))
+    monkeypatch.setattr(surroundings, "_panorama", lambda s, eye, grey, density, *rest: densities.append(density))
     surroundings_of(None, np.zeros(3), focal_px, grey=False)
     fine, coarse = densities
     assert fine <= _FINE_SHARE * focal_px

@@ -86,14 +86,14 @@ def test_the_receivers_clock_steps_and_it_falls_silent(tmp_path: Path) -> None:
     receiver = SimulatedReceiver(tmp_path / "dgps", model, flight, lambda: 0.0, seed=1)
     utc_s = 1_750_000_000.0
 
-    def said(t_s: float, off_s: float) -> bytes:
+    def reported(t_s: float, off_s: float) -> bytes:
         place = flight.position(np.array([t_s]))[0]
         return sentences(utc_s + off_s, place, SIMULATED_ORIGIN, model.sigma_m)
 
-    assert receiver._said(7.9, utc_s) == said(7.9, 0.0)
-    assert receiver._said(8.5, utc_s) == b""
-    assert receiver._said(10.5, utc_s) == said(10.5, 2.5)
-    assert receiver._said(11.0, utc_s) == said(11.0, 0.0)
+    assert receiver._reported(7.9, utc_s) == reported(7.9, 0.0)
+    assert receiver._reported(8.5, utc_s) == b""
+    assert receiver._reported(10.5, utc_s) == reported(10.5, 2.5)
+    assert receiver._reported(11.0, utc_s) == reported(11.0, 0.0)
 
 
 @pytest.mark.parametrize(

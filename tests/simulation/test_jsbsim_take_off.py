@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from groundstation.errors import ScenarioError
-from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
+from groundstation.simulation.airframes.trainer import REST_HEIGHT_PER_SPAN
 from groundstation.simulation.flights import SPAN_M, FlightModelKind, FlightName, TruncatedTrajectory, flight
 
 REST_M = REST_HEIGHT_PER_SPAN * SPAN_M

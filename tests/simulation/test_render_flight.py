@@ -17,10 +17,10 @@ from groundstation.session import load_dgps, load_session, load_truth
 from groundstation.simulation import simulate
 from groundstation.simulation.event_faults import FaultKind
 from groundstation.simulation.flights import FlightName, flight, rendered_scenario
+from groundstation.simulation.picture_writer import PictureFormat
 from groundstation.simulation.render_flight import RenderRequest, load_faults, render_flight
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.rendered_scene import RenderedScene
-from groundstation.simulation.rendered_session_folder import PictureFormat
 from groundstation.sources.folder_source import FolderSource
 from tests.complaints import complaint
 from tests.simulation.small_site import QUIET, small_rig
@@ -146,7 +146,7 @@ def test_faults_are_in_the_session_and_seeds_repeat(rig_file: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reported"),
     [
         ('[[fault]]\nwhat = "camera_gone"\nfrom_s = 1', "fault 1: what: got 'camera_gone'"),
         ('[[fault]]\nwhat = "camera_lost"\nstation = "left"', "fault 1: from_s: got nothing"),
@@ -158,10 +158,10 @@ def test_faults_are_in_the_session_and_seeds_repeat(rig_file: Path, tmp_path: Pa
         ("[[fault]\n", "not TOML"),
     ],
 )
-def test_a_wrong_timetable_is_one_line(text: str, said: str, tmp_path: Path) -> None:
+def test_a_wrong_timetable_is_one_line(text: str, reported: str, tmp_path: Path) -> None:
     path = tmp_path / "faults.toml"
     path.write_text(text, encoding="utf-8")
-    assert said in complaint(ConfigError, lambda: load_faults(path))
+    assert reported in complaint(ConfigError, lambda: load_faults(path))
 
 
 def test_every_kind_of_fault_can_be_written(tmp_path: Path) -> None:
@@ -205,7 +205,7 @@ def test_what_cannot_be_is_one_line_and_1(rig_file: Path, tmp_path: Path, capsys
     )
     out = str(tmp_path / "s")
     short = ["--rig", str(rig_file), "--duration", "0.5"]
-    for arguments, said in (
+    for arguments, reported in (
         (["--out", str(full), *short], "a folder that is not empty"),
         (["--out", str(full / "notes.txt"), *short], "got a file"),
         (["--out", out, "--rig", str(tmp_path / "none.toml")], "no such file"),
@@ -214,7 +214,7 @@ def test_what_cannot_be_is_one_line_and_1(rig_file: Path, tmp_path: Path, capsys
     ):
         assert main(["simulate", *arguments]) == 1
         error = capsys.readouterr().err.splitlines()
-        assert said in error[-1]
+        assert reported in error[-1]
         # refused before anything is begun: not even the folder is made
         assert not (tmp_path / "s").exists(), arguments
     assert (full / "notes.txt").read_text(encoding="utf-8") == "mine"

@@ -13,7 +13,7 @@ from groundstation.errors import ScenarioError
 from groundstation.geometry.aim import aim_at
 from groundstation.geometry.station import StationGeometry
 from groundstation.picture import BayerPattern
-from groundstation.simulation.airframe import trainer
+from groundstation.simulation.airframes.trainer import trainer
 from groundstation.simulation.optics import Optics
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.scenery import Scenery

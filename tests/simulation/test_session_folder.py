@@ -126,8 +126,8 @@ def test_nothing_is_written_over(tmp_path: Path) -> None:
     flight = simulate(case_b(trajectory=SHORT))
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "left.mp4").write_text("precious")
-    said = complaint(InputError, lambda: write_session_folder(tmp_path / "s", flight, name="s"))
-    assert "got a folder that is not empty; wanted a new or an empty one" in said
+    reported = complaint(InputError, lambda: write_session_folder(tmp_path / "s", flight, name="s"))
+    assert "got a folder that is not empty; wanted a new or an empty one" in reported
     (tmp_path / "file").write_text("")
     assert "wanted a folder that can be written" in complaint(
         InputError, lambda: write_session_folder(tmp_path / "file" / "s", flight, name="s")

@@ -2,14 +2,19 @@
 
 import numpy as np
 
-from groundstation.simulation.scenery_kernels import radiance
+from groundstation.simulation.scenery import Scenery
+from groundstation.simulation.scenery.scenery_kernels import column_at, radiance
+from groundstation.simulation.scenery.tones import tables_of, tones_of
 
 
 def colours(elevation: float) -> np.ndarray:
-    eye, runway = np.array([0.0, 0.0, 1.6]), np.array([15.0, -900.0, 0.0, -300.0])
-    found = np.empty((400, 3))
+    eye, room = np.array([0.0, 0.0, 1.6]), np.empty((2, 3))
+    scenery = Scenery(seed=5, runway_half_width_m=15.0, runway_from_y_m=-900.0, runway_to_y_m=0.0)
+    tones, tables = tones_of(scenery), tables_of(scenery)
+    found = np.zeros((400, 3))
     for row, azimuth in zip(found, np.linspace(-3.0, 3.0, 400), strict=True):
-        radiance(azimuth, elevation, 2e-4, eye, runway, 0.3, 5, row)
+        column = column_at(tones, azimuth, 2e-4, eye)
+        radiance(tones, tables, column, elevation, 2e-4, eye, row, room)
     return found
 
 

@@ -1,0 +1,126 @@
+"""The surroundings of a runway as one station sees them: two panoramas that never change.
+
+Approximations: the eye stays where it is with pan and tilt at zero, so the ground does not shift by the lever arm
+when the head turns (1 cm at 20 m is half a milliradian); hills and clouds are infinitely far away; the ground is
+level; nothing in the surroundings moves. Fine detail is where aircraft fly, `FineRange`; elsewhere it is coarser.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.simulation.parameter_checks import require, require_finite
+from groundstation.simulation.render_kernels import TILE, Panorama, flat_blocks
+from groundstation.simulation.scenery.part_kernels import draw_parts
+from groundstation.simulation.scenery.part_tables import part_tables_of
+from groundstation.simulation.scenery.scenery import Scenery
+from groundstation.simulation.scenery.scenery_kernels import bake
+from groundstation.simulation.scenery.tones import tables_of, tones_of
+
+# of the lens's own pixels to a radian; interpolation then blurs about as a lens does
+_FINE_SHARE = 0.8
+_MAX_FINE_PIXELS = 10_000_000
+_COARSER, _MAX_COARSE_DENSITY = 8.0, 350.0
+# of a pixel off the plane through its block's corners, rounding included; noise is some two levels
+_FLAT_LEVELS = 1.5
+_LAP_RAD = 0.7  # the coarse panorama goes on beyond a full turn, so that no tile is torn
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FineRange:
+    """Directions that are drawn finely; azimuth from +y towards +x.
+
+    Attributes
+    ----------
+    azimuth_from_rad, azimuth_to_rad : at most a full turn apart.
+    elevation_from_rad, elevation_to_rad : within half a turn.
+    """
+
+    azimuth_from_rad: float = -math.radians(25.0)
+    azimuth_to_rad: float = math.radians(25.0)
+    elevation_from_rad: float = math.radians(-12.0)
+    elevation_to_rad: float = math.radians(5.0)
+
+    def __post_init__(self) -> None:
+        for name in ("azimuth_from_rad", "azimuth_to_rad", "elevation_from_rad", "elevation_to_rad"):
+            require_finite(f"FineRange: {name}", getattr(self, name))
+        wide = self.azimuth_to_rad - self.azimuth_from_rad
+        require(0 < wide <= math.tau, "FineRange: azimuths", got=f"{wide:g} rad apart", wanted="above 0, at most 2π")
+        low, high = self.elevation_from_rad, self.elevation_to_rad
+        good = -0.5 * math.pi <= low < high <= 0.5 * math.pi
+        require(good, "FineRange: elevations", got=f"{low:g} to {high:g}", wanted="rising, from -π/2 to π/2")
+
+    @property
+    def area(self) -> float:
+        """Its size in rad²."""
+        return (self.azimuth_to_rad - self.azimuth_from_rad) * (self.elevation_to_rad - self.elevation_from_rad)
+
+
+def fine_range_around(points_runway_m: FloatArray, eye_runway_m: FloatArray, margin_rad: float) -> FineRange:
+    """Return what a camera may see that follows points (n, 3) m from an eye (3,) m, with so much around each.
+
+    The azimuths are the shortest arc that holds all of them.
+    """
+    towards = np.asarray(points_runway_m - eye_runway_m)
+    azimuths = np.sort(np.arctan2(towards[:, 0], towards[:, 1]))
+    elevations = np.arctan2(towards[:, 2], np.hypot(towards[:, 0], towards[:, 1]))
+    gaps = np.diff(azimuths, append=azimuths[0] + math.tau)
+    widest = int(np.argmax(gaps))
+    start = float(azimuths[(widest + 1) % azimuths.size])
+    length = math.tau - float(gaps[widest]) + 2.0 * margin_rad
+    if length >= math.tau:
+        start, length = -math.pi + margin_rad, math.tau
+    low, high = float(elevations.min()) - margin_rad, float(elevations.max()) + margin_rad
+    return FineRange(
+        azimuth_from_rad=start - margin_rad,
+        azimuth_to_rad=start - margin_rad + length,
+        elevation_from_rad=max(low, -0.5 * math.pi),
+        elevation_to_rad=min(high, 0.5 * math.pi),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Surroundings:
+    """What one station sees: ``fine`` where aircraft fly, ``coarse`` all around."""
+
+    fine: Panorama
+    coarse: Panorama
+
+
+def surroundings_of(
+    scenery: Scenery, eye_runway_m: FloatArray, focal_px: float, grey: bool, fine: FineRange | None = None
+) -> Surroundings:
+    """Draw what an eye (3,) sees through a lens of this focal length, px; takes some seconds."""
+    chosen = FineRange() if fine is None else fine
+    density = min(_FINE_SHARE * focal_px, math.sqrt(_MAX_FINE_PIXELS / chosen.area))
+    azimuths = (chosen.azimuth_from_rad, chosen.azimuth_to_rad)
+    elevations = (chosen.elevation_from_rad, chosen.elevation_to_rad)
+    near = _panorama(scenery, eye_runway_m, grey, density, azimuths, elevations)
+    turn, all_heights = (-math.pi - _LAP_RAD, math.pi + _LAP_RAD), (-0.5 * math.pi, 0.5 * math.pi)
+    coarse_density = min(density / _COARSER, _MAX_COARSE_DENSITY)
+    coarse = _panorama(scenery, eye_runway_m, grey, coarse_density, turn, all_heights)
+    return Surroundings(fine=near, coarse=coarse)
+
+
+def _panorama(
+    scenery: Scenery,
+    eye: FloatArray,
+    grey: bool,
+    density: float,
+    azimuths: tuple[float, float],
+    elevations: tuple[float, float],
+) -> Panorama:
+    width = math.ceil((azimuths[1] - azimuths[0]) * density)
+    height = math.ceil((elevations[1] - elevations[0]) * density)
+    image, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.uint16)
+    first = np.array([azimuths[0], elevations[1]])
+    tones, place = tones_of(scenery), np.array([*first, density])
+    bake(first, density, np.asarray(eye, np.float64), tones, tables_of(scenery), grey, image, depth)
+    if scenery.objects:
+        parts, faces = part_tables_of(scenery, np.asarray(eye, np.float64), 1.0 / density)
+        draw_parts(place, parts, faces, tones.sky, grey, image, depth)
+    flat = np.zeros((-(-height // TILE), -(-width // TILE)), dtype=bool)
+    flat_blocks(image, _FLAT_LEVELS, flat)
+    return Panorama(image=image, place=place, flat=flat, depth=depth)
