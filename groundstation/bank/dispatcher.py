@@ -1,0 +1,205 @@
+"""Jobs to Dask's workers, one each: who died with which job, who takes too long, and what is done about it."""
+
+import queue
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from groundstation.bank.program_version import program_digest
+from groundstation.bank.watched_job import last_place, run_job, says_timeout
+from groundstation.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_POLL_S = 0.5
+# a worker ends itself at the limit; one that is stopped, or whose machine hangs, does not
+_GRACE_S = 30.0
+_NO_WORKER_S = 120.0
+# a worker may be killed for memory that another process took; a job with which three have ended is at fault itself
+MOST_DEATHS = 3
+
+
+class FailureKind(StrEnum):
+    """How a job failed."""
+
+    RAISED = "raised"
+    DIED = "died"
+    TIMED_OUT = "timed out"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobFailure:
+    """A job without a result, and why."""
+
+    name: str
+    kind: FailureKind
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FinishedJob:
+    """What a worker returned for a job: its value as JSON text, and its time of the clock and of the processor, s."""
+
+    name: str
+    text: str
+    elapsed_s: float
+    cpu_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Running:
+    name: str
+    address: str
+    future: "Future[Any]"
+    since_s: float
+
+
+class Dispatcher:
+    """Hands jobs to workers, one at a time each, so that a death has one job as its reason.
+
+    Parameters
+    ----------
+    client : of a scheduler whose workers have one thread.
+    function : what is done with each item.
+    items : by name.
+    limit_s : longest time of one job, s.
+    traces : folder where workers of this machine write what they did when they end.
+    """
+
+    def __init__(
+        self,
+        client: "Client",
+        function: Callable[[Any], Any],
+        items: Iterable[tuple[str, Any]],
+        *,
+        limit_s: float | None,
+        traces: Path,
+    ) -> None:
+        self._client = client
+        self._function = function
+        self._items = dict(items)
+        self._waiting = deque(self._items)
+        self._running: dict[str, _Running] = {}
+        self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._deaths = dict.fromkeys(self._items, 0)
+        self._abandoned: set[str] = set()
+        self._limit_s = limit_s
+        self._traces = traces
+        self._served_s = time.monotonic()
+
+    def ends(self) -> Iterator[FinishedJob | JobFailure]:
+        """Yield each job's end as it comes; raises `InputError` where no worker is left."""
+        while self._waiting or self._running:
+            addresses = self._addresses()
+            self._assign(addresses)
+            yield from self._collect()
+            yield from self._lost(addresses)
+
+    def _addresses(self) -> set[str]:
+        """Return the workers that can be used; raises `InputError` for one of several threads."""
+        threads: dict[str, int] = self._client.nthreads()
+        for address, number in threads.items():
+            if number != 1:
+                wanted = "workers of one thread: dask worker --nthreads 1"
+                raise InputError(f"worker {address}", got=f"{number} threads", wanted=wanted)
+        usable = set(threads) - self._abandoned
+        if usable:
+            self._served_s = time.monotonic()
+        elif time.monotonic() - self._served_s > _NO_WORKER_S:
+            raise InputError("workers", got=f"none for {_NO_WORKER_S:.0f} s", wanted="at least one")
+        return usable
+
+    def _assign(self, addresses: set[str]) -> None:
+        """Give each idle worker a job, and that job to no other worker."""
+        busy = {running.address for running in self._running.values()}
+        for address in sorted(addresses - busy):
+            if not self._waiting:
+                return
+            name = self._waiting.popleft()
+            future = self._client.submit(
+                run_job,
+                self._function,
+                self._items[name],
+                self._limit_s,
+                program_digest(),
+                self._trace(name),
+                workers=[address],
+                allow_other_workers=False,
+                pure=False,
+            )
+            self._running[str(future.key)] = _Running(
+                name=name, address=address, future=future, since_s=time.monotonic()
+            )
+            future.add_done_callback(lambda done: self._done.put(str(done.key)))
+
+    def _collect(self) -> Iterator[FinishedJob | JobFailure]:
+        """Yield what has ended, waiting a moment for the first."""
+        wait_s = _POLL_S
+        while True:
+            try:
+                key = self._done.get(timeout=wait_s)
+            except queue.Empty:
+                return
+            wait_s = 0.001
+            running = self._running.pop(key, None)
+            if running is not None:
+                yield from self._ended(running)
+
+    def _ended(self, running: _Running) -> Iterator[FinishedJob | JobFailure]:
+        from distributed import KilledWorker
+
+        if running.future.status != "finished":
+            fault = running.future.exception() if running.future.status == "error" else None
+            if fault is not None and not isinstance(fault, KilledWorker):
+                # not of the function, whose faults are returned: the workers cannot run it
+                raise fault
+            yield from self._died(running)
+            return
+        found = running.future.result()
+        if "fault" in found:
+            yield JobFailure(name=running.name, kind=FailureKind.RAISED, reason=found["fault"])
+            return
+        yield FinishedJob(name=running.name, text=found["value"], elapsed_s=found["elapsed_s"], cpu_s=found["cpu_s"])
+
+    def _lost(self, addresses: set[str]) -> Iterator[FinishedJob | JobFailure]:
+        """Yield the jobs whose worker has gone, or does not end although its time is over."""
+        now_s = time.monotonic()
+        for key, running in list(self._running.items()):
+            overdue = self._limit_s is not None and now_s - running.since_s > self._limit_s + _GRACE_S
+            if running.address in addresses and not overdue:
+                continue
+            if running.future.status == "finished":
+                # its callback is on its way
+                continue
+            del self._running[key]
+            running.future.cancel()
+            if overdue:
+                self._abandoned.add(running.address)
+            yield from self._died(running, overdue)
+
+    def _died(self, running: _Running, overdue: bool = False) -> Iterator[JobFailure]:
+        """Put the job of a dead worker back, or yield it as failed."""
+        trace = self._trace(running.name)
+        place, late = last_place(trace), says_timeout(trace)
+        trace.unlink(missing_ok=True)
+        shown = f" ({place})" if place else ""
+        if late is None:
+            late = self._limit_s is not None and time.monotonic() - running.since_s >= self._limit_s
+        if late or overdue:
+            reason = f"took longer than {self._limit_s:g} s{shown}"
+            yield JobFailure(name=running.name, kind=FailureKind.TIMED_OUT, reason=reason)
+            return
+        self._deaths[running.name] += 1
+        if self._deaths[running.name] < MOST_DEATHS:
+            self._waiting.append(running.name)
+            return
+        reason = f"its worker ended {MOST_DEATHS} times{shown}"
+        yield JobFailure(name=running.name, kind=FailureKind.DIED, reason=reason)
+
+    def _trace(self, name: str) -> Path:
+        return self._traces / f"{name}.trace"
