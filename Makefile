@@ -5,6 +5,10 @@ BIN := $(VENV)/bin
 OUT ?= out/landing-1
 KERNELS := $(shell grep -rl --include=*.py njit groundstation calibration)
 
+# Bytecode is kept whatever the surroundings ask for: without it each worker and each program that a test starts reads
+# every module as text, the tests' assertions included, half a minute of a core each.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: demo test docs lint kernels kernels-aboard fuzz mutants peers cameras figures study constraints clean
 
 # the versions that the tests ran with, for every install below
@@ -28,7 +32,7 @@ demo: $(VENV)/installed $(VENV)/kernels
 
 ## test: everything that must hold, some ten minutes on two cores (three workers: a sixth of the time is waiting for devices)
 test: $(VENV)/installed $(VENV)/kernels
-	@$(MAKE) --no-print-directory --jobs=2 kernels lint kernels-aboard
+	@$(MAKE) --no-print-directory --jobs=2 kernels lint kernels-aboard $(VENV)/bytecode
 	$(BIN)/python -m pytest --numprocesses=3 --dist=loadfile --no-loadscope-reorder
 
 ## docs: these pages as a site, out/docs/index.html; no network, neither now nor when it is read
@@ -47,6 +51,11 @@ kernels: $(VENV)/installed
 
 kernels-aboard: $(VENV)/installed
 	$(BIN)/python -m tests.compile_kernels aboard >/dev/null
+
+# the tests' bytecode with its rewritten assertions, once; three workers would rewrite each assertion three times
+$(VENV)/bytecode: | $(VENV)/installed
+	$(BIN)/python -m pytest --collect-only --quiet --quiet >/dev/null
+	@touch $@
 
 ## fuzz: the property tests on examples that no run has seen; then mutated files through every reader and mutated
 ## recordings through the commands, which goes on from where an earlier run was interrupted (benchmarks/fuzz)

@@ -255,8 +255,8 @@ def show_looks(found: Sample) -> None:
         print(f"  where they look, {group}: relative pan and tilt eᵀC⁻¹e {square:.2f} of 2, {low:.2f} to {high:.2f}")
         for label, columns in (("relative pan", [0]), ("relative tilt", [1]), ("tilt", [2, 3])):
             values, claimed = off[:, :, columns], sigma[:, :, columns]
-            rms, said = np.sqrt(np.mean(values**2)), np.sqrt(np.mean(claimed**2))
-            print(f"    {label}: rms {rms:.5f}, worst {np.abs(values).max():.5f}, sigma {said:.5f} deg", flush=True)
+            rms, reported = np.sqrt(np.mean(values**2)), np.sqrt(np.mean(claimed**2))
+            print(f"    {label}: rms {rms:.5f}, worst {np.abs(values).max():.5f}, sigma {reported:.5f} deg", flush=True)
 
 
 def main() -> None:

@@ -27,6 +27,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import ImageArray
+from groundstation.bank.csrt_process import CsrtProcess
 from groundstation.box import box_of_size
 from groundstation.messages import Detection
 from groundstation.single_camera.pixel_tracker import PixelTracker
@@ -94,31 +95,16 @@ class TrackingCounts:
         return text
 
 
-class Csrt:
-    """OpenCV's CSRT in a process of its own."""
-
-    def __init__(self) -> None:
-        python = CSRT_FOLDER / "bin" / "python"
-        if not (CSRT_FOLDER / "installed").is_file():
-            print(f"installing {CSRT_PACKAGE} into {CSRT_FOLDER}", file=sys.stderr)
-            venv.create(CSRT_FOLDER, with_pip=True, clear=True)
-            pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-            subprocess.run([*pip, CSRT_PACKAGE], check=True)
-            (CSRT_FOLDER / "installed").touch()
-        worker = [str(python), str(Path(__file__).parent / "csrt" / "worker.py")]
-        environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-        self._process = subprocess.Popen(worker, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
-
-    def step(self, image: ImageArray, box: Box | None) -> tuple[float, Box | None]:
-        """Begin in a box or update; return the time in s and the box found."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        size = f"{image.shape[1]} {image.shape[0]}"
-        head = "next" if box is None else f"{size} {' '.join(str(v) for v in box)}"
-        self._process.stdin.write(head.encode() + b"\n" + np.ascontiguousarray(image).tobytes())
-        self._process.stdin.flush()
-        elapsed, *found = (float(v) for v in self._process.stdout.readline().split())
-        return elapsed, (found[0], found[1], found[2], found[3]) if len(found) == 4 else None
+def csrt_python() -> Path:
+    """Return the Python that has CSRT, installed once into an environment of its own."""
+    python = CSRT_FOLDER / "bin" / "python"
+    if not (CSRT_FOLDER / "installed").is_file():
+        print(f"installing {CSRT_PACKAGE} into {CSRT_FOLDER}", file=sys.stderr)
+        venv.create(CSRT_FOLDER, with_pip=True, clear=True)
+        pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        subprocess.run([*pip, CSRT_PACKAGE], check=True)
+        (CSRT_FOLDER / "installed").touch()
+    return python
 
 
 def read_segments(folder: Path) -> list[Segment]:
@@ -166,7 +152,9 @@ def is_hit(u: float, v: float, box: Box, near_px: float) -> bool:
     return inside or float(np.hypot(u - x - w / 2, v - y - h / 2)) < near_px
 
 
-def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mode, csrt: Csrt | None) -> TrackingCounts:
+def run_segment(
+    folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mode, csrt: CsrtProcess | None
+) -> TrackingCounts:
     scale = 0.5 if mode.half else 1.0
     labels = {f: (b[0] * scale, b[1] * scale, b[2] * scale, b[3] * scale) for f, b in boxes.items()}
     inside = [f for f in sorted(labels) if segment.first <= f <= segment.last]
@@ -184,10 +172,12 @@ def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mod
             track = tracker.step(image, index / RATE_HZ)
         tally.elapsed_s.append(time.process_time() - began)
         csrt_box: Box | None = None
-        if csrt is not None:
-            elapsed, csrt_box = csrt.step(image, label if first else None)
-            if not first:
-                tally.csrt_s.append(elapsed)
+        if csrt is not None and first and label is not None:
+            csrt.start(image, box_of_size(*label))
+        elif csrt is not None:
+            elapsed, found = csrt.update(image)
+            tally.csrt_s.append(elapsed)
+            csrt_box = None if found is None else (found.x0, found.y0, found.w, found.h)
         if label is None or (mode.acquire and index - inside[0] < SETTLED_S * RATE_HZ):
             continue
         tally.labelled += 1
@@ -213,7 +203,7 @@ def main() -> None:
     options = parser.parse_args()
     mode = Mode(acquire=options.acquire, every=options.every, half=options.half, noise=options.noise)
     folder = Path(os.environ["GROUNDSTATION_DATA"]) / "aircraft-clips"
-    csrt = Csrt() if options.csrt else None
+    csrt = CsrtProcess(csrt_python()) if options.csrt else None
     warm_up()
     cv2.setNumThreads(1)
     boxes, segments = read_boxes(folder), read_segments(folder)

@@ -20,10 +20,11 @@ from detector_against_truth import Key, true_pixels
 
 from groundstation.experiments.detection_tables import flown_table
 from groundstation.experiments.detector_outcomes import DetectorOutcome, FrameTruth, judged
-from groundstation.experiments.truth_scenes import SilhouetteArchive, background_at
+from groundstation.experiments.truth_scenes import background_at
 from groundstation.messages import Frame
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.session import load_session
+from groundstation.sources.true_silhouettes import SilhouetteArchive
 from groundstation.tracking.camera_tracker import CameraTracker, SearchResult
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -27,7 +27,7 @@ from groundstation.arrays import FloatArray
 from groundstation.evaluation.covariance_parts import noise_chi_square
 from groundstation.experiments.detection_tables import stated_errors
 from groundstation.experiments.detector_outcomes import DetectorOutcome
-from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN, AirframeShape, trainer
+from groundstation.simulation.airframes.trainer import AirframeShape, trainer
 from groundstation.simulation.attitude import AircraftPose, pose_at
 from groundstation.simulation.flights import SPAN_M, FlightName, flight, rendered_scenario, site_rig
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -79,7 +79,7 @@ class DisturbedAttitudeScene(RenderedScene):
 
     def aircraft_at(self, t_s: float) -> AircraftPose:
         """Return the aircraft's pose at a time, s."""
-        rest_m = REST_HEIGHT_PER_SPAN * self.airframe.span_m
+        rest_m = self.airframe.rest_height_m
         pose = pose_at(self.trajectory if self.held is None else self.held, t_s, rest_m)
         share = float(np.clip((pose.position_runway_m[2] - rest_m) / _AIRBORNE_M, 0.0, 1.0))
         crab, pitch = (

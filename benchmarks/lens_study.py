@@ -95,10 +95,10 @@ def main() -> None:
         errors, sigmas, together, free = study(case, n)
         print(label)
         for column, k in enumerate(free):
-            rms, said = (float(np.sqrt(np.mean(v[:, column] ** 2))) for v in (errors, sigmas))
+            rms, reported = (float(np.sqrt(np.mean(v[:, column] ** 2))) for v in (errors, sigmas))
             square = float(np.mean((errors[:, column] / sigmas[:, column]) ** 2))
             mark = "" if low <= square <= high else "  OUTSIDE"
-            print(f"  {PARAMETERS[k]:<20} rms {rms:.4g}, sigma {said:.4g}; chi2/n {square:.2f}{mark}")
+            print(f"  {PARAMETERS[k]:<20} rms {rms:.4g}, sigma {reported:.4g}; chi2/n {square:.2f}{mark}")
         p = len(free)
         least, most = chi2.ppf([0.001, 0.999], n * p) / n
         print(f"  all together {together.mean():.2f} of {p}, {least:.2f} to {most:.2f}", flush=True)

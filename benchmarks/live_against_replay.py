@@ -26,9 +26,10 @@ from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation.closed_loop import ClosedLoopConfig
 from groundstation.simulation.closed_loop_rendered import RenderedClosedLoopSimulation
 from groundstation.simulation.flights import rendered_scenario
+from groundstation.simulation.picture_writer import PictureFormat
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.rendered_scene import RenderedScene
-from groundstation.simulation.rendered_session_folder import PictureFormat, write_rendered_session
+from groundstation.simulation.rendered_session_folder import write_rendered_session
 from groundstation.simulation.repeated_landings import SPAN_M, RepeatedLandings
 from groundstation.simulation.simulate import simulate
 from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig

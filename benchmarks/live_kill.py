@@ -45,7 +45,7 @@ from groundstation.simulation.attached_simulator import AttachedSimulator
 from groundstation.simulation.nose_truth import NoseTruth
 from groundstation.simulation.simulated_station_file import simulated_station_file
 from groundstation.simulation.standard_cases import standard_rig
-from groundstation.sources.cameras.camera import CameraDevice, Grab, SettingsReadBack
+from groundstation.sources.cameras.camera import CameraDevice, GrabbedFrame, SettingsReadBack
 from groundstation.sources.session_source import session_source
 from ptu_drivers.messages import Axis
 from ptu_drivers.simulated.axis import SimulatedAxis
@@ -132,7 +132,7 @@ class NoiseCamera(CameraDevice):
         self._due_s = time.monotonic()
         self.read_back = SettingsReadBack(model="noise", size_px=SIZE_PX)
 
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         """Return the next frame when it is due."""
         wait_s = self._due_s - time.monotonic()
         time.sleep(min(max(wait_s, 0.0), timeout_s))
@@ -141,7 +141,7 @@ class NoiseCamera(CameraDevice):
         self._due_s = max(self._due_s + 1.0 / FRAMES_HZ, time.monotonic() - 1.0 / FRAMES_HZ)
         self._number += 1
         pixels = self._random.integers(110, 118, (SIZE_PX[1], SIZE_PX[0], 3), np.uint8)
-        return Grab(
+        return GrabbedFrame(
             frame_id=self._number, device_ns=None, pixels=pixels, pattern=None, payload_bytes=int(pixels.nbytes)
         )
 
@@ -249,9 +249,9 @@ class Run:
             "import pathlib, sys; from benchmarks.live_kill import operate; operate(*map(pathlib.Path, sys.argv[1:]))"
         )
         command = [sys.executable, "-c", program, str(folder), str(run)]
-        with (run / "said.txt").open("w", encoding="utf-8") as said:
+        with (run / "said.txt").open("w", encoding="utf-8") as reported:
             self.process = subprocess.Popen(
-                command, cwd=ROOT, stdout=said, stderr=said, start_new_session=True, env=environment()
+                command, cwd=ROOT, stdout=reported, stderr=reported, start_new_session=True, env=environment()
             )
 
     def told(self) -> list[Any]:
@@ -260,7 +260,7 @@ class Run:
         lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         return [json.loads(line) for line in lines if line.endswith("]]")]
 
-    def said(self) -> str:
+    def reported(self) -> str:
         """Return what the station wrote to the terminal."""
         return (self.run / "said.txt").read_text(encoding="utf-8")
 
@@ -356,7 +356,7 @@ def recovered(run: Run, units: Units, who: str, deed: str) -> Moment:
         well = run.process.poll() is None
         return Moment(who, deed, note="goes on" if well else "the station has ended", stood_s=0.0, status_s=0.0)
     if run.process.poll() is not None:
-        return Moment(who, deed, stood_s=stood, note="the station has ended: " + run.said()[-400:])
+        return Moment(who, deed, stood_s=stood, note="the station has ended: " + run.reported()[-400:])
     if deed == "memory" and status == math.inf:
         return Moment(who, deed, note="needed no more memory")
     back = run.ready(began_s + status) - began_s
@@ -412,7 +412,7 @@ def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
         ended_s=ended_s,
         lost_s=lost,
         code=code,
-        note=" ".join(run.said().split())[-300:] if deed == "memory" else "",
+        note=" ".join(run.reported().split())[-300:] if deed == "memory" else "",
     )
 
 
@@ -451,7 +451,7 @@ def fly(folder: Path, number: int, happens: list[tuple[str, str]], seed: int) ->
     out: list[Moment] = []
     try:
         if not wait_until(lambda: run.ready(0.0) < math.inf, 240.0):
-            return [Moment(*happens[0], note="did not start: " + run.said()[-300:])]
+            return [Moment(*happens[0], note="did not start: " + run.reported()[-300:])]
         for who, deed in happens[:-1]:
             time.sleep(draw.uniform(0.5, 2.5))
             out.append(recovered(run, units, who, deed))

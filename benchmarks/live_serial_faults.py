@@ -207,7 +207,7 @@ def run(case: Case, rate_hz: float) -> str:
             return f"{case.name:32s} did not end"
         told = told_by(folder)
         # a disk that is full takes nothing more, and it is said: what came before is to be there
-        ended = [t_s for t_s, _, _, said in told if any("not recording" in w for w in said)]
+        ended = [t_s for t_s, _, _, reported in told if any("not recording" in w for w in reported)]
         last_s = ended[0] if case.disk_full and ended else told[-1][0]
         lost_s = max(last_s - recorded_until(folder / "live" / "flight.mcap"), 0.0)
         result = json.loads((folder / "result.json").read_text(encoding="utf-8"))

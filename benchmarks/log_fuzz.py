@@ -115,9 +115,9 @@ def keep(path: Path, what: str, error: Exception, counts: collections.Counter[st
     kept.write_bytes(path.read_bytes())
     places = traceback.extract_tb(error.__traceback__)
     where = f"{places[-1].filename}:{places[-1].lineno}" if places else "no place"
-    said = f"{what}: {type(error).__name__}: {error} ({where}); kept as {kept}"
-    print(said, file=sys.stderr)
-    return said
+    reported = f"{what}: {type(error).__name__}: {error} ({where}); kept as {kept}"
+    print(reported, file=sys.stderr)
+    return reported
 
 
 def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: collections.Counter[str]) -> None:

@@ -102,11 +102,11 @@ def counts(rigs: int) -> None:
                 held.append(one.fit.held_out.rms_px / one.fit.held_out.noise_px)
         x, y, z = np.sqrt(np.mean(np.square(off), axis=0))
         pan, tilt = np.sqrt(np.mean(np.square(point), axis=0))
-        said = np.sqrt(np.mean(np.square(claimed), axis=0))
+        reported = np.sqrt(np.mean(np.square(claimed), axis=0))
         ratio = f"{np.mean(held):.3f}" if held else "-"
         print(
-            f"{sightings:>9}  {x:>9.4f} {y:>7.4f} {z:>7.4f} {pan:>12.4f} {tilt:>8.4f} {said[0]:>11.4f} {said[1]:>8.4f}"
-            f" {ratio:>12}",
+            f"{sightings:>9}  {x:>9.4f} {y:>7.4f} {z:>7.4f} {pan:>12.4f} {tilt:>8.4f}"
+            f" {reported[0]:>11.4f} {reported[1]:>8.4f} {ratio:>12}",
             flush=True,
         )
 
@@ -162,8 +162,8 @@ def designed(rigs: int, noise_deg: float) -> None:
     )
     for axis in "xyz":
         name = f"head_from_camera.{axis}"
-        rms, said = (np.degrees(np.sqrt(np.mean(np.square(v[name])))) for v in (errors, sigmas))
-        print(f"  boresight {axis}: rms {rms:.5f} deg, sigma {said:.5f} deg")
+        rms, reported = (np.degrees(np.sqrt(np.mean(np.square(v[name])))) for v in (errors, sigmas))
+        print(f"  boresight {axis}: rms {rms:.5f} deg, sigma {reported:.5f} deg")
     for name, values in errors.items():
         n = len(values)
         low, high = chi2.ppf([0.001, 0.999], n) / n

@@ -146,7 +146,7 @@ def main() -> None:
     only = [word for word in options.only.lower().split(",") if word]
     options.out.mkdir(parents=True, exist_ok=True)
     rows, pooled, predicted, spent, pictures, alone = [], {}, {}, {}, [], {}
-    said: dict[str, list[float]] = {"px": [], "tracking": [], "square": [], "ms": [], "first": []}
+    reported: dict[str, list[float]] = {"px": [], "tracking": [], "square": [], "ms": [], "first": []}
     for sequence in SEQUENCES:
         for draw_number in range(max(options.draws, 1)):
             seed = options.first + draw_number
@@ -162,11 +162,11 @@ def main() -> None:
                 pooled.setdefault(name, []).append(own)
             if reports:
                 square = [normalised(drawn, *pair) for pair in zip(frames, reports, strict=True)]
-                said["px"] += list(np.sqrt(np.mean(errors["ours"] ** 2, axis=1)))
-                said["tracking"] += [float(one.status is EdgeStatus.TRACKING) for one in reports]
-                said["square"] += square
-                said["ms"] += list(1e3 * times["ours"])
-                said["first"] += [float(frame is frames[0]) for frame in frames]
+                reported["px"] += list(np.sqrt(np.mean(errors["ours"] ** 2, axis=1)))
+                reported["tracking"] += [float(one.status is EdgeStatus.TRACKING) for one in reports]
+                reported["square"] += square
+                reported["ms"] += list(1e3 * times["ours"])
+                reported["first"] += [float(frame is frames[0]) for frame in frames]
                 beyond = np.nanmean(np.array(square) > CHI2_999)
                 print(f"  ours: squared error over stated {np.nanmean(square):.1f} of 4, beyond 99.9 %: {beyond:.1%}")
             for key, own in compare_energies(drawn, frames).items():
@@ -180,8 +180,8 @@ def main() -> None:
                     predicted.setdefault(name, []).append(own)
                 spent.setdefault(OPENCV, []).append(opencv_time(frames)[1:])
     report(options.out, rows, pooled, predicted, spent, pictures)
-    if said["px"]:
-        report_ours({name: np.array(values) for name, values in said.items()})
+    if reported["px"]:
+        report_ours({name: np.array(values) for name, values in reported.items()})
     for (name, off_px), own in alone.items():
         alls = np.concatenate(own)
         spread = f"{np.sqrt(np.mean(alls**2)):.2f} px, median {np.median(np.abs(alls)):.2f}"
@@ -197,16 +197,16 @@ def described(sequence: Sequence, errors: Array) -> str:
     return line + (f"; {unseen} frames in which the runway is seen too flat are left out" if unseen else "")
 
 
-def report_ours(said: dict[str, Array]) -> None:
+def report_ours(reported: dict[str, Array]) -> None:
     """Print how often ours is wrong, and how often it does not say so."""
-    tracking, wrong, seen = said["tracking"] > 0.5, said["px"] > 10.0, np.isfinite(said["px"])
+    tracking, wrong, seen = reported["tracking"] > 0.5, reported["px"] > 10.0, np.isfinite(reported["px"])
     share = f"{np.mean(wrong[seen]):.2%} beyond 10 px; says tracking in {np.mean(tracking):.1%}"
-    print(f"ours: {said['px'].size} frames, {np.sum(~seen)} in which the runway is not seen; {share}")
+    print(f"ours: {reported['px'].size} frames, {np.sum(~seen)} in which the runway is not seen; {share}")
     print(f"ours: wrong and confident (tracking, beyond 10 px): {np.mean((wrong & tracking)[seen]):.2%}")
-    square = said["square"][tracking & np.isfinite(said["square"])]
+    square = reported["square"][tracking & np.isfinite(reported["square"])]
     beyond = np.mean(square > CHI2_999)
     print(f"ours: squared error over stated, of 4: mean {np.mean(square):.2f}, beyond 99.9 %: {beyond:.2%}")
-    report_cost(said["ms"], tracking, said["first"] > 0.5)
+    report_cost(reported["ms"], tracking, reported["first"] > 0.5)
 
 
 def report_cost(ms: Array, tracking: NDArray[np.bool_], first: NDArray[np.bool_]) -> None:

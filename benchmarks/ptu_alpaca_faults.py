@@ -40,7 +40,7 @@ class FaultyHttp(VirtualHttp):
         self.dead_until_s = self.gone_until_s = 0.0
         self.late_s: list[float] = []
         self.spoil: list[Callable[[int, bytes], tuple[int, bytes]]] = []
-        self.said: list[bytes] = []
+        self.reported: list[bytes] = []
 
     def settle(self, duration_s: float) -> None:
         """Let time pass."""
@@ -55,7 +55,7 @@ class FaultyHttp(VirtualHttp):
             if self.now() >= until_s:
                 # its connection is closed by then: it has nowhere to arrive
                 raise ExchangeFailed(FailureReason.TIMEOUT, f"no answer to {path}")
-        self.said.append(body)
+        self.reported.append(body)
         return self.spoil.pop()(status, body) if self.spoil else (status, body)
 
 
@@ -109,7 +109,7 @@ def _spoilt(
 
 def _old(bench: SimulatedLink, draw: random.Random) -> float:
     """An answer to an older request, whole."""
-    bench.line.spoil.append(lambda status, _body: (status, draw.choice(bench.line.said[-30:-1])))
+    bench.line.spoil.append(lambda status, _body: (status, draw.choice(bench.line.reported[-30:-1])))
     return 0.1
 
 

@@ -66,16 +66,16 @@ def make_unit(rnd: random.Random, seed: int) -> tuple[SimulatedUnit, VirtualLine
 
 def drive(device: PanTiltUnit, rnd: random.Random) -> None:
     """Tell it something new; a line in failure may refuse."""
-    said = device.describe()
+    reported = device.describe()
     try:
         if rnd.random() < 0.75:
-            pan = rnd.uniform(0.6 * said.pan.low_rad, 0.6 * said.pan.high_rad)
-            tilt = rnd.uniform(0.6 * said.tilt.low_rad, 0.6 * said.tilt.high_rad)
+            pan = rnd.uniform(0.6 * reported.pan.low_rad, 0.6 * reported.pan.high_rad)
+            tilt = rnd.uniform(0.6 * reported.tilt.low_rad, 0.6 * reported.tilt.high_rad)
             device.move_to(pan_rad=pan, tilt_rad=tilt)
         else:
             device.move_at(
-                pan_rad_s=rnd.uniform(-0.4, 0.4) * said.pan.max_rate_rad_s,
-                tilt_rad_s=rnd.choice((0.0, 0.1)) * said.tilt.max_rate_rad_s,
+                pan_rad_s=rnd.uniform(-0.4, 0.4) * reported.pan.max_rate_rad_s,
+                tilt_rad_s=rnd.choice((0.0, 0.1)) * reported.tilt.max_rate_rad_s,
             )
     except PtuError:
         return

@@ -137,8 +137,8 @@ def main() -> None:
         line = f"{baud or 9600} baud" + (f", {hz} asked for" if hz else "")
         print(f"pty           {query:12} {line:28} {on_a_pty(query, baud, options.seconds, hz)}", flush=True)
     for query, baud in (("pair", 0), ("combined", 115200)):
-        said = instants_on_a_pty(query, baud, options.seconds)
-        print(f"pty, thread   {query:12} {baud or 9600} baud {said}", flush=True)
+        reported = instants_on_a_pty(query, baud, options.seconds)
+        print(f"pty, thread   {query:12} {baud or 9600} baud {reported}", flush=True)
 
 
 if __name__ == "__main__":

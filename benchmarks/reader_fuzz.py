@@ -82,8 +82,8 @@ def outcome_of(found: Reader) -> tuple[str, str]:
     try:
         (found.in_child or found.read)()
     except GroundstationError as fault:
-        said = str(fault)
-        return ("refused", "") if said.isprintable() else ("foreign", f"more than one line: {said!r}")
+        reported = str(fault)
+        return ("refused", "") if reported.isprintable() else ("foreign", f"more than one line: {reported!r}")
     except Exception as error:  # noqa: BLE001 - what is no error of ours is what is looked for
         place = traceback.extract_tb(error.__traceback__)[-1]
         return "foreign", f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
@@ -109,14 +109,14 @@ def read_part(reader: str, first: int, last: int, seed: int, folder: Path) -> No
             return
         input_of(reader, found, k, seed, parts)
         idle, began = peak_bytes(), time.process_time()
-        outcome, said = outcome_of(found)
+        outcome, reported = outcome_of(found)
         took, more = time.process_time() - began, peak_bytes() - idle
         if outcome != "foreign" and took > MOST_S:
-            outcome, said = "foreign", f"took {took:.1f} s"
+            outcome, reported = "foreign", f"took {took:.1f} s"
         # the parent of a child that takes more ends it
         if outcome != "foreign" and more > MOST_BYTES and found.in_child is None:
-            outcome, said = "foreign", f"took {more >> 20} MB"
-        print(json.dumps([k, outcome, said[:500], round(took, 3), more >> 20]), flush=True)
+            outcome, reported = "foreign", f"took {more >> 20} MB"
+        print(json.dumps([k, outcome, reported[:500], round(took, 3), more >> 20]), flush=True)
 
 
 class Study:
@@ -137,13 +137,13 @@ class Study:
 
     def add(self, reader: str, row: list[Any]) -> None:
         """Count one input."""
-        k, outcome, said, took, more = row
+        k, outcome, reported, took, more = row
         own = self.of(reader)
         own["done"] = k + 1
         own["worst_s"], own["worst_mb"] = max(own["worst_s"], took), max(own["worst_mb"], more)
         if outcome == "foreign":
-            own["foreign"].append([k, said])
-            print(f"{reader}: input {k}: {said}", file=sys.stderr, flush=True)
+            own["foreign"].append([k, reported])
+            print(f"{reader}: input {k}: {reported}", file=sys.stderr, flush=True)
         else:
             own[outcome] += 1
 
@@ -188,8 +188,8 @@ def read_apart(study: Study, reader: str, inputs: int, seed: int) -> None:
         done = study.of(reader)["done"]
         if done < last and not fresh:
             refused = reader in ABORTING and code == -signal.SIGABRT
-            said = silent or f"the process ended, exit code {code}"
-            study.add(reader, [done, "refused" if refused else "foreign", said, 0.0, 0])
+            reported = silent or f"the process ended, exit code {code}"
+            study.add(reader, [done, "refused" if refused else "foreign", reported, 0.0, 0])
     study.save()
 
 

@@ -42,12 +42,12 @@ def killed(path: Path, after_s: float) -> tuple[int, float]:
         [sys.executable, __file__, "--child", str(path)], stdout=subprocess.PIPE, text=True, cwd=ROOT
     )
     assert process.stdout is not None
-    said = process.stdout.readline()
+    reported = process.stdout.readline()
     time.sleep(after_s)
     process.send_signal(signal.SIGKILL)
     rest = process.stdout.read().splitlines()
     process.wait()
-    words = [w.split() for w in [said, *rest] if len(w.split()) == 2]
+    words = [w.split() for w in [reported, *rest] if len(w.split()) == 2]
     return int(words[-1][0]), float(words[-1][1])
 
 

@@ -65,11 +65,11 @@ def run(command: str, recording: Path, sandbox: Path) -> tuple[str, str]:
     out = sandbox / "inner" / "out"
     out.mkdir(parents=True)
     before = outside(sandbox, out)
-    said = io.StringIO()
+    reported = io.StringIO()
     signal.setitimer(signal.ITIMER_VIRTUAL, MOST_S)
     code: object = None
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(reported):
             code = command_line(arguments(command, recording, out))
     except SystemExit as ended:
         code = ended.code
@@ -84,9 +84,9 @@ def run(command: str, recording: Path, sandbox: Path) -> tuple[str, str]:
     if after != before or links:
         changed = sorted({*after} ^ {*before}) or [name for name in after if after[name] != before[name]]
         return "foreign", f"written outside: {changed or links}"
-    if "Traceback" in said.getvalue():
-        return "foreign", said.getvalue()[-400:]
-    return f"exit code {code}", said.getvalue()[-200:]
+    if "Traceback" in reported.getvalue():
+        return "foreign", reported.getvalue()[-400:]
+    return f"exit code {code}", reported.getvalue()[-200:]
 
 
 def read_part(first: int, last: int, seed: int, folder: Path) -> None:
@@ -111,11 +111,11 @@ def read_part(first: int, last: int, seed: int, folder: Path) -> None:
         row: dict[str, Any] = {}
         for command in COMMANDS:
             began, idle = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-            outcome, said = run(command, recording, sandbox)
+            outcome, reported = run(command, recording, sandbox)
             more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - idle
             if more << 10 > MOST_BYTES:
-                outcome, said = "foreign", f"took {more >> 10} MB"
-            row[command] = [outcome, said, round(time.process_time() - began, 2), more >> 10]
+                outcome, reported = "foreign", f"took {more >> 10} MB"
+            row[command] = [outcome, reported, round(time.process_time() - began, 2), more >> 10]
         print(json.dumps([k, row]), flush=True)
 
 
@@ -138,12 +138,12 @@ class Study:
     def add(self, k: int, row: dict[str, Any]) -> None:
         """Count one recording."""
         self.done = k + 1
-        for command, (outcome, said, took, _) in row.items():
+        for command, (outcome, reported, took, _) in row.items():
             self.outcomes[command][outcome] += 1
             self.worst_s[command] = max(self.worst_s[command], took)
             if outcome == "foreign":
-                self.foreign.append((k, command, said))
-                print(f"recording {k}: {command}: {said}", file=sys.stderr, flush=True)
+                self.foreign.append((k, command, reported))
+                print(f"recording {k}: {command}: {reported}", file=sys.stderr, flush=True)
 
     def save(self) -> None:
         """Write the counts; an interrupted run leaves those of before or these."""
@@ -183,8 +183,8 @@ def run_apart(study: Study, recordings: int, seed: int) -> None:
             study.save()
         code = process.wait()
         if study.done < last:
-            said = why or f"the process ended, exit code {code}"
-            study.add(study.done, {"replay": ["foreign", said, 0.0, 0]})
+            reported = why or f"the process ended, exit code {code}"
+            study.add(study.done, {"replay": ["foreign", reported, 0.0, 0]})
     study.save()
 
 

@@ -14,7 +14,7 @@ _LEAST_CORRELATION = 1e-3
 
 
 def with_covariance(rig: Rig, found: ParameterCovariance) -> Rig:
-    """Return the rig with what was found of some parameters, ``station.parameter``; of the others it says what it said.
+    """Return the rig with what was found of some parameters, ``station.parameter``; the rest keeps its values.
 
     Stations that correlate through anything, or whose clocks the rig knows, stand together in the shared covariance.
     """

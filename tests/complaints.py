@@ -18,9 +18,9 @@ def complaint(kind: type[Exception], action: Callable[[], object]) -> str:
 @contextmanager
 def only(kind: type[Exception]) -> Iterator[list[str]]:
     """Let errors of one kind happen and collect what they say; all others come through."""
-    said: list[str] = []
+    reported: list[str] = []
     try:
-        yield said
+        yield reported
     except kind as fault:
-        said.append(str(fault))
-    assert all(message.isprintable() for message in said), said
+        reported.append(str(fault))
+    assert all(message.isprintable() for message in reported), reported

@@ -55,7 +55,7 @@ def broken(healthy: Scenario, errors: dict[str, StationErrors], from_s: float) -
 
 
 @dataclass
-class Watched:
+class PollStatistics:
     truth: FlightTruth
     pipeline: Pipeline
     cameras: list[CameraReport] = field(default_factory=list)
@@ -77,7 +77,7 @@ class Watched:
     def anees(self, from_s: float, to_s: float = 1e9) -> float:
         return float(np.mean(self.white(from_s, to_s) ** 2))
 
-    def said(self, words: str) -> list[TrackEvent]:
+    def reported(self, words: str) -> list[TrackEvent]:
         return [e for e in self.events if words in e.text]
 
     def _within(self, from_s: float, to_s: float) -> list[TrackEstimate]:
@@ -108,7 +108,7 @@ class Consistency:
         return self.low < self.mean < self.high
 
 
-def consistency(flights: list[Watched], from_s: float, to_s: float = 1e9) -> Consistency:
+def consistency(flights: list[PollStatistics], from_s: float, to_s: float = 1e9) -> Consistency:
     runs = [flight.white(from_s, to_s) for flight in flights]
     dof = 3 * effective_count(sum(map(len, runs)), lag_one(runs))
     low, high = chi2.ppf([0.001, 0.999], dof) / dof
@@ -121,7 +121,7 @@ def watch(
     psd: tuple[float, float, float] = PSD_M2_S3,
     events: list[Event] | None = None,
     start: np.random.Generator | None = None,
-) -> Watched:
+) -> PollStatistics:
     """Run a flight; it begins with the truth, or with what ``start`` draws about it by the stated sigmas."""
     base = Config()
     tuned = replace(
@@ -141,7 +141,7 @@ def watch(
         sigma_velocity_m_s=np.full(3, 1.0),
     )
     pipeline = Pipeline(flight.rig, config, span_m=2.3, initial=initial)
-    out = Watched(truth=flight.truth, pipeline=pipeline)
+    out = PollStatistics(truth=flight.truth, pipeline=pipeline)
     for event in flight.events if events is None else events:
         report = pipeline.step(event)
         out.cameras += report.cameras

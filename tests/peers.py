@@ -16,10 +16,10 @@ VARIABLE = "GROUNDSTATION_REQUIRED_PEERS"
 
 def absent(peer: str, how_to_get: str) -> NoReturn:
     """Skip the test or module that needs it, or fail it."""
-    said = f"{peer} is not here: {how_to_get}"
+    reported = f"{peer} is not here: {how_to_get}"
     if peer in os.environ.get(VARIABLE, "").split():
-        pytest.fail(f"{said} ({VARIABLE} names it)")
-    pytest.skip(said, allow_module_level=True)
+        pytest.fail(f"{reported} ({VARIABLE} names it)")
+    pytest.skip(reported, allow_module_level=True)
 
 
 def peer_module(peer: str, module: str) -> ModuleType:

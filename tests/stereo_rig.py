@@ -62,6 +62,8 @@ def aim(geometry: StationGeometry, point: NDArray[np.float64]) -> tuple[float, f
         if projection is None:
             return pan, tilt
         error = projection.pixel - geometry.lens.principal_point_px
+        if np.abs(error).max() < 1e-6:
+            break
         step = np.linalg.solve(projection.jacobian[:, 3:], error)
         pan, tilt = pan - step[0], tilt - step[1]
     return float(pan), float(tilt)

@@ -66,46 +66,46 @@ def test_all_that_was_installed_is_required_of_the_tests(machine: Machine) -> No
 def test_a_registry_that_is_briefly_away(machine: Machine) -> None:
     machine.fails("apt-get install", 2)
     machine.fails("make peers", 3)
-    code, called, said = machine.run()
+    code, called, reported = machine.run()
     assert code == 0
     assert called.count("make peers") == 4
     assert [c for c in called if c.startswith("sleep")] == ["sleep 5", "sleep 5", "sleep 20", "sleep 60"]
     assert called[-1].split()[1:] == ALL.split()[1:]
-    assert "ci: failed: make peers; again in 5 s" in said
+    assert "ci: failed: make peers; again in 5 s" in reported
 
 
 @pytest.mark.parametrize("command", ["apt-get install", "make peers"])
 def test_a_registry_that_stays_away_fails_the_run(machine: Machine, command: str) -> None:
     machine.fails(command, 99)
-    code, called, said = machine.run()
+    code, called, reported = machine.run()
     assert code == 1
     assert "make test" not in called
-    assert "could not be installed in four tries, and CI=true insists on it: is the registry away?" in said
+    assert "could not be installed in four tries, and CI=true insists on it: is the registry away?" in reported
 
 
 def test_what_cannot_be_installed_here_is_not_required(machine: Machine) -> None:
     machine.fails("apt-get install", 1)
     machine.fails("apt-cache show", 1)
-    code, called, said = machine.run()
+    code, called, reported = machine.run()
     assert code == 0
     assert called[-1].split() == ["peers:" + ALL.split()[1], *ALL.split()[2:]]
-    assert "this system has no package of it" in said
+    assert "this system has no package of it" in reported
     machine.program("id", "#!/bin/sh\necho 1000\n")
     (machine.folder / "log").unlink()
-    code, called, said = machine.run()
+    code, called, reported = machine.run()
     assert code == 0
     assert not any(c.startswith("apt") for c in called)
-    assert "no apt-get here, or not root" in said
+    assert "no apt-get here, or not root" in reported
 
 
 def test_a_developer_is_told_and_goes_on(machine: Machine) -> None:
     machine.fails("apt-get install", 99)
     machine.fails("make peers", 99)
-    code, called, said = machine.run(ci="")
+    code, called, reported = machine.run(ci="")
     assert code == 0
     assert called[-2:] == ["make test", "peers:"]
     assert not any(c.startswith("sleep") for c in called)
-    assert said.count("could not be installed; the tests that need it will say so") == 4
+    assert reported.count("could not be installed; the tests that need it will say so") == 4
 
 
 def test_a_required_peer_that_is_absent_fails_its_test(monkeypatch: pytest.MonkeyPatch) -> None:

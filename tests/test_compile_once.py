@@ -50,6 +50,6 @@ def test_two_processes_compile_a_kernel_once(tmp_path: Path) -> None:
         assert process.stdin is not None
         process.stdin.write("go\n")
         process.stdin.flush()
-    said = [process.communicate(timeout=120)[0].split() for process in both]
+    reported = [process.communicate(timeout=120)[0].split() for process in both]
     assert [process.returncode for process in both] == [0, 0]
-    assert sorted(name for names in said for name in names) == ["inner", "outer"]
+    assert sorted(name for names in reported for name in names) == ["inner", "outer"]

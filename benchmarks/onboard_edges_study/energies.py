@@ -27,7 +27,7 @@ def compare_energies(sequence: Sequence, frames: list[NoseFrame]) -> dict[tuple[
             if min(start[2] - start[0], start[3] - start[1]) < 3.0:
                 continue
             widths = np.repeat(band_px(frame, rows)[None, :], 2, axis=0)
-            across = across_direction(line_map(frame.said, KAPPA))
+            across = across_direction(line_map(frame.reported, KAPPA))
             for name, energy, along in (
                 ("variant, bands across", Energy.SPATIALLY_VARIANT, across),
                 ("variant, normals", Energy.SPATIALLY_VARIANT, None),
@@ -50,8 +50,8 @@ def prediction(sequence: Sequence, frames: list[NoseFrame]) -> dict[str, Array]:
     found: dict[str, list[float]] = {"3-D, IMU": [], "3-D, pictures": [], "2-D, constant velocity": [], "2-D, held": []}
     held, wanted = (crossings, rows), crossings
     # the IMU's lasting errors are known from the tracked second before: what is compared is what comes after
-    turn = frames[start].said.threshold_from_camera.T @ frames[start].truth.threshold_from_camera
-    shift = frames[start].truth.camera_threshold_m - frames[start].said.camera_threshold_m
+    turn = frames[start].reported.threshold_from_camera.T @ frames[start].truth.threshold_from_camera
+    shift = frames[start].truth.camera_threshold_m - frames[start].reported.camera_threshold_m
     for k, frame in enumerate(frames):
         there = truth(sequence, frame.truth)
         # where the runway is not seen, what was last seen of it is compared
@@ -64,8 +64,8 @@ def prediction(sequence: Sequence, frames: list[NoseFrame]) -> dict[str, Array]:
         if k < start:
             continue
         imu = NoseCameraPose(
-            threshold_from_camera=frame.said.threshold_from_camera @ turn,
-            camera_threshold_m=frame.said.camera_threshold_m + shift,
+            threshold_from_camera=frame.reported.threshold_from_camera @ turn,
+            camera_threshold_m=frame.reported.camera_threshold_m + shift,
         )
         seen = odometry.step(frame.image)
         for name, crossings in (

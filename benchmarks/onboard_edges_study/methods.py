@@ -53,7 +53,7 @@ def tracked(config: TrackerConfig, reports: list[EdgeReport] | None = None) -> S
     tracker = EdgeTracker(KAPPA, SIZE, config)
 
     def step(frame: NoseFrame) -> tuple[Array, Array] | None:
-        report = tracker.step(frame.image, frame.said)
+        report = tracker.step(frame.image, frame.reported)
         edges = report.edges
         if reports is not None:
             reports.append(report)
@@ -74,7 +74,7 @@ def graph_cut(frame: NoseFrame) -> tuple[Array, Array] | None:
     rows = rows_said(frame)
     if rows is None:
         return None
-    e, lines = line_map(frame.said, KAPPA), np.array([1.0, 0.0, -10.0, 10.0])
+    e, lines = line_map(frame.reported, KAPPA), np.array([1.0, 0.0, -10.0, 10.0])
     guess, outer = project_lines(lines, e, rows)[0], project_lines(shifted(lines, 4.0), e, rows)[0]
     found = graph_cut_edges(frame.image, rows, guess, band_widths(guess, outer, rows, 2.5))
     return None if found is None else (found, rows)

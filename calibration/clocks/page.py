@@ -25,7 +25,7 @@ _SHOWN_S = 6.0
 _STYLE: dict[Any, Any] = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
 _MOTION = (
     "Dots: how fast the head turns by the pictures, each between two frames. Grey: by the readings as they are "
-    "stamped, with what the rig said before. Blue: the same readings {later:+.1f} ms later, as found. "
+    "stamped, with the delay that the rig stated. Blue: the same readings {later:+.1f} ms later, as found. "
     "The quickest {shown:.0f} s."
 )
 _LEFT = (

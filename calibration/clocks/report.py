@@ -39,7 +39,7 @@ def _station(found: TimingCalibration, name: str, fit: TimingFit) -> list[str]:
     windows = float(np.median(motion.sigma_rad))
     focal = float(found.session.rig[name].lens.focal_px[0])
     lines = [
-        f"station {name}, by pictures: its PTU's readings are {_ms(_difference(fit))} later than the rig said;"
+        f"station {name}, by pictures: its PTU's readings are {_ms(_difference(fit))} later than the rig states;"
         f" ptu_clock offset now {1e3 * found.rig[name].ptu_clock.offset_s:.2f} ms",
         f"  {int(fit.kept.sum())} of {motion.frames} pairs of frames; {motion.plain} without texture all over,"
         f" {motion.torn} whose windows do not agree, {int((~fit.kept).sum())} that do not fit or lack readings around",
@@ -61,7 +61,9 @@ def _flight(found: TimingCalibration) -> list[str]:
     for name in found.session.rig.names:
         difference = found.flight_ptu(name)
         if difference is not None:
-            lines.append(f"station {name}, by the flight: PTU against camera {_ms(difference)} later than the rig said")
+            lines.append(
+                f"station {name}, by the flight: PTU against camera {_ms(difference)} later than the rig states"
+            )
     return lines
 
 

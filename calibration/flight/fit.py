@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.flight.path_parts import PathPart, path_parts
 from calibration.flight.paths import PathResiduals
-from calibration.flight.problem import FlightProblem, Predicted
+from calibration.flight.problem import FlightProblem, PixelPredictions
 from calibration.robust_fit import (
     OUTLIER_SIGMA,
     FitProblem,
@@ -202,7 +202,9 @@ def with_antenna_of(problem: FlightProblem, change: FloatArray) -> FlightProblem
     return replace(problem, track=problem.track.pointed(problem.antenna_m(change)))
 
 
-def _station_fit(problem: FlightProblem, name: str, predicted: Predicted, *, without_outliers: bool) -> StationFit:
+def _station_fit(
+    problem: FlightProblem, name: str, predicted: PixelPredictions, *, without_outliers: bool
+) -> StationFit:
     """Return how one station's observations fit at a prediction."""
     looks, usable = problem.looks[name], predicted.usable
     off = predicted.pixel_px - looks.pixel_px

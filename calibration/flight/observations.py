@@ -214,7 +214,7 @@ def _curves(t_s: FloatArray, angles_rad: FloatArray) -> tuple[AngleCurve, ...]:
         return ()
     step = np.diff(t_s)
     stretches = np.split(np.arange(len(t_s)), np.flatnonzero(step > SynchroniseConfig().max_gap_s) + 1)
-    # a device that sends two readings at once has said nothing of the time between them
+    # a device that sends two readings at once holds no information on the time between them
     apart = np.concatenate([[True], step > _AT_ONCE * np.median(step)])
     stretches = [k[apart[k]] for k in stretches]
     return tuple(

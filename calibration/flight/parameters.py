@@ -87,15 +87,15 @@ def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
         if part not in station.known:
             chosen.update({f"{group}.{axis}": np.inf for axis in AXES})
         elif part in words:
-            chosen.update({f"{group}.{axis}": _said(station, f"{group}.{axis}", sigma) for axis in AXES})
+            chosen.update({f"{group}.{axis}": _reported(station, f"{group}.{axis}", sigma) for axis in AXES})
     if "boresight" in words:
         for axis in AXES:
-            chosen[f"head_from_camera.{axis}"] = _said(station, f"head_from_camera.{axis}", KNOWN_ROTATION_RAD)
+            chosen[f"head_from_camera.{axis}"] = _reported(station, f"head_from_camera.{axis}", KNOWN_ROTATION_RAD)
     if "lens" in words:
         lens = [(f"focal.{axis}", KNOWN_FOCAL_SHARE * float(station.lens.focal_px[0])) for axis in "xy"]
         lens += [(f"principal_point.{axis}", KNOWN_PRINCIPAL_POINT_PX) for axis in "xy"]
         lens += [(f"distortion.{name}", KNOWN_DISTORTION) for name in ("k1", "k2")]
-        chosen.update({name: _said(station, name, sigma) for name, sigma in lens})
+        chosen.update({name: _reported(station, name, sigma) for name, sigma in lens})
     clocks = {"camera_clock": station.camera_clock or ClockModel()}
     if not station.fixed:
         clocks["ptu_clock"] = station.ptu_clock
@@ -110,7 +110,7 @@ def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
     return chosen
 
 
-def _said(station: Station, parameter: str, otherwise: float) -> float:
+def _reported(station: Station, parameter: str, otherwise: float) -> float:
     """Return the sigma that the rig gives a parameter, if any."""
     if parameter in station.covariance_parameters:
         place = station.covariance_parameters.index(parameter)

@@ -17,7 +17,7 @@ from scipy.sparse import block_diag, csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
 from calibration.flight.path_parts import MILLI, PathPart, path_parts
-from calibration.flight.problem import AngleCurve, FlightProblem, Predicted
+from calibration.flight.problem import AngleCurve, FlightProblem, PixelPredictions
 from calibration.flight.windowed_inverse import WindowedInverse
 from calibration.robust_fit import FitProblem, Linearisation, whitening_of
 from groundstation.arrays import FloatArray, MaskArray
@@ -33,7 +33,7 @@ _BAND_WORTH = 30
 class _Linear:
     """Pixels at one point: predictions, whitened residuals (2n,), derivatives by coefficients (2n, K) and change."""
 
-    predicted: dict[str, Predicted]
+    predicted: dict[str, PixelPredictions]
     residual: FloatArray
     by_path: csr_matrix
     by_change: FloatArray
@@ -248,7 +248,9 @@ class PathResiduals:
             by_change=np.concatenate(by_change),
         )
 
-    def _by_part(self, part: PathPart, name: str, seen: Predicted, kept: MaskArray, white: FloatArray) -> csr_matrix:
+    def _by_part(
+        self, part: PathPart, name: str, seen: PixelPredictions, kept: MaskArray, white: FloatArray
+    ) -> csr_matrix:
         """Return the derivatives (2n, d · K) of a station's whitened pixels by one path's coefficients."""
         axes = part.samples.shape[1]
         if part.station is None:

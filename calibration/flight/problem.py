@@ -116,7 +116,7 @@ class AnglesAtObservations:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Predicted:
+class PixelPredictions:
     """Pixels as predicted for one station's n looks, and what p parameters do to them.
 
     ``pixel_px`` (n, 2); ``jacobian`` (n, 2, p); ``covariance_px2`` (n, 2, 2) of pixel, angle and reference;
@@ -226,7 +226,7 @@ class FlightProblem:
         t = self.looks[station].t_s
         return float(0.5 * (t[0] + t[-1])) if len(t) else 0.0
 
-    def predict(self, station: str, change: FloatArray) -> Predicted:
+    def predict(self, station: str, change: FloatArray) -> PixelPredictions:
         """Predict one station's pixels with a change (p,) of the parameters."""
         looks, rig = self.looks[station], self.stations[station]
         from_middle = looks.t_s - self.middle_s(station)
@@ -264,7 +264,7 @@ class FlightProblem:
         jacobian[~usable] = 0.0
         own, shared = self._pixel_covariances(station, angles, by_angle, by_point * track.sigma_m[:, None, :])
         own[~usable], shared[~usable] = np.eye(2), np.eye(2)
-        return Predicted(
+        return PixelPredictions(
             pixel_px=pixel,
             jacobian=jacobian,
             covariance_px2=shared,

@@ -39,7 +39,7 @@ class Rejection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Left:
+class _ExclusionTrial:
     """One try: what is left out, its names, how well the rest fits, and whether nothing gross remains."""
 
     looks: MaskArray
@@ -148,11 +148,11 @@ def _parts(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> I
 
 def _try(
     problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, landmark: int, looks: MaskArray, whole: bool
-) -> _Left:
+) -> _ExclusionTrial:
     rest = kept & ~looks
     solved = solve_kept(problem, unknowns, rest, robust=False)
     left = linearised(problem, solved, rest)
-    return _Left(
+    return _ExclusionTrial(
         looks=looks,
         landmark=landmark,
         whole=whole,
@@ -161,7 +161,7 @@ def _try(
     )
 
 
-def _off(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, left: _Left) -> float:
+def _off(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, left: _ExclusionTrial) -> float:
     """Return by how many sigmas of one sighting and of its own coordinates a landmark misses, by what is left."""
     solved = solve_kept(problem, unknowns, kept & ~left.looks, robust=False)
     seen = problem.evaluate(solved)

@@ -22,14 +22,14 @@ class CalibratedLens:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reduced:
+class ReducedLens:
     """A lens ``calibrated`` without k3, and how far at most a pixel of the image moves by it, ``worst_px``."""
 
     calibrated: CalibratedLens
     worst_px: float
 
 
-def without_k3(calibrated: CalibratedLens) -> Reduced:
+def without_k3(calibrated: CalibratedLens) -> ReducedLens:
     """Put k3's part into k1 and k2, as well as that goes over the image (least squares); focal and centre stay."""
     lens = calibrated.lens
     w, h = lens.image_size_px
@@ -48,7 +48,7 @@ def without_k3(calibrated: CalibratedLens) -> Reduced:
     )
     moved = np.abs(k3 * (r**7 - share[0] * r**3 - share[1] * r**5))
     covariance = turn @ calibrated.covariance @ turn.T
-    return Reduced(
+    return ReducedLens(
         calibrated=CalibratedLens(lens=changed, covariance=covariance),
         worst_px=float(moved.max() * lens.focal_px.max()),
     )

@@ -18,7 +18,7 @@ def format_intrinsics(found: Intrinsics, advice: LensAdvice) -> str:
     lines.append("")
     values = [*lens.focal_px, *lens.principal_point_px, *lens.distortion]
     for name, value, sigma in zip(PARAMETERS, values, found.fit.sigma, strict=True):
-        said = "held at zero" if sigma == 0 else f"± {sigma:.2g}"
-        lines.append(f"  {name:<18} {value:>12.6g} {said}")
+        reported = "held at zero" if sigma == 0 else f"± {sigma:.2g}"
+        lines.append(f"  {name:<18} {value:>12.6g} {reported}")
     lines += ["", *advice.notes, "", advice.verdict, "", "next:", *(f"- {step}" for step in advice.next_steps)]
     return "\n".join(lines)

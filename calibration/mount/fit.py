@@ -41,7 +41,7 @@ class MountFitError(GroundstationError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rejected:
+class RejectedSighting:
     """A sighting that was left out: where it comes from, and why."""
 
     label: str
@@ -84,7 +84,7 @@ class MountFit:
     joint_names: tuple[str, ...]
     joint_covariance: FloatArray
     kept: MaskArray
-    rejected: tuple[Rejected, ...]
+    rejected: tuple[RejectedSighting, ...]
     residual_px: FloatArray
     noise_factor: float
     held_out: HeldOutStandstills | None
@@ -130,7 +130,9 @@ def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
         joint_names=(*freed.names, *held),
         joint_covariance=joint,
         kept=kept,
-        rejected=tuple(Rejected(label=problem.sightings.label[k], reason=text) for k, text in sorted(reasons.items())),
+        rejected=tuple(
+            RejectedSighting(label=problem.sightings.label[k], reason=text) for k, text in sorted(reasons.items())
+        ),
         residual_px=problem.sightings.pixel_px - sought.pixel_px,
         noise_factor=factor,
         held_out=_held_out(freed, at, kept, factor),

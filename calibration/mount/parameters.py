@@ -54,16 +54,16 @@ def choose_mount(station: Station, marks: Sequence[Mark], words: Sequence[str]) 
     tied = any(mark.kind.known for mark in marks)
     zero = "zero" in words
     if "boresight" in words:
-        chosen.update({name: _said(station, name, rotation) for name in BORESIGHT})
+        chosen.update({name: _reported(station, name, rotation) for name in BORESIGHT})
     if "base" in words and tied:
-        chosen.update({name: _said(station, name, rotation) for name in BASE})
+        chosen.update({name: _reported(station, name, rotation) for name in BASE})
     if zero:
         for name, other in (("pan_zero", BASE[2]), ("tilt_zero", BORESIGHT[0])):
             chosen.pop(other, None)
             if name == "tilt_zero" or tied:
                 chosen[name] = KNOWN_ZERO_RAD
     if "lever" in words:
-        chosen.update({name: _said(station, name, KNOWN_LEVER_M) for name in LEVER})
+        chosen.update({name: _reported(station, name, KNOWN_LEVER_M) for name in LEVER})
     if "lean" in words:
         chosen["lean"] = KNOWN_LEAN_RAD
     if "scale" in words:
@@ -71,7 +71,7 @@ def choose_mount(station: Station, marks: Sequence[Mark], words: Sequence[str]) 
     if "backlash" in words:
         chosen.update({"pan_backlash": KNOWN_BACKLASH_RAD, "tilt_backlash": KNOWN_BACKLASH_RAD})
     if any(mark.kind is MarkKind.POINT for mark in marks):
-        uncertain = {name: _said(station, name, 0.0) for name in POSITION}
+        uncertain = {name: _reported(station, name, 0.0) for name in POSITION}
         chosen.update({name: sigma for name, sigma in uncertain.items() if sigma > 0.0})
     for mark in marks:
         chosen.update(_of_mark(mark))
@@ -90,7 +90,7 @@ def _of_mark(mark: Mark) -> dict[str, float]:
     return chosen
 
 
-def _said(station: Station, parameter: str, otherwise: float) -> float:
+def _reported(station: Station, parameter: str, otherwise: float) -> float:
     """Return the sigma that the rig gives a parameter, if any."""
     if parameter in station.covariance_parameters:
         place = station.covariance_parameters.index(parameter)

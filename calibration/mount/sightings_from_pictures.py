@@ -35,7 +35,7 @@ _RIVAL = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Listed:
+class _ListedPicture:
     file: str
     station: str
     reading_deg: tuple[float, float]
@@ -61,7 +61,7 @@ def sightings_of_pictures(
     """
     listed = _read_table(folder, rig)
     finder = CornerFinder(board) if board is not None else None
-    rows: dict[str, list[tuple[_Listed, FloatArray, FloatArray]]] = {}
+    rows: dict[str, list[tuple[_ListedPicture, FloatArray, FloatArray]]] = {}
     without = []
     for number, item in enumerate(listed):
         progress(number + 1)
@@ -96,7 +96,7 @@ def sightings_of_pictures(
     )
 
 
-def _sightings(rows: Sequence[tuple[_Listed, FloatArray, FloatArray]], sigma_px: float) -> MountSightings:
+def _sightings(rows: Sequence[tuple[_ListedPicture, FloatArray, FloatArray]], sigma_px: float) -> MountSightings:
     counts = [len(pixel) for _, _, pixel in rows]
     total = sum(counts)
     return MountSightings(
@@ -142,7 +142,7 @@ def find_lamp(grey: ImageArray) -> FloatArray | str:
     return np.array([float((weight * u).sum()), float((weight * v).sum())]) / weight.sum()
 
 
-def _grey(folder: Path, item: _Listed, rig: Rig) -> ImageArray:
+def _grey(folder: Path, item: _ListedPicture, rig: Rig) -> ImageArray:
     decoded = read_image(folder / item.file)
     where = f"{folder.name}/{item.file}"
     if not isinstance(decoded, np.ndarray):
@@ -154,12 +154,12 @@ def _grey(folder: Path, item: _Listed, rig: Rig) -> ImageArray:
     return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
-def _read_table(folder: Path, rig: Rig) -> list[_Listed]:
+def _read_table(folder: Path, rig: Rig) -> list[_ListedPicture]:
     if not folder.is_dir():
         raise InputError(str(folder), got="no such folder", wanted="a folder of pictures with pictures.csv")
     table = CsvTable(folder / "pictures.csv", PICTURE_COLUMNS)
-    listed: list[_Listed] = []
-    last: dict[str, _Listed] = {}
+    listed: list[_ListedPicture] = []
+    last: dict[str, _ListedPicture] = {}
     for row in table:
         if len(listed) == MAX_PICTURES:
             raise table.fault(row.line, got="one more row", wanted=f"at most {MAX_PICTURES} pictures")
@@ -171,7 +171,7 @@ def _read_table(folder: Path, rig: Rig) -> list[_Listed]:
     return listed
 
 
-def _item(table: CsvTable, row: Row, rig: Rig, last: dict[str, _Listed]) -> _Listed:
+def _item(table: CsvTable, row: Row, rig: Rig, last: dict[str, _ListedPicture]) -> _ListedPicture:
     file, station = row.text["file"].strip(), row.text["station"].strip()
     if not file or Path(file).is_absolute() or ".." in Path(file).parts:
         raise table.fault(row.line, got=f"file = {quoted(file)}", wanted="a picture inside the folder")
@@ -184,10 +184,10 @@ def _item(table: CsvTable, row: Row, rig: Rig, last: dict[str, _Listed]) -> _Lis
     before = last.get(station)
     senses = []
     for axis, column in enumerate(("pan_from", "tilt_from")):
-        said = table.optional_number(row, column) if column in table.columns else None
-        if said is not None and said not in (1.0, -1.0):
-            raise table.fault(row.line, got=f"{column} = {said:g}", wanted="1 or -1, or an empty cell")
+        reported = table.optional_number(row, column) if column in table.columns else None
+        if reported is not None and reported not in (1.0, -1.0):
+            raise table.fault(row.line, got=f"{column} = {reported:g}", wanted="1 or -1, or an empty cell")
         step = 0.0 if before is None else reading[axis] - before.reading_deg[axis]
         moved = int(np.sign(step)) if abs(step) >= STANDING_DEG else (0 if before is None else before.sense[axis])
-        senses.append(int(said) if said is not None else moved)
-    return _Listed(file=file, station=station, reading_deg=reading, sense=(senses[0], senses[1]), line=row.line)
+        senses.append(int(reported) if reported is not None else moved)
+    return _ListedPicture(file=file, station=station, reading_deg=reading, sense=(senses[0], senses[1]), line=row.line)

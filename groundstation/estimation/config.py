@@ -42,6 +42,13 @@ class CalibrationUse(StrEnum):
     ESTIMATE = "estimate"  # always learnt, from the assumed motion, too
 
 
+class FilterImplementation(StrEnum):
+    """Which program predicts, updates and smooths; the models are the same."""
+
+    COMPILED = "compiled"  # this project's kernels
+    FILTERPY = "filterpy"  # filterpy's classes, much slower: the reference that the kernels are compared with
+
+
 class Predictor(StrEnum):
     """Which curve places the region of interest."""
 
@@ -57,6 +64,7 @@ class EstimationConfig:
 
     Attributes
     ----------
+    implementation : of the filter's arithmetic: compiled, or filterpy's plain classes, for replay.
     acceleration_psd_m2_s3 : (x, y, z) power spectral density of the aircraft's white acceleration in steady flight.
     manoeuvre_psd_m2_s3 : the same in flare, braking and brake release; equal to the first, there is but one way of
         flying.
@@ -84,7 +92,7 @@ class EstimationConfig:
     lost_after_s : and at the latest after so long without any accepted pixel.
     coast_after_s : where time passes and no pair is answered for so long, the track coasts; in operation at least two
         and a half periods of the cameras.
-    confirm_after_s, confirm_fixes : after so long without any accepted pixel, tracking is said at so many fixes.
+    confirm_after_s, confirm_fixes : after so long without any accepted pixel, the status is tracking at so many fixes.
     search_again_s : without a fix for so long, the whole frames are searched again next to the prediction.
     proof_fixes, proof_s : a target found by searching needs so many fixes within so long, or it is dropped.
     settled_velocity_sigma_m_s : and is reported once its velocity is known so well in every direction.
@@ -100,6 +108,7 @@ class EstimationConfig:
     late_max_entries : for that, so many readings, frames and decisions are kept at most.
     """
 
+    implementation: FilterImplementation = FilterImplementation.COMPILED
     acceleration_psd_m2_s3: tuple[float, float, float] = state_model.STEADY_PSD_M2_S3
     manoeuvre_psd_m2_s3: tuple[float, float, float] = state_model.MANOEUVRE_PSD_M2_S3
     steady_s: float = state_model.STEADY_S

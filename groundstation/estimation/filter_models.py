@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.consider_parameters import ConsiderPolicy
+from groundstation.estimation.implementation import filter_arithmetic
 from groundstation.estimation.linearisation import PixelLinearisation
 from groundstation.estimation.motion import MotionModel, MotionModes
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.state_model import StateLayout, state_layout
 from groundstation.estimation.target_start import TargetStarter
-from groundstation.estimation.updates.encoder_update import EncoderUpdate
 from groundstation.estimation.updates.miss_update import MissUpdate
 from groundstation.estimation.updates.pixel_model import PixelModel
 from groundstation.estimation.updates.pixel_update import PixelUpdate
@@ -36,6 +36,7 @@ class FilterModels:
         config: EstimationConfig,
         prior: ParameterPrior,
     ) -> None:
+        self.arithmetic = filter_arithmetic(config.implementation)
         prior.require_stations(tuple(stations))
         correlated = tuple(stations) if config.detection_lasting_share > 0.0 else ()
         self.layout: StateLayout = state_layout(turning, prior.names, correlated)
@@ -50,7 +51,7 @@ class FilterModels:
         steady = self.motion.steady
         self.start = TargetStarter(self.layout, prior, linearisation, self.motion.manoeuvre)
         self.pixel = PixelUpdate(self.layout, config, stations, linearisation, steady)
-        self.encoder = {name: EncoderUpdate(self.layout, name, config) for name in turning}
+        self.encoder = {name: self.arithmetic.encoder(self.layout, name, config) for name in turning}
         self.reference = ReferencePositionUpdate(self.layout, config, steady)
         self.width = WidthUpdate(self.layout, stations, config, prior)
         self.miss = MissUpdate(stations, self.pixels)

@@ -11,7 +11,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.clock_monitor import ClockMonitor
 from groundstation.estimation.ekf_snapshot import EkfBookkeeping, EkfSnapshot
 from groundstation.estimation.filter_models import FilterModels
-from groundstation.estimation.imm import ImmFilter, ImmState
+from groundstation.estimation.imm import ImmState
 from groundstation.estimation.journal import FilterJournal, JournalRecord
 from groundstation.estimation.kalman_kernels import BoolArray
 from groundstation.estimation.parameters import ParameterPrior, time_places
@@ -35,7 +35,7 @@ class FilterState:
         self.models, self.journal = models, journal
         self.time_s: float | None = None
         layout = models.layout
-        self.imm = ImmFilter(layout.size, models.motion.stay_s)
+        self.imm = models.arithmetic.imm(layout.size, models.motion.stay_s)
         self.imm.set_states(layout.constant, np.zeros(len(prior.names)), prior.covariance)
         clocks = {name: time_places(layout.parameters, name) for name in layout.angles}
         self.book = EkfBookkeeping(clock_monitor=ClockMonitor.of(clocks))

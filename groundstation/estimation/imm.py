@@ -21,7 +21,8 @@ from groundstation.estimation.kalman_kernels import (
     log_likelihood,
 )
 
-_LEAST_WEIGHT = 1e-6
+# a mode that is given up could not come back
+LEAST_WEIGHT = 1e-6
 
 
 class ImmState(NamedTuple):
@@ -70,13 +71,11 @@ class ImmFilter:
 
     def __init__(self, size: int, stay_s: Sequence[float]) -> None:
         self._size = size
-        self._stay_s = np.asarray(stay_s, dtype=np.float64)
-        modes = len(self._stay_s)
-        self._stationary_weights = self._stay_s / self._stay_s.sum()
+        self.stay_s = np.asarray(stay_s, dtype=np.float64)
+        modes = len(self.stay_s)
+        self._stationary_weights = self.stay_s / self.stay_s.sum()
         # replaced with each step, never written to: snapshots refer to it
-        self.state = ImmState.mixed(
-            np.zeros((modes, size)), np.zeros((modes, size, size)), self._stationary_weights.copy()
-        )
+        self.state = self.mixed(np.zeros((modes, size)), np.zeros((modes, size, size)), self._stationary_weights.copy())
 
     @property
     def x(self) -> FloatArray:
@@ -93,9 +92,13 @@ class ImmFilter:
         """The probabilities (r,) of the modes."""
         return self.state.weights
 
+    def mixed(self, states: FloatArray, covariances: FloatArray, weights: FloatArray) -> ImmState:
+        """Return the state of given modes: states (r, n), covariances (r, n, n), weights (r,)."""
+        return ImmState.mixed(states, covariances, weights)
+
     def reset_modes(self) -> None:
         """Reset the weights to the stationary mode probabilities, for a new target."""
-        self.state = ImmState.mixed(self.state.states, self.state.covariances, self._stationary_weights.copy())
+        self.state = self.mixed(self.state.states, self.state.covariances, self._stationary_weights.copy())
 
     def set_states(self, part: slice, values: FloatArray, covariance: FloatArray) -> None:
         """Set some states (k,) and their covariance (k, k), uncorrelated with the rest."""
@@ -104,7 +107,7 @@ class ImmFilter:
         covariances[:, part, :] = 0.0
         covariances[:, :, part] = 0.0
         covariances[:, part, part] = covariance
-        self.state = ImmState.mixed(states, covariances, self.weights)
+        self.state = self.mixed(states, covariances, self.weights)
 
     def correlate(self, part: slice, source: slice, sensitivity: FloatArray) -> None:
         """Correlate uncorrelated states (k,) with others (m,) by ``sensitivity`` (k, m)."""
@@ -114,19 +117,19 @@ class ImmFilter:
             P[part, part] += common @ sensitivity.T
             P[part, source] = common
             P[source, part] = common.T
-        self.state = ImmState.mixed(self.state.states, covariances, self.weights)
+        self.state = self.mixed(self.state.states, covariances, self.weights)
 
     def inflate(self, part: slice, variances: FloatArray) -> None:
         """Add to the variances (k,) of some states."""
         covariances = self.state.covariances.copy()
         diagonal = np.arange(part.start, part.stop)
         covariances[:, diagonal, diagonal] += variances
-        self.state = ImmState.mixed(self.state.states, covariances, self.weights)
+        self.state = self.mixed(self.state.states, covariances, self.weights)
 
     def predict(self, F: FloatArray, noises: FloatArray | Sequence[FloatArray], dt_s: float) -> None:
         """Predict every mode with ``F`` (n, n) and its own process noise (r, n, n) over ``dt_s`` seconds."""
-        predicted = ImmState.empty(len(self._stay_s), self._size)
-        _predict(tuple(self.state), self._stay_s, F, np.asarray(noises), dt_s, tuple(predicted))
+        predicted = ImmState.empty(len(self.stay_s), self._size)
+        _predict(tuple(self.state), self.stay_s, F, np.asarray(noises), dt_s, tuple(predicted))
         self.state = predicted
 
     def correct(
@@ -136,7 +139,7 @@ class ImmFilter:
 
         ``share`` scales the gain; states that are not ``estimated`` (n,) are considered only.
         """
-        corrected = ImmState.empty(len(self._stay_s), self._size)
+        corrected = ImmState.empty(len(self.stay_s), self._size)
         _correct(tuple(self.state), tuple(measurement), estimated, share, updates_weights, tuple(corrected))
         self.state = corrected
 
@@ -156,11 +159,11 @@ class ImmFilter:
             states[k] += K @ shift
             moved = P + K @ (covariance - S) @ K.T
             covariances[k] = 0.5 * (moved + moved.T)
-        self.state = ImmState.mixed(states, covariances, self.weights)
+        self.state = self.mixed(states, covariances, self.weights)
 
     def weights_after(self, dt_s: float) -> FloatArray:
         """Return the mode weights (r,) after a prediction over ``dt_s`` ≥ 0."""
-        return _joint(self.weights, self._stay_s, dt_s).sum(axis=0)
+        return _joint(self.weights, self.stay_s, dt_s).sum(axis=0)
 
 
 @njit(cache=True)
@@ -251,6 +254,6 @@ def correct_modes(
     after = corrected.weights
     after[:] = state.weights
     if updates_weights:
-        after[:] = np.maximum(state.weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
+        after[:] = np.maximum(state.weights * np.exp(logs - logs.max()), LEAST_WEIGHT)
         after /= after.sum()
     _moments(corrected.states, corrected.covariances, after, corrected.mean, corrected.covariance)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from groundstation.arrays import FloatArray
 from groundstation.estimation.smoother_history import (
     MotionOver,
+    SmoothAcross,
     SmootherHistory,
     TrackEnd,
     Transition,
@@ -57,10 +58,12 @@ class FilterJournal:
     """Records of one filter.
 
     ``measurements`` are its operations since the list was emptied, accepted or not; `LateMeasurementBuffer` takes them
-    and adds the PTU readings. ``history`` are the transitions while there was a target.
+    and adds the PTU readings. ``history`` are the transitions while there was a target; ``smooth_across`` is the
+    step of the smoother over one of them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, smooth_across: SmoothAcross = smooth_across) -> None:
+        self.smooth_across = smooth_across
         self.history = SmootherHistory()
         self.measurements: list[object] = []
 
@@ -114,6 +117,6 @@ class FilterJournal:
             if isinstance(record, TrackEnd):
                 return None
             if record.t_s <= t_s < record.next_s:
-                return smooth_within(record, t_s, x, P, motion_over)
-            x, P = smooth_across(record, x, P)
+                return smooth_within(record, t_s, x, P, motion_over, self.smooth_across)
+            x, P = self.smooth_across(record, x, P)
         return None

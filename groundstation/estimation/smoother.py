@@ -25,6 +25,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.smoother_history import (
     MotionOver,
     Record,
+    SmoothAcross,
     TrackEnd,
     Transition,
     smooth_across,
@@ -46,10 +47,17 @@ class Smoother:
     motion_over : (dt in s, mode weights) → F, Q, as `StationEkf.motion_over`.
     found : receives each result: time in s, mean (n,), covariance (n, n); not called for times without a target.
     max_bytes : maximum size of the buffered records.
+    across : backward step over a transition.
     """
 
-    def __init__(self, motion_over: MotionOver, found: SmoothedCallback, max_bytes: float = 2.5e8) -> None:
-        self._motion_over = motion_over
+    def __init__(
+        self,
+        motion_over: MotionOver,
+        found: SmoothedCallback,
+        max_bytes: float = 2.5e8,
+        across: SmoothAcross = smooth_across,
+    ) -> None:
+        self._motion_over, self._across = motion_over, across
         self._found = found
         self._max_bytes = max_bytes
         self._held: deque[Transition] = deque()
@@ -83,8 +91,8 @@ class Smoother:
                 self._found(wanted, x, P)
         for step in reversed(steps):
             for wanted in self._pop_requested(step.t_s, min(step.next_s, until_s)):
-                self._found(wanted, *smooth_within(step, wanted, x, P, self._motion_over))
-            x, P = smooth_across(step, x, P)
+                self._found(wanted, *smooth_within(step, wanted, x, P, self._motion_over, self._across))
+            x, P = self._across(step, x, P)
         for _ in range(count):
             self._held.popleft()
         # before the first step there was no target

@@ -18,7 +18,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 
 # added to the diagonal of a correlation matrix, which keeps it positive definite for exactly known states
-_RELATIVE_FLOOR = 1e-13
+RELATIVE_FLOOR = 1e-13
 
 
 # five per epoch: not frozen, since frozen ones take twice as long to create
@@ -51,6 +51,7 @@ class TrackEnd:
 
 Record = Transition | TrackEnd
 MotionOver = Callable[[float, FloatArray], tuple[FloatArray, FloatArray]]
+SmoothAcross = Callable[[Transition, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 class SmootherHistory:
@@ -101,9 +102,17 @@ def smooth_across(step: Transition, x_later: FloatArray, P_later: FloatArray) ->
 
 
 def smooth_within(
-    step: Transition, t_s: float, x_later: FloatArray, P_later: FloatArray, motion_over: MotionOver
+    step: Transition,
+    t_s: float,
+    x_later: FloatArray,
+    P_later: FloatArray,
+    motion_over: MotionOver,
+    across: SmoothAcross = smooth_across,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return smoothed mean and covariance at a time inside a prediction, given those after it."""
+    """Return smoothed mean and covariance at a time inside a prediction, given those after it.
+
+    ``across`` is the backward step over a transition.
+    """
     F, Q = motion_over(t_s - step.t_s, step.weights)
     x, P = F @ step.x, F @ step.P @ F.T + Q
     rest, _ = motion_over(step.next_s - t_s, step.weights)
@@ -117,7 +126,7 @@ def smooth_within(
         P_next=step.P_next,
         weights=step.weights,
     )
-    return smooth_across(part, x_later, P_later)
+    return across(part, x_later, P_later)
 
 
 def _gain(P: FloatArray, F: FloatArray, P_next: FloatArray) -> FloatArray:
@@ -127,6 +136,6 @@ def _gain(P: FloatArray, F: FloatArray, P_next: FloatArray) -> FloatArray:
     inverse = np.where(sigma > 0.0, 1.0 / np.maximum(sigma, 1e-150), 0.0)
     correlation = P_next * np.outer(inverse, inverse)
     diagonal = np.arange(len(sigma))
-    correlation[diagonal, diagonal] = 1.0 + _RELATIVE_FLOOR
+    correlation[diagonal, diagonal] = 1.0 + RELATIVE_FLOOR
     scaled = np.linalg.solve(correlation, (P @ F.T * inverse).T).T
     return np.asarray(scaled * inverse)

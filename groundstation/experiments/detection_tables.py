@@ -135,9 +135,11 @@ def method_table(methods: Mapping[str, Sequence[DetectorOutcome]], paper: Mappin
             median: list[Cell] = [float(np.median([1e3 * o.elapsed_s for o in outcomes]))]
             shares: list[Cell] = [_share(o.found for o in outcomes), _share(o.wrong for o in outcomes)]
             times = _times_ms(outcomes, lambda o: o.segment_s)
-            said = paper.get(name, "–") if phase == "all" else ""
+            reported = paper.get(name, "–") if phase == "all" else ""
             place = _rms(_errors(outcomes))
-            rows.append([phase, name, len(outcomes), *times, *median, *shares, *place, *worst, *centre, *quality, said])
+            rows.append(
+                [phase, name, len(outcomes), *times, *median, *shares, *place, *worst, *centre, *quality, reported]
+            )
     return ResultTable(
         name="methods",
         title="Chan-Vese against the snakes (paper: figures 7 to 9 and table 2)",

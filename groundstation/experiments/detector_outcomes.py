@@ -15,8 +15,9 @@ from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import Detector
 from groundstation.detection.roi import place_roi
 from groundstation.detection.segmentation import Float32Array
-from groundstation.experiments.truth_scenes import TrueSilhouette, TruthScene
+from groundstation.experiments.truth_scenes import TruthScene
 from groundstation.messages import Detection, Frame, Miss
+from groundstation.sources.true_silhouettes import TrueSilhouette
 from groundstation.tracking.camera_tracker import silhouette_mask
 
 FOUND = "found"

@@ -82,8 +82,8 @@ def trajectories(recorded: TruthSession) -> Findings:
             if len(e):
                 rms = [float(v) for v in np.sqrt((e**2).mean(axis=0))]
             middle: list[Cell] = [float(v) for v in np.median(np.abs(e), axis=0)] if len(e) else [None] * 3
-            said = _SAID[name] if phase == "all" else ""
-            rows.append([phase, name, len(e), *rms, *middle, said])
+            reported = _SAID[name] if phase == "all" else ""
+            rows.append([phase, name, len(e), *rms, *middle, reported])
     table = ResultTable(
         name="trajectories",
         title="Figure 8: one triangulation of three detectors' points",

@@ -125,7 +125,7 @@ def _tracker(config: TrackerConfig) -> Step:
     tracker = EdgeTracker(KAPPA, NOSE_LENS.image_size_px, config)
 
     def step(frame: NoseFrame) -> Found:
-        found = tracker.step(frame.image, frame.said).edges
+        found = tracker.step(frame.image, frame.reported).edges
         return None if found is None else (found.crossings_px, found.rows_px)
 
     return step
@@ -133,7 +133,7 @@ def _tracker(config: TrackerConfig) -> Step:
 
 def rows_said(frame: NoseFrame) -> FloatArray | None:
     """Return the rows (2,) of the search band by the sensors' pose; None where no edge is expected."""
-    rows = band_rows(frame.said, KAPPA, NOSE_LENS.image_size_px, GUESS)
+    rows = band_rows(frame.reported, KAPPA, NOSE_LENS.image_size_px, GUESS)
     return None if isinstance(rows, NoBand) else rows
 
 
@@ -233,11 +233,11 @@ def _predicted(sequence: Sequence, count: int, before: int) -> dict[str, FloatAr
     """Return the root mean square error (count − before,) of each model; poses are enough, no picture is rendered."""
     renderer = Renderer(replace(sequence, approach=replace(sequence.approach, frames=count)))
     truths = [renderer.pose(k) for k in range(count)]
-    said = [renderer.pose(k, renderer.said) for k in range(count)]
+    reported = [renderer.pose(k, renderer.reported) for k in range(count)]
     field = sequence.airfield
     lines = np.array([1.0, 0.0, -0.5 * field.width_m, 0.5 * field.width_m])
-    turn = said[before].threshold_from_camera.T @ truths[before].threshold_from_camera
-    shift = truths[before].camera_threshold_m - said[before].camera_threshold_m
+    turn = reported[before].threshold_from_camera.T @ truths[before].threshold_from_camera
+    shift = truths[before].camera_threshold_m - reported[before].camera_threshold_m
     wanted, rows = true_edges(sequence, truths[0])
     flat, held = picture_state(wanted, rows, 240.0, np.array([100.0, 1.0])), (wanted, rows)
     found: dict[str, list[float]] = {_THREE: [], _TWO: [], _HELD: []}
@@ -251,8 +251,8 @@ def _predicted(sequence: Sequence, count: int, before: int) -> dict[str, FloatAr
         if k < before:
             continue
         imu = NoseCameraPose(
-            threshold_from_camera=said[k].threshold_from_camera @ turn,
-            camera_threshold_m=said[k].camera_threshold_m + shift,
+            threshold_from_camera=reported[k].threshold_from_camera @ turn,
+            camera_threshold_m=reported[k].camera_threshold_m + shift,
         )
         for name, crossings in (
             (_THREE, project_lines(lines, line_map(imu, KAPPA), rows)[0]),

@@ -103,7 +103,7 @@ def from_last(sequence: Sequence, first: NoseCameraPose, energy: Energy, *, acro
             return None
         start = crossings_at(last, rows, now)
         widths = np.repeat(band_px(frame, now)[None, :], 2, axis=0)
-        along = across_direction(line_map(frame.said, KAPPA)) if across else None
+        along = across_direction(line_map(frame.reported, KAPPA)) if across else None
         last, rows = descend(frame.image, start, now, widths, config, along).crossings_px, now
         return last, rows
 
@@ -113,7 +113,7 @@ def from_last(sequence: Sequence, first: NoseCameraPose, energy: Energy, *, acro
 def band_px(frame: NoseFrame, rows: FloatArray) -> FloatArray:
     """Return how wide a band is at both rows (2,), along the row, by what the sensors say."""
     half = 0.5 * GUESS.width_m
-    e, lines = line_map(frame.said, KAPPA), np.array([1.0, 0.0, -half, half])
+    e, lines = line_map(frame.reported, KAPPA), np.array([1.0, 0.0, -half, half])
     inner, outer = project_lines(lines, e, rows)[0], project_lines(shifted(lines, _BAND_M), e, rows)[0]
     return np.maximum(np.abs(outer - inner)[:2], _LEAST_BAND_PX)
 
@@ -222,17 +222,19 @@ def order_words(every: list[EnergyApproach], variant: str) -> str:
     """Return whether the order of the paper's table 1 comes out with one form of the variant energy, and by what."""
     own, flat, lines = (_rms([one.errors[name] for one in every]) for name in (variant, FLAT, HOUGH))
     kept = own < flat < lines
-    said = f"Spatially {variant}: {own:.1f} px, non-variant {flat:.1f}, Hough and Canny {lines:.1f}: the order of the "
-    said += "paper's table 1 " + ("comes out" if kept else "does not come out")
+    reported = (
+        f"Spatially {variant}: {own:.1f} px, non-variant {flat:.1f}, Hough and Canny {lines:.1f}: the order of the "
+    )
+    reported += "paper's table 1 " + ("comes out" if kept else "does not come out")
     for_it = sum(_rms([one.errors[variant]]) < _rms([one.errors[FLAT]]) for one in every)
-    said += f"; against non-variant it is the better one in {for_it} of {len(every)} approaches."
+    reported += f"; against non-variant it is the better one in {for_it} of {len(every)} approaches."
     gone = deciding(every, variant, FLAT)
     if 0 < len(gone) < len(every):
         rest = [one for one in every if one not in gone]
         a, b = (_rms([one.errors[name] for one in rest]) for name in (variant, FLAT))
         named = ", ".join(f"{one.name} ({_rms([one.errors[FLAT]]):.1f} px non-variant)" for one in gone)
-        said += f" What decides between these two is {named}: without, it would be {a:.1f} against {b:.1f} px."
-    return said
+        reported += f" What decides between these two is {named}: without, it would be {a:.1f} against {b:.1f} px."
+    return reported
 
 
 def _draw(every: list[EnergyApproach], path: Path) -> None:

@@ -60,8 +60,8 @@ def follow(flight: NoseFlight, pictures: list[ImageArray], config: ApproachConfi
             navigator.process_imu(motion.samples[fed])
             fed += 1
         roll, pitch, yaw = (float(angle) for angle in attitude[sample])
-        said = nose_pose(place[sample], Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw), _MOUNT)
-        report = navigator.update(float(motion.t_s[sample]), picture, said)
+        reported = nose_pose(place[sample], Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw), _MOUNT)
+        report = navigator.update(float(motion.t_s[sample]), picture, reported)
         outcomes[report.outcome] = outcomes.get(report.outcome, 0) + 1
         if report.fix is not None:
             rows.append(_compared(flight, sample, report))

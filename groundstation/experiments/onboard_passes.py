@@ -15,12 +15,12 @@ from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.experiments.truth_session import TruthSession
 from groundstation.onboard.pose.inertial_filter import ATTITUDE, POSITION, VELOCITY
 from groundstation.onboard.pose.simulated_approach import default_setup
-from groundstation.onboard.pose.simulated_passes import Passes, fly_passes
+from groundstation.onboard.pose.simulated_passes import RacetrackPattern, fly_passes
 
 _SEED, _FLIGHTS = 43, 4
 # of a shorter part of the recording, one flight of two short rounds: enough to try it
 _MANY_BEYOND_S = 15.0
-_SHORT = Passes(count=2, from_m=700.0, leg_m=600.0, turn_rad_s=0.4, high_m=50.0)
+_SHORT = RacetrackPattern(count=2, from_m=700.0, leg_m=600.0, turn_rad_s=0.4, high_m=50.0)
 # seen again after a round, the first pictures still bring the state back
 _BACK_S = 1.0
 _Span = tuple[float, float]
@@ -29,7 +29,7 @@ _Span = tuple[float, float]
 def passes(recorded: TruthSession) -> Findings:
     """Each pass with its pictures, errors, steps and innovations, and the drift since the pass before."""
     whole = recorded.at_most_s(_MANY_BEYOND_S) == _MANY_BEYOND_S
-    course, flights = (Passes(), _FLIGHTS) if whole else (_SHORT, 1)
+    course, flights = (RacetrackPattern(), _FLIGHTS) if whole else (_SHORT, 1)
     setup = default_setup(0.5)
     done = []
     for k in range(flights):

@@ -95,7 +95,7 @@ def segmentation(recorded: TruthSession) -> Findings:
 def _look(sequence: Sequence, count: int) -> _LightResult:
     frames = rendered(sequence, count)
     tracker = EdgeTracker(KAPPA, NOSE_LENS.image_size_px, paper_config(GUESS))
-    steps = [tracker.step(frame.image, frame.said).edges for frame in frames]
+    steps = [tracker.step(frame.image, frame.reported).edges for frame in frames]
     carried = {name: _carried(sequence, frames, name) for name in _ENERGIES}
     return _LightResult(sequence=sequence, frames=frames, carried=carried, steps=steps)
 
@@ -103,7 +103,7 @@ def _look(sequence: Sequence, count: int) -> _LightResult:
 def _widths(sequence: Sequence, frame: NoseFrame, guess_px: FloatArray, rows_px: FloatArray) -> FloatArray:
     """Return the bands' widths (2, 2) about a guess, px, by the sensors' pose."""
     half = 0.5 * sequence.airfield.width_m
-    lines, e = np.array([1.0, 0.0, -half, half]), line_map(frame.said, KAPPA)
+    lines, e = np.array([1.0, 0.0, -half, half]), line_map(frame.reported, KAPPA)
     inner = project_lines(lines, e, rows_px)[0]
     outer = project_lines(shifted(lines, _BAND_M), e, rows_px)[0]
     return band_widths(guess_px, guess_px + outer - inner, rows_px, _LEAST_BAND_PX)

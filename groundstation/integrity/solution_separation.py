@@ -61,7 +61,7 @@ class ResidualStack(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Separation:
+class SeparationTest:
     """Result of a window: T with its degrees of freedom, the constant error b̂ (2,), and the number of epochs."""
 
     statistic: float
@@ -122,14 +122,14 @@ class StationWindow:
             self._parts = np.concatenate([self._parts, np.empty_like(self._parts)])
         return self._parts[count]
 
-    def separation(self) -> Separation:
+    def separation(self) -> SeparationTest:
         """Return the leave-one-out test of the window."""
         n = len(self._epochs)
         if n == 0:
-            return Separation(statistic=0.0, dof=1, bias_px=np.zeros(2), epochs=0)
+            return SeparationTest(statistic=0.0, dof=1, bias_px=np.zeros(2), epochs=0)
         bias = np.empty(2)
         statistic, dof = window_statistic(self._parts, n, bias)
-        return Separation(statistic=statistic, dof=max(dof, 1), bias_px=bias, epochs=n)
+        return SeparationTest(statistic=statistic, dof=max(dof, 1), bias_px=bias, epochs=n)
 
     def add_innovation(self, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
         """Add an innovation of the filter, accepted or not."""

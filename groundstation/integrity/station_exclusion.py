@@ -24,7 +24,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.integrity.solution_separation import PixelResidual, ResidualStack, Separation, StationWindow
+from groundstation.integrity.solution_separation import PixelResidual, ResidualStack, SeparationTest, StationWindow
 
 # jumps within one epoch are simultaneous
 _TOGETHER_S = 0.02
@@ -139,12 +139,12 @@ class IntegrityMonitor:
             return found
         return self._detect_fault(t_s, [s.station for s, is_used in zip(residuals, used, strict=True) if is_used])
 
-    def separation(self, station: str) -> Separation:
+    def separation(self, station: str) -> SeparationTest:
         """Return the leave-one-out test of one station over its window."""
         return self._windows[station].separation()
 
     # ------------------------------------------------------------------------------------------ inside
-    def _alarms(self, names: Sequence[str]) -> dict[str, Separation]:
+    def _alarms(self, names: Sequence[str]) -> dict[str, SeparationTest]:
         """Return the stations whose separation exceeds the detection limit."""
         out = {}
         for name in names:
@@ -210,7 +210,7 @@ class IntegrityMonitor:
         text += " which of them is off cannot be told, all are trusted less"
         return [VerdictChange(stations=tuple(alarms), verdict=StationVerdict.DOUBTED, text=text)]
 
-    def _identify_faulty(self, alarms: Mapping[str, Separation]) -> str | None:
+    def _identify_faulty(self, alarms: Mapping[str, SeparationTest]) -> str | None:
         """Return the faulty station, or None if it is not identifiable."""
         order = sorted(alarms, key=lambda name: alarms[name].statistic, reverse=True)
         if len(order) == 1:

@@ -12,7 +12,7 @@ _END_S = 0.5
 _GOOD = (CameraEventKind.OPENED, CameraEventKind.REOPENED)
 
 
-def said(event: CameraEvent, session_from_host_s: float) -> DeviceLogLine:
+def reported(event: CameraEvent, session_from_host_s: float) -> DeviceLogLine:
     """Return what a camera has to say, for the operator."""
     level = "info" if event.kind in _GOOD else "warning"
     return DeviceLogLine(t_s=event.t_s + session_from_host_s, level=level, text=f"{event.camera}: camera {event.text}")

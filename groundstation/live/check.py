@@ -102,12 +102,12 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, r
     if counts.incomplete:
         text += f"; {counts.incomplete} incomplete of {counts.frames + counts.incomplete}: cable, packet size?"
         return failed(text)
-    said = (
+    reported = (
         "host time only: its stamps are as good as the bus"
         if clock is None
         else f"clock ± {1e3 * clock.sigma_s:.2f} ms"
     )
-    return passed(f"{text}, {said}")
+    return passed(f"{text}, {reported}")
 
 
 def _head(name: str, head: HeadDevice, seconds: float, *, move: bool) -> Iterator[CheckResult]:

@@ -47,11 +47,11 @@ def check_reference(device: ReferenceDevice, origin: GeoOrigin, seconds: float) 
             line.close()
     except GroundstationError as fault:
         return failed(f"DGPS: {fault}")
-    said = _said(found, refused, heard, stream, clock, seconds)
-    return CheckResult(good=said.good, text=said.text + strangers)
+    reported = _reported(found, refused, heard, stream, clock, seconds)
+    return CheckResult(good=reported.good, text=reported.text + strangers)
 
 
-def _said(
+def _reported(
     found: list[tuple[LogFix, DgpsFix, float]],
     refused: list[str],
     heard: int,

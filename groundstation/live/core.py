@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.live.frame_pairing import Pairing
+from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.input_queue import DeviceLogLine, Item, TimedPicture
 from groundstation.messages import (
     Event,
@@ -80,7 +80,7 @@ class LiveCore:
     """
 
     def __init__(
-        self, pipeline: Pipeline, pairing: Pairing, heads: Mapping[str, HeadPilot], pattern: SearchPattern
+        self, pipeline: Pipeline, pairing: FramePairer, heads: Mapping[str, HeadPilot], pattern: SearchPattern
     ) -> None:
         self.pipeline = pipeline
         self.status = TrackStatus.SEARCHING

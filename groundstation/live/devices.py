@@ -9,10 +9,10 @@ from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile
 from groundstation.rig.rig import Rig
 from groundstation.sources.cameras.camera import (
-    CameraCare,
     CameraError,
     CameraEvent,
     CameraSettings,
+    CameraSupervision,
     CameraTiming,
     Clock,
 )
@@ -51,20 +51,20 @@ def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: flo
     if settings.rate_hz is None and settings.trigger is None and not station.camera.startswith("file:"):
         settings = dataclasses.replace(settings, rate_hz=rate_hz)
     timing = _part(CameraTiming, station.camera_settings, where)
-    care = _part(CameraCare, station.camera_settings, where)
+    care = _part(CameraSupervision, station.camera_settings, where)
     try:
         return open_camera(
             station.camera, settings, clock=clock, on_event=tell, timing=timing, care=care, name=station.name
         )
     except CameraError as fault:
-        said = str(fault).removeprefix("camera: ")
-        raise DeviceError(f"{station.name} camera: {said}") from fault
+        reported = str(fault).removeprefix("camera: ")
+        raise DeviceError(f"{station.name} camera: {reported}") from fault
 
 
 def _part(kind: type[T], values: Mapping[str, Any], where: str) -> T:
     """Return those settings that one record holds; a key that none of them has is an error."""
     own = {f.name for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    known = {f.name for k in (CameraSettings, CameraTiming, CameraCare) for f in dataclasses.fields(k)}
+    known = {f.name for k in (CameraSettings, CameraTiming, CameraSupervision) for f in dataclasses.fields(k)}
     for key in values:
         if key not in known:
             raise ConfigError(f"{where}: {key}", got="an unknown key", wanted="one of " + ", ".join(sorted(known)))

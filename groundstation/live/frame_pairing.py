@@ -24,7 +24,7 @@ class _Open:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Paired:
+class PairedFrame:
     """The number of a frame's pair, and the pairs that are closed now: some before the frame, some by it."""
 
     epoch: int
@@ -32,7 +32,7 @@ class Paired:
     closed_after: tuple[Epoch, ...]
 
 
-class Pairing:
+class FramePairer:
     """Gives each frame the number of its pair.
 
     Parameters
@@ -54,7 +54,7 @@ class Pairing:
         pair = self._open
         return pair is not None and station not in pair.stamps and abs(t_s - pair.first_s) <= 0.5 * self._period_s
 
-    def frame(self, station: str, t_s: float) -> Paired:
+    def frame(self, station: str, t_s: float) -> PairedFrame:
         """Place a frame of ``station``, exposed at ``t_s``."""
         before: list[Epoch] = []
         pair = self._open
@@ -66,7 +66,7 @@ class Pairing:
         self._newest[station] = max(self._newest.get(station, t_s), t_s)
         self._began_s = min(self._began_s, t_s)
         whole = all(name in pair.stamps for name in self._cameras if self._delivers(name, t_s))
-        return Paired(
+        return PairedFrame(
             epoch=pair.number, closed_before=tuple(before), closed_after=tuple(self._close()) if whole else ()
         )
 
@@ -100,7 +100,7 @@ class LoadShedder:
     most : so many frames may wait when a new pair is begun.
     """
 
-    def __init__(self, pairing: Pairing, period_s: float, most: int) -> None:
+    def __init__(self, pairing: FramePairer, period_s: float, most: int) -> None:
         self.pairs = 0
         self._pairing = pairing
         self._period_s = period_s

@@ -20,21 +20,21 @@ _ASLEEP = frozenset("SD")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Activity:
+class ProcessActivity:
     """A process as the system sees it: the letter of its main thread's state, and the processor time of all, ticks."""
 
     state: str
     ticks: int
 
 
-def activity(pid: int) -> Activity:
+def activity(pid: int) -> ProcessActivity:
     """Return what a process does; without a letter where the system does not tell."""
     try:
         # the name in brackets may contain anything
         fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
-        return Activity(state=fields[0], ticks=int(fields[11]) + int(fields[12]))
+        return ProcessActivity(state=fields[0], ticks=int(fields[11]) + int(fields[12]))
     except (OSError, ValueError, IndexError):
-        return Activity(state="", ticks=0)
+        return ProcessActivity(state="", ticks=0)
 
 
 class HangDetector:
@@ -45,13 +45,13 @@ class HangDetector:
     look : what a process does, by its number.
     """
 
-    def __init__(self, look: Callable[[int], Activity] = activity) -> None:
+    def __init__(self, look: Callable[[int], ProcessActivity] = activity) -> None:
         self._look = look
         self._pid = 0
         self._ticks: int | None = None
 
     def hangs(self, pid: int, silent_s: float) -> bool:
-        """Return whether a process that has said nothing for ``silent_s`` is to be killed."""
+        """Return whether a process that has given no sign for ``silent_s`` is to be killed."""
         if silent_s <= LEASE_S or pid != self._pid:
             self._pid, self._ticks = pid, None
         if silent_s <= LEASE_S:

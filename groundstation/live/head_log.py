@@ -108,6 +108,6 @@ class HeadLog:
 
 
 def not_halted(report: GuardReport | None) -> str:
-    """Return what is to be said of a head of which no halt was acknowledged."""
+    """Return the message on a head that acknowledged no halt."""
     why = "the motion guard gave no answer" if report is None else report.why
     return f"no halt was acknowledged ({why}): the head may still turn"

@@ -270,7 +270,7 @@ class HeadManager:
         if hangs if self._phase is ProcessPhase.RUNNING else silent_s > _OPEN_S:
             # SIGTERM would wait for the thread that hangs
             child.kill()
-            self._on_process_lost(f"said nothing for {silent_s:.1f} s and was killed", now_s)
+            self._on_process_lost(f"gave no sign for {silent_s:.1f} s and was killed", now_s)
 
     def _on_process_lost(self, why: str, now_s: float) -> None:
         """Request a halt of every head after the process is lost."""

@@ -88,7 +88,7 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, leases: MotionL
         for worker in workers.values():
             stack.callback(worker.request_stop)
         stack.enter_context(short_gil_switch_interval())
-        # on the way out nothing is said any more: so long ahead at once
+        # the process sends no sign of life while it ends: announced ahead for so long
         stack.callback(lambda: leases.set_driver_heartbeat(time.monotonic() + _LEAVE_S))
         with contextlib.suppress(MemoryError):
             lost = _serve(pipe, workers, pipe_sink, leases)

@@ -94,7 +94,7 @@ class HeadWorker:
     Parameters
     ----------
     unit : opened and probed; its clock is the one that ``session_from_unit_s`` is added to.
-    input_queue : takes readings and what is to be said.
+    input_queue : takes readings and messages.
     period_s : asked no more often than that.
     clock : the unit's.
     """

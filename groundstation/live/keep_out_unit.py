@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.pointing.keep_out import KeepOut, Zones, rates_are_clear
+from groundstation.pointing.keep_out import ClosedZones, KeepOut, rates_are_clear
 from ptu_drivers.errors import PtuError
 from ptu_drivers.health import Health
 from ptu_drivers.interface import PanTiltUnit
@@ -151,8 +151,8 @@ class KeepOutUnit(PanTiltUnit):
                     self.refused += 1
                     if self._moves():
                         self._halt()
-                    said = f"rates of {_deg(wanted[0])}/s, {_deg(wanted[1])}/s"
-                    raise KeepOutError(_refusal(zones, here, said))
+                    reported = f"rates of {_deg(wanted[0])}/s, {_deg(wanted[1])}/s"
+                    raise KeepOutError(_refusal(zones, here, reported))
             self._unit.move_at(pan_rad_s=pan_rad_s, tilt_rad_s=tilt_rad_s)
             self._supersede()
             self._rates = wanted
@@ -189,7 +189,7 @@ class KeepOutUnit(PanTiltUnit):
             zones, angles = self._zones(), _pair(self._readings[-1][1])
             return f"the lens is inside {zones.words(angles)}" if zones.at(angles) < 0.0 else ""
 
-    def _zones(self) -> Zones:
+    def _zones(self) -> ClosedZones:
         return self._keep_out.zones(self._clock())
 
     def _note(self, reading: Reading) -> None:
@@ -202,7 +202,7 @@ class KeepOutUnit(PanTiltUnit):
     def _age_s(self) -> float:
         return max(self._clock() - self._readings[-1][0], 0.0) if self._readings else np.inf
 
-    def _here(self, zones: Zones) -> FloatArray:
+    def _here(self, zones: ClosedZones) -> FloatArray:
         """Return the newest angles (2,), asked for where they are old. Raises `KeepOutError` without any."""
         if self._age_s() > _FRESH_S:
             got = self._unit.read()
@@ -268,7 +268,7 @@ class KeepOutUnit(PanTiltUnit):
             if self.report is not None:
                 self.report(f"halted before {zones.words(_pair(here))}")
 
-    def _still_clear(self, zones: Zones, here: FloatArray, target: FloatArray) -> bool:
+    def _still_clear(self, zones: ClosedZones, here: FloatArray, target: FloatArray) -> bool:
         """Return whether the rest of the way to a position is clear now; the Sun moves on meanwhile."""
         about = self._unit.describe()
         near = _THERE_QUANTA * np.array([about.pan.quantum_rad, about.tilt.quantum_rad])
@@ -316,7 +316,7 @@ def _deg(angle_rad: float) -> str:
     return f"{np.degrees(angle_rad):.1f}°"
 
 
-def _refusal(zones: Zones, here: FloatArray, what: str) -> str:
+def _refusal(zones: ClosedZones, here: FloatArray, what: str) -> str:
     other_way = " (one axis after the other may find a way)" if "move" in what else ""
     at = f"pan {_deg(here[0])}, tilt {_deg(here[1])}"
     return f"got {what} from {at}; wanted a way clear of {zones.words(_pair(here))}{other_way}"

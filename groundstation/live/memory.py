@@ -21,5 +21,5 @@ def configure_allocator() -> bool:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):
         return False
-    # said once, a threshold is no longer learnt
+    # reported once, a threshold is no longer learnt
     return all([mallopt(_M_MMAP_THRESHOLD, _PICTURE_BYTES), mallopt(_M_ARENA_MAX, _ARENAS)])

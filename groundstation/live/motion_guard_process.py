@@ -100,7 +100,7 @@ class GuardProcess:
             self._hang_detector.hangs(self._child.pid, silent_s) if beat_s else now_s - self._begun_s > _START_S
         ):
             self._child.kill()
-            why = f"said nothing for {silent_s:.1f} s and was killed"
+            why = f"gave no sign for {silent_s:.1f} s and was killed"
         if why:
             self._child = None
             self._due_s = self._delay.lost(now_s)

@@ -5,14 +5,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
 
-from groundstation.live.camera_worker import said
+from groundstation.live.camera_worker import reported
 from groundstation.live.devices import camera_of
 from groundstation.live.head_device import DeviceError
 from groundstation.live.operation import Operation
 from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile
 from groundstation.live.station_simulator import StationSimulator
-from groundstation.sources.cameras.camera import CameraCare, CameraError, CameraEvent, CameraTiming, StampPoint
+from groundstation.sources.cameras.camera import CameraError, CameraEvent, CameraSupervision, CameraTiming, StampPoint
 from groundstation.sources.cameras.live_camera import LiveCamera
 
 # of the time for shutdown, what a camera's driver gets
@@ -26,7 +26,7 @@ def opened_cameras(
     """Open all cameras, in the end asking all to stop before one is waited for. Raises `DeviceError`: one fails."""
 
     def tell(event: CameraEvent) -> None:
-        operation.input_queue.put(said(event, -operation.start_s))
+        operation.input_queue.put(reported(event, -operation.start_s))
 
     with ExitStack() as stack:
         cameras: dict[str, LiveCamera] = {}
@@ -36,7 +36,7 @@ def opened_cameras(
             else:
                 timing = CameraTiming(stamp=StampPoint.MIDDLE, transfer_s=simulated.delivery_s)
                 connect = partial(simulated.connect, station.name)
-                camera = LiveCamera(station.name, connect, timing, CameraCare(), time.monotonic, tell)
+                camera = LiveCamera(station.name, connect, timing, CameraSupervision(), time.monotonic, tell)
             try:
                 cameras[station.name] = stack.enter_context(camera)
             except CameraError as fault:

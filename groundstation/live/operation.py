@@ -14,7 +14,7 @@ from groundstation.estimation.parameters import ParameterPrior
 from groundstation.live.camera_status import clock_status, lost_frames
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.core import LiveCore, LiveStep
-from groundstation.live.frame_pairing import LoadShedder, Pairing
+from groundstation.live.frame_pairing import FramePairer, LoadShedder
 from groundstation.live.head_log import HeadState
 from groundstation.live.head_manager import HeadManager
 from groundstation.live.input_queue import DeviceLogLine, InputQueue, Item, TimedPicture
@@ -292,7 +292,7 @@ class Operation:
             for n, h in heads.states.items()
         }
         period_s = 1.0 / self._file.rate_hz
-        pairing = Pairing(self._rig.names, period_s)
+        pairing = FramePairer(self._rig.names, period_s)
         self._load_shedder = LoadShedder(pairing, period_s, most=len(self._rig.names) + 1)
         return LiveCore(self._pipeline(), pairing, pilots, SearchPattern(geometries, self._file.search))
 

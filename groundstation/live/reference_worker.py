@@ -1,6 +1,6 @@
 """The reference receiver in a thread of its own: sentences in, positions into the input queue and into a table.
 
-A line that is gone is opened again, over and over; that no position comes is said once, and that one comes again.
+A line that is gone is opened again and again. That positions stop, and that they come again, is reported once each.
 """
 
 import math
@@ -44,7 +44,7 @@ class ReferenceWorker:
     Parameters
     ----------
     place : puts a position into the runway frame and onto the session's clock.
-    input_queue : takes the positions for the filter, if it is to learn, and what is to be said.
+    input_queue : takes the positions for the filter, if it is to learn, and messages.
     table : takes all of them, None for nowhere.
     start_s : the session's time zero on ``clock``.
     clock, utc : the host's, monotonic and Unix time.

@@ -18,7 +18,7 @@ _WORDS = {
     TrackStatus.COASTING: "coasting: predicted, not seen by two cameras",
     TrackStatus.LOST: "lost: searching where it must be",
 }
-# a newest pair so old is said to be, and of a state so old that it is not known how it is now
+# the age beyond which a newest pair is reported, and the age beyond which a state counts as unknown
 _OLD_S, _STALE_S = 0.5, 1.0
 # a receiver that has given no position for so long is gone
 GONE_S = 2.0
@@ -28,7 +28,7 @@ _BIN_S, _BINS = 0.00025, 8000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceState:
-    """How a device does: how often it delivers, Hz, how old its newest is, s, and what else is to be said of it."""
+    """How a device does: how often it delivers, Hz, how old its newest is, s, and further notes on it."""
 
     name: str
     rate_hz: float
@@ -130,7 +130,7 @@ class StatusBoard:
     def status(
         self, now_s: float, track: TrackStatus, devices: tuple[DeviceState, ...], dropped: Mapping[str, int], also: str
     ) -> LiveStatus:
-        """Return what is to be said now; ``also`` is what the recorder says."""
+        """Return the lines to show now; ``also`` are those of the recorder."""
         while self._latencies and self._latencies[0][0] < now_s - OVER_S:
             self._latencies.popleft()
         recent = [delay for _, delay in self._latencies]
@@ -154,7 +154,7 @@ class StatusBoard:
         )
 
     def _track(self, now_s: float, track: TrackStatus) -> str:
-        """Return how the track is at ``now_s``: what is not known to be so now is not said as if it were."""
+        """Return how the track is at ``now_s``: a state that is too old is shown as unknown."""
         newest, pair_s = self._newest, self._pair_s
         if newest is not None and newest.t_s < 0.0:
             # before the session's time zero: the pipeline's state at its start, not an answer

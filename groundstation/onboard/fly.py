@@ -93,8 +93,8 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
         )
     ground = None
     if request.ground is not None:
-        said = request.ground
-        ground = read_ground_track(said.path, np.array(said.threshold_m), said.sigma_m)
+        reported = request.ground
+        ground = read_ground_track(reported.path, np.array(reported.threshold_m), reported.sigma_m)
     video = VideoFile(request.video)
     refuse_other_times(request.imu, (samples[0].t_s, samples[-1].t_s), video)
     if ground is not None and request.ground is not None:

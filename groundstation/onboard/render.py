@@ -58,9 +58,9 @@ def render_flight(
     flight = drawn_flight(scene, seed, frames, motion)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        said = navigation_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
-        files[1].write_text(camera_file(flight, *said), encoding="utf-8")
-        _write(files[2], _LOG_COLUMNS, _log_rows(flight, *said))
+        reported = navigation_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
+        files[1].write_text(camera_file(flight, *reported), encoding="utf-8")
+        _write(files[2], _LOG_COLUMNS, _log_rows(flight, *reported))
         _write(files[3], TRUTH_COLUMNS, _truth_rows(flight))
     except OSError as fault:
         raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
@@ -77,7 +77,7 @@ def render_flight(
 
 
 def camera_file(flight: NoseFlight, attitude_rad: FloatArray, place_m: FloatArray) -> str:
-    """Return the camera file's text; it starts where the navigation said (n, 3), (n, 3) that the first picture was."""
+    """Return the camera file's text, which starts at the navigation's attitude (n, 3) and place (n, 3) then."""
     lens, field, first = flight.setup.lens, flight.sequence.airfield, flight.frames[0]
     x, y, z = place_m[first]
     roll, pitch, yaw = np.degrees(attitude_rad[first])

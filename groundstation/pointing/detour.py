@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from groundstation.arrays import FloatArray
-from groundstation.pointing.keep_out import Zones
+from groundstation.pointing.keep_out import ClosedZones
 
 _STEP_RAD = math.radians(3.0)
 _ALONG_RAD = math.radians(0.5)
@@ -31,7 +31,7 @@ class Detour:
     reaches: bool
 
 
-class Wayfinder:
+class DetourPlanner:
     """Finds the ways of one head.
 
     Parameters
@@ -50,7 +50,7 @@ class Wayfinder:
         self._nodes = np.stack(np.meshgrid(pan, tilt, indexing="ij"), axis=-1).reshape(-1, 2)
         self._tree: tuple[float, int, FloatArray] | None = None
 
-    def next(self, t_s: float, zones: Zones, here: FloatArray, wanted: FloatArray) -> Detour:
+    def next(self, t_s: float, zones: ClosedZones, here: FloatArray, wanted: FloatArray) -> Detour:
         """Return where to turn at a time from angles (2,), so as to get to others, or as near as one may."""
         goal = self._allowed(zones, wanted, here)
         reaches = bool(np.all(np.abs(goal - wanted) <= _NEAR_RAD))
@@ -63,12 +63,12 @@ class Wayfinder:
             return Detour(angles_rad=start, reaches=False)
         return Detour(angles_rad=self._round(t_s, zones, here, goal), reaches=False)
 
-    def sees(self, zones: Zones, here: FloatArray, there: FloatArray) -> bool:
+    def sees(self, zones: ClosedZones, here: FloatArray, there: FloatArray) -> bool:
         """Return whether the straight way between angles (2,) keeps the margin."""
         count = max(math.ceil(float(np.abs(there - here).max()) / _ALONG_RAD), 1) + 1
         return zones.way_is_clear(here + np.linspace(0.0, 1.0, count)[:, None] * (there - here), self._margin)
 
-    def _allowed(self, zones: Zones, wanted: FloatArray, rather: FloatArray) -> FloatArray:
+    def _allowed(self, zones: ClosedZones, wanted: FloatArray, rather: FloatArray) -> FloatArray:
         """Return the angles nearest to those wanted at which the lens keeps the margin, by steepest ascent.
 
         From the very middle of a zone, where every way out is the same, towards ``rather``.
@@ -86,17 +86,17 @@ class Wayfinder:
             at = np.clip(at + (short + 0.1 * _NEAR_RAD) / size * slope, self._lows, self._highs)
         return self._free_node(zones, wanted)
 
-    def _free(self, zones: Zones) -> FloatArray:
+    def _free(self, zones: ClosedZones) -> FloatArray:
         clear = zones.clearance(self._nodes[:, 0], self._nodes[:, 1])
         return np.asarray(clear >= self._margin + 0.5 * _STEP_RAD)
 
-    def _free_node(self, zones: Zones, near: FloatArray) -> FloatArray:
+    def _free_node(self, zones: ClosedZones, near: FloatArray) -> FloatArray:
         free = np.flatnonzero(self._free(zones))
         if not len(free):
             return near
         return np.asarray(self._nodes[free[np.argmin(np.sum((self._nodes[free] - near) ** 2, axis=1))]])
 
-    def _round(self, t_s: float, zones: Zones, here: FloatArray, goal: FloatArray) -> FloatArray:
+    def _round(self, t_s: float, zones: ClosedZones, here: FloatArray, goal: FloatArray) -> FloatArray:
         """Return the last node of the shortest way that lies in a straight line; ``here`` where there is no way."""
         end = int(np.argmin(np.sum((self._nodes - self._free_node(zones, goal)) ** 2, axis=1)))
         if self._tree is None or self._tree[1] != end or not 0.0 <= t_s - self._tree[0] < _KEPT_S:
@@ -112,7 +112,7 @@ class Wayfinder:
             return np.asarray(self._nodes[node])
         return here
 
-    def _ways_to(self, zones: Zones, end: int) -> FloatArray:
+    def _ways_to(self, zones: ClosedZones, end: int) -> FloatArray:
         """Return for each node the next one on its way to ``end``, negative where there is none."""
         free = self._free(zones)
         number = np.arange(len(self._nodes)).reshape(self._shape)
@@ -129,7 +129,7 @@ class Wayfinder:
         return np.asarray(before)
 
 
-def slope_of(zones: Zones, at: FloatArray) -> FloatArray:
+def slope_of(zones: ClosedZones, at: FloatArray) -> FloatArray:
     """Return the gradient (2,) of the clearance over pan and tilt."""
     pan = at[0] + np.array([1.0, -1.0, 0.0, 0.0]) * _SLOPE_RAD
     tilt = at[1] + np.array([0.0, 0.0, 1.0, -1.0]) * _SLOPE_RAD

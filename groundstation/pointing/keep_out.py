@@ -7,6 +7,7 @@ than its own angle.
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property, reduce
 from itertools import pairwise
 
 import numpy as np
@@ -42,9 +43,12 @@ class Sector:
         return np.asarray(np.where(outside > 0.0, outside, np.maximum(pan, tilt)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LensAxis:
-    """How a head carries its lens: ``base_from_runway`` (3, 3), the optical axis (3,) in the head, the lean, rad."""
+    """How a head carries its lens: ``base_from_runway`` (3, 3), the optical axis (3,) in the head, the lean, rad.
+
+    Without slots, for what is kept once it has been computed.
+    """
 
     base_from_runway: FloatArray
     axis_head: FloatArray
@@ -63,16 +67,22 @@ class LensAxis:
     def angle_to(self, direction_runway: FloatArray, pan_rad: FloatArray, tilt_rad: FloatArray) -> FloatArray:
         """Return the angle between the optical axis and a unit direction (3,), rad, at angles (…) of the head."""
         x, y, z = self.base_from_runway @ direction_runway
-        lean = rotation_y(self.lean_rad)
-        # Rx(tilt) a = (ax, 0, 0) + cos(tilt) (0, ay, az) + sin(tilt) (0, −az, ay)
-        level = lean @ np.array([self.axis_head[0], 0.0, 0.0])
-        forward = lean @ np.array([0.0, self.axis_head[1], self.axis_head[2]])
-        upward = lean @ np.array([0.0, -self.axis_head[2], self.axis_head[1]])
+        level, forward, upward = self._parts
         c, s = np.cos(tilt_rad), np.sin(tilt_rad)
         # the axis in a base that does not pan
         bx, by, bz = (level[k] + c * forward[k] + s * upward[k] for k in range(3))
         along = np.cos(pan_rad) * (x * bx + y * by) + np.sin(pan_rad) * (y * bx - x * by) + z * bz
         return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
+
+    @cached_property
+    def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The optical axis in a base that does not pan: what stays, what goes with the tilt's cosine and its sine."""
+        lean = rotation_y(self.lean_rad)
+        # Rx(tilt) a = (ax, 0, 0) + cos(tilt) (0, ay, az) + sin(tilt) (0, −az, ay)
+        level = lean @ np.array([self.axis_head[0], 0.0, 0.0])
+        forward = lean @ np.array([0.0, self.axis_head[1], self.axis_head[2]])
+        upward = lean @ np.array([0.0, -self.axis_head[2], self.axis_head[1]])
+        return level, forward, upward
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,18 +119,18 @@ class KeepOut:
         """Return the same for a clock that shows zero when this one's shows ``zero_s``."""
         return replace(self, utc_zero_s=self.utc_zero_s + zero_s)
 
-    def zones(self, t_s: float) -> "Zones":
+    def zones(self, t_s: float) -> "ClosedZones":
         """Return what is closed at one time."""
         direction = None
         if self.sun is not None:
             direction = self.sun.sun.direction_runway(self.utc_zero_s + t_s)
             if direction[2] < math.sin(_SUN_SET_RAD):
                 direction = None
-        return Zones(keep_out=self, sun_runway=direction)
+        return ClosedZones(keep_out=self, sun_runway=direction)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Zones:
+class ClosedZones:
     """What is closed to a lens at one time; ``sun_runway`` (3,) is None while the Sun is down or not avoided."""
 
     keep_out: KeepOut
@@ -133,13 +143,13 @@ class Zones:
 
     def clearance(self, pan_rad: FloatArray, tilt_rad: FloatArray) -> FloatArray:
         """Return how far the lens is outside all zones at angles (…), rad; infinite where there are none."""
-        out = np.full(np.broadcast_shapes(np.shape(pan_rad), np.shape(tilt_rad)), np.inf)
+        out = [sector.clearance(pan_rad, tilt_rad) for sector in self.keep_out.sectors]
         if self.sun_runway is not None and self.keep_out.sun is not None:
             off = self.keep_out.lens.angle_to(self.sun_runway, pan_rad, tilt_rad)
-            out = np.minimum(out, off - self.keep_out.sun.angle_rad)
-        for sector in self.keep_out.sectors:
-            out = np.minimum(out, sector.clearance(pan_rad, tilt_rad))
-        return np.asarray(out)
+            out.append(np.asarray(off - self.keep_out.sun.angle_rad))
+        if not out:
+            return np.full(np.broadcast_shapes(np.shape(pan_rad), np.shape(tilt_rad)), np.inf)
+        return np.asarray(reduce(np.minimum, out))
 
     def at(self, angles_rad: tuple[float, float]) -> float:
         """Return how far the lens is outside all zones at (pan, tilt), rad."""
@@ -232,7 +242,7 @@ def coasting_way(
 
 
 def rates_are_clear(
-    zones: Zones,
+    zones: ClosedZones,
     angles_rad: FloatArray,
     rates_rad_s: list[FloatArray],
     hold_s: float,

@@ -9,8 +9,8 @@ import math
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.pointing.detour import Detour, Wayfinder, slope_of
-from groundstation.pointing.keep_out import KeepOut, Zones, rates_are_clear
+from groundstation.pointing.detour import Detour, DetourPlanner, slope_of
+from groundstation.pointing.keep_out import ClosedZones, KeepOut, rates_are_clear
 
 # kept by the plan, and by the rates that it may ask for; the unit's own margin is smaller than both
 PLAN_MARGIN_RAD = math.radians(1.0)
@@ -46,10 +46,10 @@ class KeepOutPilot:
         self._keep_out = keep_out
         self._held_s = lease_s + _LATE_S
         self._brakes = np.where(np.isfinite(brakes_rad_s2), brakes_rad_s2, _UNKNOWN_BRAKES_RAD_S2)
-        self._ways = Wayfinder(lows_rad, highs_rad, PLAN_MARGIN_RAD)
+        self._ways = DetourPlanner(lows_rad, highs_rad, PLAN_MARGIN_RAD)
         self._told = np.zeros(2)
 
-    def zones(self, t_s: float) -> Zones:
+    def zones(self, t_s: float) -> ClosedZones:
         """Return what is closed at a session time."""
         return self._keep_out.zones(t_s)
 

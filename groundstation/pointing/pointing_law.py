@@ -10,6 +10,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice, takewhile
 
 import numpy as np
 
@@ -107,8 +108,11 @@ class AxisPilot:
         if self._reading is None:
             return None
         read_s, angle = self._reading
-        ends = [*(at + latency_s for at, _ in list(self._told)[1:]), t_s]
-        for (at, rate), end in zip(self._told, ends, strict=True):
+        # the rate of the reading's own time and those told since; what was replaced before it adds nothing
+        since = sum(1 for _ in takewhile(lambda told: told[0] + latency_s > read_s, reversed(self._told)))
+        held = list(islice(self._told, max(len(self._told) - 1 - since, 0), None))
+        ends = [*(at + latency_s for at, _ in held[1:]), t_s]
+        for (at, rate), end in zip(held, ends, strict=True):
             angle += rate * max(min(end, t_s) - max(at + latency_s, read_s), 0.0)
         return angle
 

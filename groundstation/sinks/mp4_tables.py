@@ -20,7 +20,7 @@ _HEAD = 8
 _DEEPEST = 10
 
 
-class _UntrueError(Exception):
+class _InconsistentTableError(Exception):
     """What cannot be, in words."""
 
 
@@ -29,7 +29,7 @@ def mp4_fault(path: Path) -> str:
     try:
         for kind, body in _outer(path, (b"moov",)):
             _check(kind, body, path.stat().st_size, 0)
-    except _UntrueError as fault:
+    except _InconsistentTableError as fault:
         return str(fault)
     return ""
 
@@ -44,12 +44,12 @@ def mp4_boxes(body: bytes, holder: bytes) -> Iterator[tuple[bytes, bytes]]:
     """Yield kind and content of the boxes in one of a file without fault; raises `ValueError` where that is not so."""
     try:
         yield from _boxes(body, holder)
-    except _UntrueError as fault:
+    except _InconsistentTableError as fault:
         raise ValueError(str(fault)) from fault
 
 
 def _outer(path: Path, kinds: tuple[bytes, ...]) -> Iterator[tuple[bytes, bytes]]:
-    """Yield kind and content of the file's own boxes of these kinds; raises `_UntrueError`."""
+    """Yield kind and content of the file's own boxes of these kinds; raises `_InconsistentTableError`."""
     file_bytes = path.stat().st_size
     with path.open("rb") as file:
         place = 0
@@ -58,7 +58,7 @@ def _outer(path: Path, kinds: tuple[bytes, ...]) -> Iterator[tuple[bytes, bytes]
             size, kind, long = struct.unpack(">I4sQ", file.read(2 * _HEAD))
             size = {0: file_bytes - place, 1: long}.get(size, size)
             if size < _HEAD or place + size > file_bytes:
-                raise _UntrueError(f"a box of {size} bytes at {place}, in a file of {file_bytes}")
+                raise _InconsistentTableError(f"a box of {size} bytes at {place}, in a file of {file_bytes}")
             if kind in kinds:
                 file.seek(place + _HEAD)
                 yield kind, file.read(size - _HEAD)
@@ -66,10 +66,10 @@ def _outer(path: Path, kinds: tuple[bytes, ...]) -> Iterator[tuple[bytes, bytes]
 
 
 def _check(kind: bytes, body: bytes, file_bytes: int, depth: int) -> None:
-    """Raise `_UntrueError` for a box, or one in it, that cannot be."""
+    """Raise `_InconsistentTableError` for a box, or one in it, that cannot be."""
     if kind in _HOLDERS or kind == b"":
         if depth > _DEEPEST:
-            raise _UntrueError(f"boxes more than {_DEEPEST} deep")
+            raise _InconsistentTableError(f"boxes more than {_DEEPEST} deep")
         # the box of notes has version and flags in front, but not QuickTime's
         skipped = 4 if kind == b"meta" and body[4:8] != b"hdlr" else 0
         for inner, content in _boxes(body[skipped:], kind):
@@ -80,7 +80,7 @@ def _check(kind: bytes, body: bytes, file_bytes: int, depth: int) -> None:
     elif kind == b"stsz" and len(body) >= 12:
         same, count = struct.unpack(">II", body[4:12])
         if count > file_bytes or (not same and 12 + 4 * count > len(body)):
-            raise _UntrueError(f"a table of {count} sample sizes in {len(body)} bytes")
+            raise _InconsistentTableError(f"a table of {count} sample sizes in {len(body)} bytes")
     elif kind in _ENTRY_BYTES and len(body) >= _HEAD:
         _check_table(kind, body, file_bytes)
 
@@ -96,31 +96,31 @@ def _boxes(body: bytes, holder: bytes) -> Iterator[tuple[bytes, bytes]]:
         size, kind = struct.unpack(">I4s", body[place : place + _HEAD])
         if size < _HEAD or place + size > len(body):
             name = holder.decode("latin-1") or "a note"
-            raise _UntrueError(f"a box of {size} bytes in {name!r}, where {len(body) - place} are left")
+            raise _InconsistentTableError(f"a box of {size} bytes in {name!r}, where {len(body) - place} are left")
         yield kind, body[place + _HEAD : place + size]
         place += size
     if place < len(body) and holder not in _MAY_END_EARLY:
-        raise _UntrueError(f"{len(body) - place} bytes after the boxes in {holder.decode('latin-1')!r}")
+        raise _InconsistentTableError(f"{len(body) - place} bytes after the boxes in {holder.decode('latin-1')!r}")
 
 
 def _check_table(kind: bytes, body: bytes, most: int) -> None:
-    """Raise `_UntrueError` for a table larger than its box, or with more samples than the file has bytes."""
+    """Raise `_InconsistentTableError` for a table larger than its box, or with more samples than the file has bytes."""
     (count,) = struct.unpack(">I", body[4:8])
     name, entry = kind.decode(), _ENTRY_BYTES[kind]
     if 8 + entry * count > len(body):
-        raise _UntrueError(f"a table {name} of {count} entries in {len(body)} bytes")
+        raise _InconsistentTableError(f"a table {name} of {count} entries in {len(body)} bytes")
     if kind in (b"stts", b"ctts"):
         samples = int(np.frombuffer(body, ">u4", 2 * count, 8)[::2].sum(dtype=np.uint64))
         if samples > most:
-            raise _UntrueError(f"a table {name} of {samples} samples in {most} bytes")
+            raise _InconsistentTableError(f"a table {name} of {samples} samples in {most} bytes")
     if kind == b"stsc" and count:
         rows = np.frombuffer(body, ">u4", 3 * count, 8).reshape(-1, 3)[:, :2].astype(np.int64)
         if rows.max() > most or rows.min() < 1 or np.any(np.diff(rows[:, 0]) <= 0):
-            raise _UntrueError("a table stsc of chunks that cannot be")
+            raise _InconsistentTableError("a table stsc of chunks that cannot be")
 
 
 def _check_samples(tables: dict[bytes, bytes]) -> None:
-    """Raise `_UntrueError` where the tables of a track, each possible in itself, do not describe the same samples.
+    """Raise `_InconsistentTableError` where a track's tables, each valid alone, do not describe the same samples.
 
     Rerun's reader aborts the process at a sample beyond the end of the chunks or of the times.
     """
@@ -131,14 +131,14 @@ def _check_samples(tables: dict[bytes, bytes]) -> None:
         if name in tables:
             timed = int(_column(tables[name], 2, 0).sum())
             if timed < count:
-                raise _UntrueError(f"a table {name.decode()} of {timed} samples, where {count} have a size")
+                raise _InconsistentTableError(f"a table {name.decode()} of {timed} samples, where {count} have a size")
     chunks = max(len(_column(tables.get(b"stco", b""), 1, 0)), len(_column(tables.get(b"co64", b""), 2, 0)))
     first, per_chunk = _column(tables.get(b"stsc", b""), 3, 0), _column(tables.get(b"stsc", b""), 3, 1)
     if count and (len(first) == 0 or first[0] != 1 or first[-1] > chunks):
-        raise _UntrueError(f"a table stsc that does not fit {chunks} chunks")
+        raise _InconsistentTableError(f"a table stsc that does not fit {chunks} chunks")
     placed = int(per_chunk @ np.diff([*first.tolist(), chunks + 1])) if count else 0
     if placed < count:
-        raise _UntrueError(f"{chunks} chunks of {placed} samples, where {count} have a size")
+        raise _InconsistentTableError(f"{chunks} chunks of {placed} samples, where {count} have a size")
 
 
 def _column(body: bytes, columns: int, column: int) -> NDArray[np.int64]:

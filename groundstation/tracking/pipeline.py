@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from groundstation.estimation.encoders import EncoderFeed
+from groundstation.estimation.implementation import filter_arithmetic
 from groundstation.estimation.journal import ROUNDING_S, FilterJournal
 from groundstation.estimation.late_measurements import LateMeasurementBuffer
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
@@ -39,7 +40,7 @@ from groundstation.tracking.epoch_buffer import EpochBuffer
 from groundstation.tracking.frame_update import FrameUpdate, span_prior_sigma
 from groundstation.tracking.log_throttle import LogThrottle
 from groundstation.tracking.pending_report import PendingReport
-from groundstation.tracking.reference_update import ReferenceUpdate
+from groundstation.tracking.reference_fusion import ReferenceUpdate
 from groundstation.tracking.station_health import StationHealth
 from groundstation.tracking.synchronise import LateReading, LateReference, Ready, ReadyFrame, Synchroniser
 from groundstation.tracking.track_manager import TrackManager
@@ -87,7 +88,7 @@ class Pipeline:
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
         prior = rig_prior(rig, self._reference_errors).with_span(span_prior_sigma(span_m))
-        self._journal = FilterJournal()
+        self._journal = FilterJournal(filter_arithmetic(config.estimation.implementation).smooth_across)
         self._ekf = StationEkf(geometries, turning, config.estimation, prior, self._journal)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._track_manager = TrackManager(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
@@ -188,7 +189,9 @@ class Pipeline:
         on_smoothed = self._on_smoothed
         if on_smoothed is not None:
             self._smoother = Smoother(
-                self._ekf.motion_over, lambda t_s, x, P: on_smoothed(t_s, self._ekf.kinematics_of(x, P))
+                self._ekf.motion_over,
+                lambda t_s, x, P: on_smoothed(t_s, self._ekf.kinematics_of(x, P)),
+                across=self._journal.smooth_across,
             )
             self._journal.history.archive = self._smoother.take
 

@@ -19,30 +19,30 @@ EXPECTED_LENGTH_M = 400.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Eye:
+class Viewpoint:
     """Where the 3-D view is seen from, and the point looked at, (3,) each, runway frame."""
 
     position_m: FloatArray
     target_m: FloatArray
 
 
-def eye_over(rig: Rig, lower_m: FloatArray, upper_m: FloatArray) -> Eye:
+def eye_over(rig: Rig, lower_m: FloatArray, upper_m: FloatArray) -> Viewpoint:
     """Return an eye that has the stations and the box (3,) to (3,) of the track in view."""
     positions = np.array([s.ptu_position_m for s in rig.stations])
     low = np.minimum(positions.min(axis=0), lower_m)
     high = np.maximum(positions.max(axis=0), upper_m)
     middle, length = (low + high) / 2, float(np.linalg.norm(high - low))
     target = middle + TARGET_FROM_MIDDLE * (high - low) * [0.0, 1.0, 0.0]
-    return Eye(position_m=middle + length * EYE_FROM_MIDDLE, target_m=target)
+    return Viewpoint(position_m=middle + length * EYE_FROM_MIDDLE, target_m=target)
 
 
-def eye_before(rig: Rig) -> Eye:
+def eye_before(rig: Rig) -> Viewpoint:
     """Return the eye while nothing is known of the track."""
     positions = np.array([s.ptu_position_m for s in rig.stations])
     return eye_over(rig, positions.min(axis=0), positions.max(axis=0) + np.array([0.0, EXPECTED_LENGTH_M, 0.0]))
 
 
-def blueprint(rig: Rig, *, eye: Eye, loop_s: tuple[float, float] | None, errors_against: str) -> rrb.Blueprint:
+def blueprint(rig: Rig, *, eye: Viewpoint, loop_s: tuple[float, float] | None, errors_against: str) -> rrb.Blueprint:
     """Return the layout; ``loop_s`` is the part of the session that plays on opening, or None for all of it."""
     left = rrb.Vertical(_scene(eye), _plots(rig, errors_against), row_shares=[6, 5])
     right = rrb.Vertical(_images(rig), _states(), row_shares=[4, 1])
@@ -67,7 +67,7 @@ def blueprint(rig: Rig, *, eye: Eye, loop_s: tuple[float, float] | None, errors_
     )
 
 
-def live_blueprint(rig: Rig, eye: Eye) -> rrb.Blueprint:
+def live_blueprint(rig: Rig, eye: Viewpoint) -> rrb.Blueprint:
     """Return the operator's screen: pictures and words large, the newest always in view."""
     words = rrb.TextDocumentView(origin=f"/{entity_paths.WORDS}", name="Station")
     plots = rrb.Horizontal(
@@ -101,7 +101,7 @@ def _so_far() -> rrb.VisibleTimeRanges:
     )
 
 
-def _scene(eye: Eye) -> rrb.Spatial3DView:
+def _scene(eye: Viewpoint) -> rrb.Spatial3DView:
     """The 3-D view."""
     return rrb.Spatial3DView(
         origin="/",

@@ -11,7 +11,7 @@ from groundstation.messages import CameraReport, StepReport, TrackEvent
 from groundstation.rig.rig import Rig
 from groundstation.sources.video_file import VideoFile
 from groundstation.viewer import entity_paths
-from groundstation.viewer.blueprint import Eye, blueprint, eye_before, eye_over, live_blueprint
+from groundstation.viewer.blueprint import Viewpoint, blueprint, eye_before, eye_over, live_blueprint
 from groundstation.viewer.camera_channel import CameraChannel
 from groundstation.viewer.columns import ColumnBatch
 from groundstation.viewer.media import EmbeddedVideo, ImageFolder, Media, VideoAsset, log_video
@@ -158,7 +158,7 @@ class RerunSink:
         for batch in batches:
             batch.send(self._stream)
 
-    def _send_blueprint(self, eye: Eye, loop_s: tuple[float, float] | None) -> None:
+    def _send_blueprint(self, eye: Viewpoint, loop_s: tuple[float, float] | None) -> None:
         """Send the layout, looping over a part of the session if given."""
         layout = (
             live_blueprint(self._rig, eye)

@@ -157,7 +157,7 @@ def test_the_readme_s_commands_install_the_pinned_versions(tmp_path: Path) -> No
     for command in (*commands, ["make", "cameras"]):
         # another name of the environment is an environment that is not there yet
         dry = [*command, "--dry-run", "--no-print-directory", f"VENV={tmp_path / 'none'}"]
-        said = subprocess.run(dry, cwd=ROOT, capture_output=True, text=True, check=True).stdout
-        installs = [line for line in said.splitlines() if "pip install" in line and "-m pip" in line]
+        reported = subprocess.run(dry, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        installs = [line for line in reported.splitlines() if "pip install" in line and "-m pip" in line]
         assert installs
         assert all("--constraint constraints.txt" in line for line in installs)

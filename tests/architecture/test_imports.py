@@ -10,7 +10,7 @@ from tests.architecture.sources import ROOT, imports_of, modules, nodes_of, text
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.__main__",),
     ("groundstation.cli",),
-    ("groundstation.experiments",),
+    ("groundstation.bank", "groundstation.experiments"),
     ("groundstation.onboard",),
     ("groundstation.simulation",),
     ("groundstation.live",),

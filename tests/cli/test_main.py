@@ -43,9 +43,9 @@ def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
         with pytest.raises(SystemExit) as left:
             main(arguments)
         assert left.value.code == 0
-        said = capsys.readouterr().out
-        assert all(word in said for word in words), said
-        assert all(len(line) <= 80 for line in said.splitlines())
+        reported = capsys.readouterr().out
+        assert all(word in reported for word in words), reported
+        assert all(len(line) <= 80 for line in reported.splitlines())
 
 
 @pytest.mark.parametrize(
@@ -152,9 +152,9 @@ def test_a_broken_reference_does_not_stop_the_track(
     (session / name).write_text(DGPS)
     out = run(session)
     assert rows(out) == 12
-    said = " ".join(capfd.readouterr().out.split())
-    assert f"note: {name}: line 4: got y_m = 'nan'; wanted a finite number; rows of" in said
-    assert "before that: 2" in said
+    reported = " ".join(capfd.readouterr().out.split())
+    assert f"note: {name}: line 4: got y_m = 'nan'; wanted a finite number; rows of" in reported
+    assert "before that: 2" in reported
 
 
 def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], message: str) -> None:

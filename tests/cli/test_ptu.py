@@ -31,8 +31,8 @@ def url() -> Iterator[str]:
 
 def test_probe(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["ptu", "probe", url, "--seconds", "0.5", "--tilt-limits=-10,20"]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith(f"PTU-D48E SIM001 on {url}, flir\n")
+    reported = capsys.readouterr().out
+    assert reported.startswith(f"PTU-D48E SIM001 on {url}, flir\n")
     for part in (
         "-174.002 …  174.002 deg",
         "-10.000 …   20.000 deg",
@@ -41,14 +41,14 @@ def test_probe(url: str, capsys: pytest.CaptureFixture[str]) -> None:
         "device clock",
         "#",
     ):
-        assert part in said
+        assert part in reported
 
 
 def test_monitor(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["ptu", "monitor", url, "--seconds", "1.2"]) == 0
-    said = capsys.readouterr().out
-    assert "pan    0.0000  tilt" in said
-    assert "to the limits 174.00 deg below" in said
+    reported = capsys.readouterr().out
+    assert "pan    0.0000  tilt" in reported
+    assert "to the limits 174.00 deg below" in reported
 
 
 def test_jog(url: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -79,9 +79,9 @@ def test_refused_with_the_limits_name(
 
 def test_no_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["ptu", "probe", str(tmp_path / "none")]) == 1
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "wanted a line that is there" in said
+    reported = capsys.readouterr().err
+    assert reported.count("\n") == 1
+    assert "wanted a line that is there" in reported
 
 
 @pytest.mark.parametrize("url", ["socket://x", "socket://:4000", "socket://x:y", "rfc2217://x:99999"])
@@ -149,9 +149,9 @@ def test_nonsense_is_named_before_the_line_is_opened(
     more: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["ptu", "probe", str(tmp_path / "none"), *more]) == 1
-    said = capsys.readouterr().err
-    assert message in said
-    assert said.count("\n") == 1
+    reported = capsys.readouterr().err
+    assert message in reported
+    assert reported.count("\n") == 1
 
 
 def test_a_speed_on_a_network_line_is_refused(url: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -169,9 +169,9 @@ class _Stubborn(SimulatedUnit):
 def test_a_unit_that_does_not_go_to_a_speed_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with served(_Stubborn(), tmp_path / "unit"):
         assert main(["ptu", "probe", str(tmp_path / "unit"), "--baud", "57600", "--seconds", "0.2"]) == 0
-    said = capsys.readouterr()
-    assert said.err == f"groundstation: {tmp_path / 'unit'}: baud 9600; the unit did not follow to 57600\n"
-    assert "baud: 9600; the unit did not follow to 57600" in said.out
+    reported = capsys.readouterr()
+    assert reported.err == f"groundstation: {tmp_path / 'unit'}: baud 9600; the unit did not follow to 57600\n"
+    assert "baud: 9600; the unit did not follow to 57600" in reported.out
 
 
 def test_the_first_angle_is_not_awaited_for_ever(

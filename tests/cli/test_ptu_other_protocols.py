@@ -19,9 +19,9 @@ def test_probe_and_jog(protocol: str, tmp_path: Path, capsys: pytest.CaptureFixt
     line = simulated_line(protocol, start_s=time.monotonic(), network=False)
     with SimulatedServer(line, tmp_path / "unit"):
         assert main(["ptu", "probe", str(tmp_path / "unit"), "--protocol", protocol, "--seconds", "0.3"]) == 0
-        said = capsys.readouterr().out
-        assert f"{protocol}\n" in said
-        assert "can: " in said
+        reported = capsys.readouterr().out
+        assert f"{protocol}\n" in reported
+        assert "can: " in reported
         assert main(["ptu", "jog", str(tmp_path / "unit"), "--protocol", protocol, "--pan", "2", "--tilt", "-1"]) == 0
         assert capsys.readouterr().out.count("reached") == 2
 

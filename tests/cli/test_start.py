@@ -50,13 +50,13 @@ def test_else_it_is_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
-@pytest.mark.parametrize("said", [None, "2"])
-def test_linear_algebra_keeps_to_one_thread_unless_the_user_says_otherwise(said: str | None) -> None:
+@pytest.mark.parametrize("reported", [None, "2"])
+def test_linear_algebra_keeps_to_one_thread_unless_the_user_says_otherwise(reported: str | None) -> None:
     environment = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
-    environment |= {} if said is None else {"OPENBLAS_NUM_THREADS": said}
+    environment |= {} if reported is None else {"OPENBLAS_NUM_THREADS": reported}
     done = subprocess.run(
         [sys.executable, "-c", MULTIPLYING], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
     )
     threads, kept = done.stdout.split()
-    assert kept == (said or "1")
-    assert said is not None or threads == "1"
+    assert kept == (reported or "1")
+    assert reported is not None or threads == "1"

@@ -93,14 +93,14 @@ def set_moving(
     rig: ContractRig, unit: PanTiltUnit, *, fraction: float = 0.3, for_s: float = 0.5, by: str = "rate"
 ) -> None:
     """Turn at a share of the fastest rate, tilt slower, commanded and asked as the live system does; or to an end."""
-    said = unit.describe()
-    if by == "position" or Capability.VELOCITY not in said.capabilities:
-        unit.move_to(pan_rad=said.pan.high_rad, tilt_rad=said.tilt.high_rad)
+    reported = unit.describe()
+    if by == "position" or Capability.VELOCITY not in reported.capabilities:
+        unit.move_to(pan_rad=reported.pan.high_rad, tilt_rad=reported.tilt.high_rad)
         rig.wait(for_s / 2)
         reading_of(unit)
         return
-    pan = max(fraction * said.pan.max_rate_rad_s, said.pan.min_rate_rad_s)
-    tilt = max(0.3 * fraction * said.tilt.max_rate_rad_s, said.tilt.min_rate_rad_s)
+    pan = max(fraction * reported.pan.max_rate_rad_s, reported.pan.min_rate_rad_s)
+    tilt = max(0.3 * fraction * reported.tilt.max_rate_rad_s, reported.tilt.min_rate_rad_s)
     end = rig.now() + for_s
     while rig.now() < end:
         unit.move_at(pan_rad_s=pan, tilt_rad_s=tilt)
@@ -134,21 +134,21 @@ class PanTiltContract:
 
     def test_it_says_what_it_is(self, rig: ContractRig) -> None:
         with rig.open(rig.settings) as unit:
-            said = unit.describe()
+            reported = unit.describe()
             for axis in Axis:
-                a = said.axis(axis)
+                a = reported.axis(axis)
                 assert 0 < a.quantum_rad < 0.01
                 assert a.low_rad < a.high_rad
                 assert 0 <= a.min_rate_rad_s < a.max_rate_rad_s
-            assert Capability.POSITION in said.capabilities
+            assert Capability.POSITION in reported.capabilities
             assert unit.health().state is UnitState.READY
 
     def test_angles_are_true_at_their_instants(self, rig: ContractRig) -> None:
         """At rest and in motion: error within 5 sigma of quantum and stamp, at every sample."""
         with rig.open(rig.settings) as unit:
-            said = unit.describe()
-            pan = said.pan.low_rad + 0.6 * (said.pan.high_rad - said.pan.low_rad)
-            tilt = said.tilt.low_rad + 0.6 * (said.tilt.high_rad - said.tilt.low_rad)
+            reported = unit.describe()
+            pan = reported.pan.low_rad + 0.6 * (reported.pan.high_rad - reported.pan.low_rad)
+            tilt = reported.tilt.low_rad + 0.6 * (reported.tilt.high_rad - reported.tilt.low_rad)
             unit.move_to(pan_rad=pan, tilt_rad=tilt)
             samples: list[AngleSample] = []
             end = rig.now() + 2.0
@@ -159,7 +159,7 @@ class PanTiltContract:
                     samples += [got.pan, got.tilt]
             assert len(samples) >= 10
             for s in samples:
-                rate = said.axis(s.axis).max_rate_rad_s
+                rate = reported.axis(s.axis).max_rate_rad_s
                 room = 5 * math.hypot(s.sigma_rad, rate * max(s.sigma_t_s, rig.time_sigma_s))
                 truth = getattr(rig.settings, s.axis.value).angle(rig.truth(s.axis, s.t_s))
                 assert abs(s.angle_rad - truth) < room, (s, truth)
@@ -186,10 +186,10 @@ class PanTiltContract:
 
     def test_beyond_a_limit_is_refused_with_its_name(self, rig: ContractRig) -> None:
         with rig.open(rig.settings) as unit:
-            said = unit.describe()
+            reported = unit.describe()
             before = until_still(rig, unit)
             for axis in Axis:
-                a = said.axis(axis)
+                a = reported.axis(axis)
                 for beyond, name in ((a.high_rad + 0.001, "upper limit"), (a.low_rad - 0.001, "lower limit")):
                     with pytest.raises(LimitError, match=f"{axis.value}.*{name}"):
                         unit.move_to(**{f"{axis.value}_rad": beyond})
@@ -216,14 +216,14 @@ class PanTiltContract:
 
     def test_rates(self, rig: ContractRig) -> None:
         with rig.open(rig.settings) as unit:
-            said = unit.describe()
-            if Capability.VELOCITY not in said.capabilities:
+            reported = unit.describe()
+            if Capability.VELOCITY not in reported.capabilities:
                 with pytest.raises(UnsupportedError):
                     unit.move_at(pan_rad_s=0.1, tilt_rad_s=0.0)
                 return
             with pytest.raises(LimitError, match=r"pan.*maximum speed"):
-                unit.move_at(pan_rad_s=said.pan.max_rate_rad_s * 1.01, tilt_rad_s=0.0)
-            rate = 0.3 * said.pan.max_rate_rad_s
+                unit.move_at(pan_rad_s=reported.pan.max_rate_rad_s * 1.01, tilt_rad_s=0.0)
+            rate = 0.3 * reported.pan.max_rate_rad_s
             for _ in range(10):
                 unit.move_at(pan_rad_s=rate, tilt_rad_s=0.0)
                 rig.wait(0.05)
@@ -291,11 +291,11 @@ class PanTiltContract:
     def test_it_stands_when_its_host_dies(self, rig: ContractRig) -> None:
         """No call any more, no watchdog of ours: only the unit's time passes. What cannot stop says so."""
         with rig.open(rig.settings) as unit:
-            said = unit.describe()
-            assert said.lease.kind is rig.lease
-            assert (Capability.VELOCITY in said.capabilities) is (rig.lease is not LeaseKind.NO_RATES)
+            reported = unit.describe()
+            assert reported.lease.kind is rig.lease
+            assert (Capability.VELOCITY in reported.capabilities) is (rig.lease is not LeaseKind.NO_RATES)
             if rig.lease is LeaseKind.NO_RATES:
-                assert said.lease.stop_s == math.inf
+                assert reported.lease.stop_s == math.inf
                 return
             for fraction in (0.3, 0.02):
                 set_moving(rig, unit, fraction=fraction)
@@ -303,10 +303,10 @@ class PanTiltContract:
                 rig.wait(3.0)
                 rest = rest_since_s(rig) - died
                 if rig.lease is LeaseKind.NONE:
-                    assert said.lease.stop_s == math.inf
+                    assert reported.lease.stop_s == math.inf
                     assert rest == 3.0
                 else:
-                    assert 0.1 < rest <= min(rig.rest_s, said.lease.stop_s)
+                    assert 0.1 < rest <= min(rig.rest_s, reported.lease.stop_s)
                     # and it obeys again
                     unit.halt()
                     until_still(rig, unit)
@@ -314,10 +314,10 @@ class PanTiltContract:
     def test_a_rate_that_is_renewed_goes_on(self, rig: ContractRig) -> None:
         """What ends by itself must not end, nor falter, while it is renewed as seldom as is allowed."""
         with rig.open(rig.settings) as unit:
-            said = unit.describe()
-            if Capability.VELOCITY not in said.capabilities:
+            reported = unit.describe()
+            if Capability.VELOCITY not in reported.capabilities:
                 return
-            rate = 0.1 * said.pan.max_rate_rad_s
+            rate = 0.1 * reported.pan.max_rate_rad_s
             begun = reached = rig.now()
             while rig.now() < begun + 3.0:
                 if rig.now() >= reached:

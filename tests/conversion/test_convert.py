@@ -92,9 +92,9 @@ def test_what_was_not_kept_is_black_and_said(tmp_path: Path, capsys: pytest.Capt
         for event in recorder.taken(given):
             recorder.write(looked_at(event))
     assert main(["convert", str(path), str(folder)]) == 0
-    said = capsys.readouterr().out
-    assert "note: 20 of 24 pictures hold only what detection read; the rest is black" in said
-    assert "2 positions that the filter learnt from are not in the folder" in said
+    reported = capsys.readouterr().out
+    assert "note: 20 of 24 pictures hold only what detection read; the rest is black" in reported
+    assert "2 positions that the filter learnt from are not in the folder" in reported
     assert (folder / "session.toml").read_text().startswith("# 20 of 24 pictures hold only")
     x0, y0, x1, y1 = WINDOW
     for frame in given:
@@ -140,10 +140,10 @@ def test_recover_says_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "is whole" in capsys.readouterr().out
     path.write_bytes(path.read_bytes()[:-9000])
     assert main(["recover", str(path)]) == 0
-    said = capsys.readouterr().out
-    assert "counted again in the new file" in said
-    assert "/groundstation/events" in said
-    assert f"wrote {tmp_path / 'flight-recovered.mcap'}" in said
+    reported = capsys.readouterr().out
+    assert "counted again in the new file" in reported
+    assert "/groundstation/events" in reported
+    assert f"wrote {tmp_path / 'flight-recovered.mcap'}" in reported
 
 
 def test_a_replay_says_which_pictures_the_recording_lacks(tmp_path: Path) -> None:
@@ -168,10 +168,10 @@ def test_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
         main([command, "--help"])
     assert left.value.code == 0
-    said = capsys.readouterr().out
-    assert "exit code" in said
-    assert "example" in said
-    assert all(len(text) <= 80 for text in said.splitlines())
+    reported = capsys.readouterr().out
+    assert "exit code" in reported
+    assert "example" in reported
+    assert all(len(text) <= 80 for text in reported.splitlines())
 
 
 @pytest.mark.parametrize(

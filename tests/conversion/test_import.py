@@ -81,12 +81,12 @@ def test_an_import_replays_with_each_cameras_own_frames(parts: Path, capsys: pyt
 
 def test_a_runway_the_wrong_way_round_is_said(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Expected: positions behind the cameras are told with the azimuth that puts them before; else nothing is."""
-    said = []
+    reported = []
     for azimuth in ("0", "180"):
         assert run(parts, "--azimuth", azimuth, "--out", str(parts / f"runway-{azimuth}")) == 0
-        said.append([line for line in capsys.readouterr().err.splitlines() if "behind the stations" in line])
-    assert said[0] == []
-    (line,) = said[1]
+        reported.append([line for line in capsys.readouterr().err.splitlines() if "behind the stations" in line])
+    assert reported[0] == []
+    (line,) = reported[1]
     assert "8 of 8 positions lie behind the stations at --azimuth 180; " in line
     assert line.endswith("it is --azimuth 0")
 

@@ -60,15 +60,15 @@ def blocks(page: Path) -> Iterator[Block]:
         ours = any(line.startswith(("groundstation ", "make ", "python benchmarks")) for line in lines)
         if not ours and language.strip() not in _SHELLS:
             continue
-        said = dict(_COMMENT.findall(comments))
-        assert len(said) == comments.count("<!--"), f"{page.name}: a comment that is not understood: {comments}"
+        reported = dict(_COMMENT.findall(comments))
+        assert len(reported) == comments.count("<!--"), f"{page.name}: a comment that is not understood: {comments}"
         yield Block(
             page=page,
             line=text.count("\n", 0, match.start(2)) + 1,
             commands=lines,
-            parsed_only="parsed only" in said,
-            extra=tuple(part.strip() for part in said.get("run with", "").split(";") if part.strip()),
-            folder=said.get("run in", "."),
+            parsed_only="parsed only" in reported,
+            extra=tuple(part.strip() for part in reported.get("run with", "").split(";") if part.strip()),
+            folder=reported.get("run in", "."),
             scripts=tuple(_SCRIPT.findall(body)),
         )
 

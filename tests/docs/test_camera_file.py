@@ -29,9 +29,9 @@ def test_the_whole_camera_file_is_read_as_it_is_shown(tmp_path: Path) -> None:
 def test_every_key_of_the_table_is_in_the_whole_file() -> None:
     """Expected: neither shows a key that the other does not, but for the unit's noise, which has its own page."""
     (text,) = re.findall(r"```toml\n(.*?)```", text_of(_PAGE), re.DOTALL)
-    said = tomllib.loads(text)
-    shown = {name for name, value in said.items() if not isinstance(value, dict)}
-    shown |= {name for value in said.values() if isinstance(value, dict) for name in value}
+    reported = tomllib.loads(text)
+    shown = {name for name, value in reported.items() if not isinstance(value, dict)}
+    shown |= {name for value in reported.values() if isinstance(value, dict) for name in value}
     table = text_of(_PAGE).partition("`--camera`, TOML:")[2].partition("A whole one")[0]
     named = {
         name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1] if "|" in row else "")

@@ -179,7 +179,7 @@ def test_a_stale_figure_is_found() -> None:
         for method, cells in (("ekf", ekf), ("triangulation", triangulation)):
             for axis, cell in zip("xyz", cells.split("/"), strict=True):
                 name = f"truth.y{_BINS[span]}.common.{method}.rmse_{axis}_m"
-                said = stale(text, {**kept, name: float(cell) + 0.002})
-                assert any(line.startswith(f"y {span} m, {method} {axis}: {cell}") for line in said)
-    said = stale(text, {**kept, "truth.all.ekf.anees": 9.0, "dgps_clock.offset_s": 0.3})
-    assert {line.split(":")[0] for line in said} >= {"ANEES", "DGPS clock"}
+                reported = stale(text, {**kept, name: float(cell) + 0.002})
+                assert any(line.startswith(f"y {span} m, {method} {axis}: {cell}") for line in reported)
+    reported = stale(text, {**kept, "truth.all.ekf.anees": 9.0, "dgps_clock.offset_s": 0.3})
+    assert {line.split(":")[0] for line in reported} >= {"ANEES", "DGPS clock"}

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.filterpy_ekf import FilterpyEkf
 from groundstation.estimation.imm import ImmFilter
 from groundstation.estimation.kalman_kernels import LinearMeasurement
-from groundstation.estimation.reference_filter import ReferenceFilter
 from groundstation.estimation.state_model import state_layout
 from groundstation.estimation.updates.encoder_update import EncoderUpdate
 from groundstation.estimation.updates.measurements import EncoderReading
@@ -30,12 +30,13 @@ def test_a_fused_reading_is_the_plain_filters_update(rng: np.random.Generator, o
     n, model = layout.size, EncoderUpdate(layout, "right", EstimationConfig())
     root = 0.01 * rng.normal(size=(n, n))
     x, P = rng.normal(size=n), root @ root.T + 1e-6 * np.eye(n)
-    bank, plain = ImmFilter(n, (5.0,)), ReferenceFilter(x, P)
+    bank, plain = ImmFilter(n, (5.0,)), FilterpyEkf(x, P)
     bank.set_states(slice(0, n), x, P)
     ahead_s, variance, clock_s = 0.02, 1e-6, 1e-3
     expected = model.predict(x, ahead_s)
     R = np.diag(variance + (clock_s * x[layout.rates["right"]]) ** 2)
-    plain.correct(LinearMeasurement(np.full(2, off_rad), expected.jacobian, R))
+    plain.set_measurement(LinearMeasurement(np.full(2, off_rad), expected.jacobian, R))
+    plain.update(np.full(2, off_rad))
     # a whole turn more is the same angle
     pan, tilt = expected.value + off_rad + np.array([2.0 * np.pi, 0.0])
     reading = EncoderReading(pan, tilt, ahead_s, variance, clock_s)

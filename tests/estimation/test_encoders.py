@@ -41,9 +41,9 @@ def test_a_spike_is_dropped_and_counted() -> None:
         read(ekf, encoders, k * 0.02, 1.0)
     assert read(ekf, encoders, 1.0, 46.0) is None, "held back, not judged yet"
     assert abs(math.degrees(ekf.angles("left")[0]) - 1.0) < 0.01
-    said = read(ekf, encoders, 1.02, 1.0)
-    assert said is not None
-    assert "dropped" in said
+    reported = read(ekf, encoders, 1.02, 1.0)
+    assert reported is not None
+    assert "dropped" in reported
     assert encoders.spikes == 1
     assert abs(math.degrees(ekf.angles("left")[0]) - 1.0) < 0.01
 
@@ -61,9 +61,9 @@ def test_a_stall_is_believed_at_the_next_reading() -> None:
     jump = 16.0 * 0.02
     assert math.degrees(ekf.angles("left")[0]) - stop == pytest.approx(jump, abs=0.02)
     assert sigma == pytest.approx(jump, rel=0.1)
-    said = read(ekf, encoders, 1.02, stop)
-    assert said is not None
-    assert "confirmed" in said
+    reported = read(ekf, encoders, 1.02, stop)
+    assert reported is not None
+    assert "confirmed" in reported
     assert math.degrees(ekf.angles("left")[0]) == pytest.approx(stop, abs=0.01)
     assert encoders.spikes == 0
 
@@ -86,11 +86,11 @@ def test_a_head_that_speeds_up_while_it_turns_fast_has_no_spike() -> None:
     ekf, encoders = feed()
     for k in range(50):
         read(ekf, encoders, k * 0.02, 45.0 * k * 0.02)
-    at, said = 49 * 0.02, []
+    at, reported = 49 * 0.02, []
     for k in range(1, 15):
         t = k * 0.02
-        said.append(read(ekf, encoders, at + t, 45.0 * (at + t) + 100.0 * t**2))
-    heard = [line for line in said if line is not None]
+        reported.append(read(ekf, encoders, at + t, 45.0 * (at + t) + 100.0 * t**2))
+    heard = [line for line in reported if line is not None]
     assert heard
     assert all("confirmed" in line for line in heard)
     assert "a jerk of 0.04" in heard[0], "half of 200 °/s² over 0.02 s, not the way of 0.9° to the next reading"
@@ -102,9 +102,9 @@ def test_a_spike_of_a_head_that_turns_fast_is_dropped() -> None:
     for k in range(50):
         read(ekf, encoders, k * 0.02, 45.0 * k * 0.02)
     assert read(ekf, encoders, 1.0, 45.0 + 3.0) is None
-    said = read(ekf, encoders, 1.02, 45.0 * 1.02)
-    assert said is not None
-    assert "dropped, 3.000° off" in said
+    reported = read(ekf, encoders, 1.02, 45.0 * 1.02)
+    assert reported is not None
+    assert "dropped, 3.000° off" in reported
     assert encoders.spikes == 1
 
 
@@ -120,9 +120,9 @@ def jerk(rate_deg_s: float, config: EstimationConfig, axis: str = "pan") -> tupl
     for k in range(50):
         assert at(0.02 * k, 0.0) is None
     assert at(1.0, math.copysign(2.0, rate_deg_s)) is None
-    said = at(1.02, math.copysign(2.0, rate_deg_s) + 0.02 * rate_deg_s)
-    assert said is not None
-    return said, encoders.spikes, math.degrees(ekf.angles("left")[axis == "tilt"])
+    reported = at(1.02, math.copysign(2.0, rate_deg_s) + 0.02 * rate_deg_s)
+    assert reported is not None
+    return reported, encoders.spikes, math.degrees(ekf.angles("left")[axis == "tilt"])
 
 
 @pytest.mark.parametrize("axis", ["pan", "tilt"])
@@ -132,12 +132,12 @@ def test_what_is_faster_than_any_ptu_is_a_spike(axis: str, sign: float, most_deg
     """Expected: `ptu_max_rate_deg_s` decides, in degrees per second, of either axis and way."""
     config = replace(EstimationConfig(), ptu_max_rate_deg_s=most_deg_s)
     rate = 0.9 * sign * most_deg_s
-    said, spikes, angle = jerk(rate, config, axis)
-    assert "confirmed by the next reading" in said
+    reported, spikes, angle = jerk(rate, config, axis)
+    assert "confirmed by the next reading" in reported
     assert spikes == 0
     assert angle == pytest.approx(2.0 * sign + 0.02 * rate, abs=0.01)
-    said, spikes, _ = jerk(1.1 * sign * most_deg_s, config, axis)
-    assert "dropped, 2.000° off and not confirmed" in said
+    reported, spikes, _ = jerk(1.1 * sign * most_deg_s, config, axis)
+    assert "dropped, 2.000° off and not confirmed" in reported
     assert spikes == 1
 
 
@@ -154,7 +154,7 @@ def test_a_jerk_across_half_a_turn_is_a_jerk(sign: float) -> None:
     for k in range(50):
         read(ekf, encoders, 0.02 * k, sign * 178.5)
     assert read(ekf, encoders, 1.0, sign * 179.9) is None
-    said = read(ekf, encoders, 1.02, -sign * 179.1)
-    assert said is not None
-    assert "confirmed" in said
+    reported = read(ekf, encoders, 1.02, -sign * 179.1)
+    assert reported is not None
+    assert "confirmed" in reported
     assert encoders.spikes == 0

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.filterpy_ekf import FilterpyEkf
 from groundstation.estimation.imm import ImmFilter
 from groundstation.estimation.kalman_kernels import (
     LinearMeasurement,
@@ -11,7 +12,6 @@ from groundstation.estimation.kalman_kernels import (
     innovation_covariance,
     solve_small,
 )
-from groundstation.estimation.reference_filter import ReferenceFilter
 
 N = 14
 ALL = np.ones(N, np.bool_)
@@ -32,16 +32,18 @@ def test_prediction_and_update_match_filterpy(rng: np.random.Generator) -> None:
     x, P, Q = rng.normal(size=N), spread(rng, N), spread(rng, N)
     F = np.eye(N)
     F[:3, 3:6] = 0.04 * np.eye(3)
-    theirs, ours = ReferenceFilter(x, P), started(x, P)
+    theirs, ours = FilterpyEkf(x, P), started(x, P)
     for _ in range(20):
-        theirs.predict(F, Q)
+        theirs.set_motion(F, Q)
+        theirs.predict()
         ours.predict(F, [Q], 0.04)
         H, R, residual = rng.normal(size=(2, N)) * (rng.random((2, N)) < 0.5), spread(rng, 2), rng.normal(size=2)
         assert np.allclose(innovation_covariance(ours.P, H, R), H @ theirs.P @ H.T + R, rtol=1e-10)
         measurement = LinearMeasurement(residual, H, R)
         x, P, Kt, S = np.empty(N), np.empty((N, N)), np.empty((2, N)), np.empty((2, 2))
         correct_into(ours.x, ours.P, measurement, ALL, 1.0, x, P, Kt, S)
-        theirs.correct(measurement)
+        theirs.set_measurement(measurement)
+        theirs.update(residual)
         ours.correct(measurement, ALL, updates_weights=True)
         for found in (ours.x, x):
             assert np.allclose(found, theirs.x, rtol=1e-8, atol=1e-10)

@@ -28,7 +28,8 @@ def fly(seed: int, weighting: OutOfViewWeighting, miss_share: float = 0.0) -> di
     rig = make_rig()
     path = drawn_glide(seed, PSD, GlideApproach(start_y_m=350.0, end_y_m=180.0))
     config = replace(EstimationConfig(), out_of_view=weighting)
-    ekf = StationEkf({s.name: s.geometry() for s in rig.stations}, rig.names, config)
+    geometries = {s.name: s.geometry() for s in rig.stations}
+    ekf = StationEkf(geometries, rig.names, config)
     out: dict[str, list[float]] = {"before": [], "away": [], "after": []}
     sigma_angle = 3e-5
     away = (640.0 + rng.uniform(-60.0, 60.0)) / 6667.0
@@ -42,7 +43,7 @@ def fly(seed: int, weighting: OutOfViewWeighting, miss_share: float = 0.0) -> di
             turned = away
         pointed = {}
         for station in rig.stations:
-            pan, tilt = aim(station.geometry(), aimed)
+            pan, tilt = aim(geometries[station.name], aimed)
             pointed[station.name] = (pan + turned, tilt)
             read = np.array(pointed[station.name]) + rng.normal(0, sigma_angle, 2)
             ekf.set_angles(station.name, (read[0], read[1]), (0.0, 0.0), sigma_angle)
@@ -50,7 +51,7 @@ def fly(seed: int, weighting: OutOfViewWeighting, miss_share: float = 0.0) -> di
             start = rng.normal(0, 1.0, 6) * [1, 5, 1, 1, 2, 1]
             ekf.start_target(point + start[:3], velocity + start[3:], np.diag([1, 25, 1, 1, 4, 1.0]))
         for station in rig.stations:
-            geometry = station.geometry()
+            geometry = geometries[station.name]
             projection = geometry.project(point, *pointed[station.name])
             assert projection is not None
             noise = rng.normal(0, 0.5, 2)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal
 
+from groundstation.estimation.filterpy_ekf import FilterpyEkf
 from groundstation.estimation.imm import ImmFilter, ImmState
 from groundstation.estimation.kalman_kernels import LinearMeasurement
-from groundstation.estimation.reference_filter import ReferenceFilter
 
 F = np.array([[1.0, 0.1], [0.0, 1.0]])
 H, R = np.array([[1.0, 0.0]]), np.array([[0.04]])
@@ -24,13 +24,15 @@ def started(stay_s: tuple[float, ...]) -> ImmFilter:
 
 
 def test_one_mode_is_the_plain_filter(rng: np.random.Generator) -> None:
-    bank, plain = started((5.0,)), ReferenceFilter(np.zeros(2), np.diag([1.0, 4.0]), measured=1)
+    bank, plain = started((5.0,)), FilterpyEkf(np.zeros(2), np.diag([1.0, 4.0]))
     for _ in range(30):
         bank.predict(F, [noise(0.3)], 0.1)
-        plain.predict(F, noise(0.3))
+        plain.set_motion(F, noise(0.3))
+        plain.predict()
         residual = rng.normal(size=1)
         bank.correct(LinearMeasurement(residual, H, R), ALL, updates_weights=True)
-        plain.correct(LinearMeasurement(residual, H, R))
+        plain.set_measurement(LinearMeasurement(residual, H, R))
+        plain.update(residual)
     np.testing.assert_allclose(bank.x, plain.x, rtol=1e-9)
     np.testing.assert_allclose(bank.P, plain.P, rtol=1e-9)
 

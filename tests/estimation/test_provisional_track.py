@@ -61,7 +61,7 @@ def track(**counts: int) -> ProvisionalTrack:
 
 
 @pytest.mark.parametrize(
-    ("said", "refuted"),
+    ("reported", "refuted"),
     [
         ([1, 0, 0, 0, 0], True),
         ([1, 1, 0, 0, 0, 0], True),
@@ -74,9 +74,9 @@ def track(**counts: int) -> ProvisionalTrack:
         ([0, 0, 0, 0, 0, 0], False),
     ],
 )
-def test_the_majority_tells(said: list[int], refuted: bool) -> None:
+def test_the_majority_tells(reported: list[int], refuted: bool) -> None:
     provisional = track()
-    for accepted in said:
+    for accepted in reported:
         provisional = provisional.after(accepted=bool(accepted))
     assert provisional.refuted is refuted
 

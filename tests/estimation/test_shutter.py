@@ -57,9 +57,9 @@ def test_the_whole_rigs_table_may_name_it_and_must_agree(tmp_path: Path) -> None
     assert prior.names == NAMES
     np.testing.assert_array_equal(prior.covariance, shared.matrix)
     other = replace(with_shutters(2.0 * SIGMA_S), shared_covariance=shared)
-    said = complaint(RigError, lambda: load_rig(written(tmp_path, other)))
-    assert "'left.readout'" in said
-    assert "0.0004, as its station gives" in said
+    reported = complaint(RigError, lambda: load_rig(written(tmp_path, other)))
+    assert "'left.readout'" in reported
+    assert "0.0004, as its station gives" in reported
 
 
 @pytest.mark.parametrize("text", ["-0.001", '"long"', "inf"])

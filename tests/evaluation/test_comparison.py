@@ -142,11 +142,13 @@ def test_runs_of_other_length_are_compared_with_a_word(
     assert main(["replay", str(session), "--out", str(tmp_path / "part"), "--to", "3", "--no-rerun"]) == 0
     capsys.readouterr()
     assert main(["evaluate", str(usual), str(tmp_path / "part")]) == 0
-    said = capsys.readouterr().err
+    reported = capsys.readouterr().err
     whole, part = (summary(folder)["session"] for folder in (usual, tmp_path / "part"))
     assert whole["epochs"] > part["epochs"] > 10
-    assert f"note: part has {part['epochs']} pairs from {part['from_s']:g} to {part['to_s']:g} s, usual" in said
-    assert f"usual {whole['epochs']} pairs from {whole['from_s']:g} to {whole['to_s']:g} s: not the same pairs" in said
+    assert f"note: part has {part['epochs']} pairs from {part['from_s']:g} to {part['to_s']:g} s, usual" in reported
+    assert (
+        f"usual {whole['epochs']} pairs from {whole['from_s']:g} to {whole['to_s']:g} s: not the same pairs" in reported
+    )
 
 
 def test_what_is_no_finished_replay_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -190,7 +192,7 @@ def test_a_damaged_summary_is_refused_in_words(compared: Path, tmp_path: Path) -
         assert comparison_csv(result)
         assert comparison_json(result)
     assert len(refused) > 10
-    assert all("summary.json" in said for said in refused)
+    assert all("summary.json" in reported for reported in refused)
 
 
 def test_what_has_moved() -> None:

@@ -47,10 +47,12 @@ def test_what_is_drawn_from_the_stated_model_is_inside_as_often_as_the_bounds_sa
     assert four.high < 0.75 * one.high
 
 
-@pytest.mark.parametrize(("noise", "said"), [(0.5, "below"), (2.0, "above")])
-def test_noise_of_the_wrong_size_is_called_out_in_one_flight(rng: np.random.Generator, noise: float, said: str) -> None:
+@pytest.mark.parametrize(("noise", "reported"), [(0.5, "below"), (2.0, "above")])
+def test_noise_of_the_wrong_size_is_called_out_in_one_flight(
+    rng: np.random.Generator, noise: float, reported: str
+) -> None:
     verdicts = [verdict(of_noise(drawn_flight(rng, noise=noise))) for _ in range(20)]
-    assert verdicts.count(said) >= 19
+    assert verdicts.count(reported) >= 19
 
 
 def test_a_lasting_part_of_the_wrong_size_needs_many_flights(rng: np.random.Generator) -> None:

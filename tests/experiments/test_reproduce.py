@@ -2,6 +2,8 @@
 
 import base64
 import csv
+import hashlib
+import pickle
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from groundstation.arrays import ImageArray
 from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.experiments.canny import canny_edges
@@ -23,7 +26,7 @@ from groundstation.experiments.reproduce import ReproduceRequest, reproduce
 from groundstation.experiments.tables import ResultTable
 from groundstation.experiments.truth_session import TruthSession
 from groundstation.onboard.edges.pose import NoseCameraPose
-from groundstation.onboard.scenes.sequences import NoseFrame
+from groundstation.onboard.scenes.sequences import NoseFrame, Renderer
 from tests.docs.pages import ROOT
 from tests.docs.test_commands import run_page
 
@@ -42,7 +45,24 @@ def recorded(landing_1: Path) -> TruthSession:
 
 
 @pytest.fixture(scope="module")
-def found(recorded: TruthSession) -> dict[str, Findings]:
+def drawn_once() -> Iterator[None]:
+    """A picture of the nose's camera is drawn once; that it is the same again is tested in `tests/onboard/scenes`."""
+    drawn: dict[bytes, ImageArray] = {}
+    draw = Renderer.picture
+
+    def picture(self: Renderer, pose: NoseCameraPose, noise_seed: int = 0) -> ImageArray:
+        key = hashlib.sha256(pickle.dumps((self.sequence, self.lens, pose, noise_seed))).digest()
+        if key not in drawn:
+            drawn[key] = draw(self, pose, noise_seed)
+        return drawn[key].copy()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Renderer, "picture", picture)
+        yield
+
+
+@pytest.fixture(scope="module")
+def found(recorded: TruthSession, drawn_once: None) -> dict[str, Findings]:
     """Every experiment done once on the stretch."""
     return {e.name: e.run(recorded) for e in EXPERIMENTS}
 
@@ -90,7 +110,7 @@ def test_names_of_files_do_not_clash(found: dict[str, Findings]) -> None:
 
 
 @pytest.fixture(scope="module")
-def again(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def again(tmp_path_factory: pytest.TempPathFactory, drawn_once: None) -> Path:
     """What the documentation's own lines leave: all experiments on the same stretch once more, from the pictures on."""
     folder = tmp_path_factory.mktemp("page")
     with pytest.MonkeyPatch.context() as patch:
@@ -220,9 +240,9 @@ def test_wrong_input_is_one_line(
     extra: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["reproduce", "--out", str(tmp_path / "out"), *extra]) == 1
-    said = capsys.readouterr().err
-    assert words in said
-    assert said.count("\n") == 1
+    reported = capsys.readouterr().err
+    assert words in reported
+    assert reported.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -241,8 +261,8 @@ def test_a_part_that_is_none_is_wrong_usage(
     except SystemExit as ended:
         code = int(ended.code or 0)
     assert code == 2
-    said = capsys.readouterr().err
-    assert words in said
+    reported = capsys.readouterr().err
+    assert words in reported
     assert not (tmp_path / "out").exists()
 
 
@@ -254,8 +274,8 @@ def test_a_file_in_the_way_is_said(tmp_path: Path) -> None:
 
 def test_the_list_names_all(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reproduce", "--list"]) == 0
-    said = capsys.readouterr().out
-    assert all(e.name in said and e.numbers in said for e in EXPERIMENTS)
+    reported = capsys.readouterr().out
+    assert all(e.name in reported and e.numbers in reported for e in EXPERIMENTS)
 
 
 def test_an_obstructed_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -278,7 +298,7 @@ def followed(name: str, variant_px: float, flat_px: float, hough_px: float = 50.
     return EnergyApproach(
         scene=name,
         seed=1,
-        last=NoseFrame(index=0, t_s=0.0, image=picture, truth=pose, said=pose),
+        last=NoseFrame(index=0, t_s=0.0, image=picture, truth=pose, reported=pose),
         truth=(np.zeros(4), np.array([200.0, 300.0])),
         errors={method: np.full((4, 4), px) for method, px in sizes.items()},
     )
@@ -291,10 +311,12 @@ def test_what_decides_between_two_energies_is_named() -> None:
     assert deciding(every, PRINTED, FLAT) == [lost, bad]
     assert deciding(every, FLAT, PRINTED) == []
     assert deciding([bad, lost], PRINTED, FLAT) == [lost, bad]
-    said = order_words(every, PRINTED)
-    assert "the paper's table 1 comes out" in said
-    assert "better one in 2 of 3 approaches" in said
-    assert "lost 1 (40.0 px non-variant), bad 1 (20.0 px non-variant): without, it would be 1.0 against 0.8 px" in said
+    reported = order_words(every, PRINTED)
+    assert "the paper's table 1 comes out" in reported
+    assert "better one in 2 of 3 approaches" in reported
+    assert (
+        "lost 1 (40.0 px non-variant), bad 1 (20.0 px non-variant): without, it would be 1.0 against 0.8 px" in reported
+    )
     assert "decides" not in order_words([bad, lost], PRINTED)
     assert "does not come out" in order_words([calm], PRINTED)
     assert "does not come out" in order_words([followed("hough", 1.0, 2.0, 1.5)], PRINTED)

@@ -75,8 +75,8 @@ def test_bytes_that_are_no_text_spoil_their_own_row_only(tmp_path: Path) -> None
     opened = table(tmp_path, b"t_s,x_m,note\n1,2,caf\xe9\n2,\xb15,\n")
     first, second = opened
     assert opened.number(first, "x_m") == 2.0
-    said = complaint(SessionError, lambda: opened.number(second, "x_m"))
-    assert said == r"table.csv: line 3: got x_m = '\udcb15'; wanted a finite number"
+    reported = complaint(SessionError, lambda: opened.number(second, "x_m"))
+    assert reported == r"table.csv: line 3: got x_m = '\udcb15'; wanted a finite number"
 
 
 def test_numbers_beyond_all_measure_and_of_other_scripts(tmp_path: Path) -> None:
@@ -100,9 +100,9 @@ def test_times_must_grow(tmp_path: Path, times: tuple[float, float], message: st
     opened = table(tmp_path, f"t_s,x_m\n{times[0]!r},0\n{times[1]!r},0\n")
     first, second = opened
     before = opened.advance(first, "t_s", None)
-    said = complaint(SessionError, lambda: opened.advance(second, "t_s", before))
-    assert said.startswith("table.csv: line 3: ")
-    assert message in said
+    reported = complaint(SessionError, lambda: opened.advance(second, "t_s", before))
+    assert reported.startswith("table.csv: line 3: ")
+    assert message in reported
 
 
 def test_a_missing_file_and_a_folder_in_its_place(tmp_path: Path) -> None:

@@ -45,8 +45,8 @@ def test_tables_over_and_over_are_refused_before_they_are_decoded(video: Path, t
     assert repeats_tables(video)
     assert not open_video(video).isOpened()
     assert not open_packets(video).isOpened()
-    said = complaint(SessionError, lambda: check_medium(Medium(kind=MediumKind.VIDEO, path=video), (64, 48)))
-    assert "left.mkv: got no video that OpenCV can open; wanted a complete video file" in said
+    reported = complaint(SessionError, lambda: check_medium(Medium(kind=MediumKind.VIDEO, path=video), (64, 48)))
+    assert "left.mkv: got no video that OpenCV can open; wanted a complete video file" in reported
 
 
 def test_a_second_table_and_bytes_that_look_like_some_are_no_fault(video: Path) -> None:

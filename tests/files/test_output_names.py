@@ -69,9 +69,9 @@ def test_convert_writes_no_attachment_outside_its_folder(
     name = str(tmp_path / "planted.txt") if name == "ABSOLUTE" else name
     hostile = rewritten(recording, below_it / "flight.mcap", {name: b"planted"})
     assert main(["convert", str(hostile), str(below_it / "out")]) == 1
-    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("groundstation: ")]
-    assert len(said) == 1
-    assert "name" in said[0]
+    reported = [line for line in capsys.readouterr().err.splitlines() if line.startswith("groundstation: ")]
+    assert len(reported) == 1
+    assert "name" in reported[0]
     assert {p.name for p in tmp_path.iterdir()} == {"a"}
     assert {p.name for p in (tmp_path / "a").iterdir()} == {"b"}
     assert {p.name for p in below_it.iterdir()} == {"flight.mcap"}

@@ -106,9 +106,9 @@ def test_no_command_takes_one_file_to_read_and_to_write(
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     assert main([str(a) for a in arguments]) == 1
-    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("groundstation: ")]
-    assert len(said) == 1
-    return said[0]
+    reported = [line for line in capsys.readouterr().err.splitlines() if line.startswith("groundstation: ")]
+    assert len(reported) == 1
+    return reported[0]
 
 
 def test_a_session_is_not_replayed_onto_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -124,8 +124,8 @@ def test_a_session_is_not_replayed_onto_itself(tmp_path: Path, capsys: pytest.Ca
     assert "a folder that is read" in refused(capsys, "evaluate", session, "--out", sessions)
     assert "a folder that is read" in refused(capsys, "view", session, "--out", sessions, "--save", tmp_path / "x.rrd")
     for name in ("frames.csv", "rig.toml", "ptu.csv"):
-        said = refused(capsys, "replay", session, "--out", tmp_path / "out", "--record", session / name)
-        assert "a file that is read; wanted another --record" in said
+        reported = refused(capsys, "replay", session, "--out", tmp_path / "out", "--record", session / name)
+        assert "a file that is read; wanted another --record" in reported
     picture = session / "left" / "000000.png"
     assert "a file that is read" in refused(capsys, "calibrate", "flight", session, "--out", picture)
     assert {p.name: p.read_bytes() for p in session.iterdir() if p.is_file()} == before
@@ -159,8 +159,8 @@ def test_the_two_of_the_issue(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         ("intrinsics", session, "--board", "chessboard:7x5:0.04", "--station", "left"),
     ):
         before = rig.read_bytes()
-        said = refused(capsys, "calibrate", *kind, "--rig", rig, "--out", rig)
-        assert "rig.toml: got a file that is read; wanted another --out" in said
+        reported = refused(capsys, "calibrate", *kind, "--rig", rig, "--out", rig)
+        assert "rig.toml: got a file that is read; wanted another --out" in reported
         assert rig.read_bytes() == before
 
 
@@ -169,12 +169,12 @@ def test_what_is_kept_beside_a_rig_replaces_no_table(tmp_path: Path, capsys: pyt
     marks.write_text("kept")
     (tmp_path / "seen.csv").write_text("")
     (tmp_path / "rig.toml").write_text("")
-    said = refused(
+    reported = refused(
         capsys,
         *("calibrate", "survey", tmp_path / "seen.csv", "--landmarks", marks),
         *("--rig", tmp_path / "rig.toml", "--out", tmp_path / "new.toml"),
     )
-    assert "new.sightings.csv: got a file that is read" in said
+    assert "new.sightings.csv: got a file that is read" in reported
     assert marks.read_text() == "kept"
 
 

@@ -113,7 +113,7 @@ def test_a_faulty_station_is_named_and_left_out(station: str, error: StationErro
     for seed in range(3):
         watched = watch(broken(scenario(seed, trajectory=drawn_path(seed)), {station: error}, BUMP_S))
         flights.append(watched)
-        left_out = watched.said("no longer used")
+        left_out = watched.reported("no longer used")
         assert [e.text.split(":")[0] for e in left_out] == [f"station {station}"]
         assert 0.0 < left_out[0].t_s - BUMP_S < 2.5
         after = [c for c in watched.cameras if c.station == station and c.t_s > left_out[0].t_s + 0.1]
@@ -141,7 +141,7 @@ def test_what_the_rig_file_states_is_no_fault() -> None:
         healthy = watch(simulate(stated))
         assert healthy.pipeline.counts["stations_excluded"] == healthy.pipeline.counts["stations_doubted"] == 0
         bumped = watch(broken(stated, {"left": mount(tilt_deg=0.1)}, BUMP_S))
-        assert [e.text.split(":")[0] for e in bumped.said("no longer used")] == ["station left"]
+        assert [e.text.split(":")[0] for e in bumped.reported("no longer used")] == ["station left"]
 
 
 def test_excluding_keeps_the_error_down() -> None:
@@ -166,7 +166,7 @@ def test_a_wrong_target_is_left_out() -> None:
         for e in flight.events
     ]
     watched = watch(flight, events=events)
-    left_out = watched.said("no longer used")
+    left_out = watched.reported("no longer used")
     assert [e.text.split(":")[0] for e in left_out] == ["station right"]
     assert left_out[0].t_s - BUMP_S < 3.0
 
@@ -177,8 +177,8 @@ def test_a_station_that_agrees_again_is_used_again() -> None:
     healthy = simulate(scenario(2))
     events = [e for e in pushed.events if e.t_s < 5.5] + [e for e in healthy.events if e.t_s >= 5.5]
     watched = watch(healthy, events=events)
-    assert len(watched.said("no longer used")) == 1
-    back = watched.said("trusted again")
+    assert len(watched.reported("no longer used")) == 1
+    back = watched.reported("trusted again")
     assert len(back) == 1
     assert 8.5 <= back[0].t_s < 10.0
     assert [c.status for c in watched.cameras if c.station == "left"][-1] is DetectionStatus.OK
@@ -249,12 +249,12 @@ def test_two_stations_cannot_say_which() -> None:
         watched, spoilt = watch(flight), watch(flight, OFF)
         doubting.append(watched)
         believing.append(spoilt)
-        doubted = watched.said("cannot be told")
+        doubted = watched.reported("cannot be told")
         assert doubted
         assert "left and right" in doubted[0].text
-        assert not watched.said("no longer used")
+        assert not watched.reported("no longer used")
         pan = watch(broken(scenario(seed, ("left", "right")), {"left": mount(pan_deg=0.05)}, BUMP_S))
-        assert not pan.said("station")
+        assert not pan.reported("station")
     held, lost = consistency(doubting, BUMP_S + 2.0), consistency(believing, BUMP_S + 2.0)
     assert held.right, held
     assert lost.mean > 3.0 * lost.high

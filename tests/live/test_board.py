@@ -55,18 +55,18 @@ def test_without_pairs_the_prediction_is_told_and_how_old_the_newest_pair_is() -
     board = StatusBoard()
     board.answered(answer(0, t_s=10.0), 10.02)
 
-    def said(now_s: float, track: TrackStatus) -> str:
+    def reported(now_s: float, track: TrackStatus) -> str:
         return board.status(now_s, track, (), {}, "").lines[0]
 
-    assert said(10.5, TrackStatus.TRACKING).endswith("z 9.5 ± 0.10")
+    assert reported(10.5, TrackStatus.TRACKING).endswith("z 9.5 ± 0.10")
     board.passed(state(10.5, TrackStatus.COASTING, 4.0))
     coasting = "coasting: predicted, not seen by two cameras at 212 ± 4.0 m, x +1.2 ± 0.10, z 9.5 ± 0.10"
-    assert said(10.5, TrackStatus.COASTING) == coasting
-    assert said(10.51, TrackStatus.COASTING) == coasting + ", no pair for 0.5 s"
+    assert reported(10.5, TrackStatus.COASTING) == coasting
+    assert reported(10.51, TrackStatus.COASTING) == coasting + ", no pair for 0.5 s"
     board.passed(state(19.0, TrackStatus.LOST, None))
-    assert said(19.05, TrackStatus.LOST) == "lost: searching where it must be, no pair for 9.1 s"
+    assert reported(19.05, TrackStatus.LOST) == "lost: searching where it must be, no pair for 9.1 s"
     board.answered(answer(1, t_s=20.0), 20.02)
-    assert said(20.02, TrackStatus.TRACKING).startswith("tracking at 212 ± 0.5 m")
+    assert reported(20.02, TrackStatus.TRACKING).startswith("tracking at 212 ± 0.5 m")
 
 
 def test_what_is_not_known_of_now_is_not_told_as_if_it_were() -> None:
@@ -97,8 +97,8 @@ def test_zero_has_no_sign() -> None:
     assert newest.kinematics is not None
     near = replace(newest.kinematics, position_runway_m=np.array([-0.04, 212.0, -0.04]))
     board.answered(replace(newest, kinematics=near), 0.0)
-    said = board.status(0.0, TrackStatus.TRACKING, (), {}, "").lines[0]
-    assert said == "tracking at 212 ± 0.5 m, x +0.0 ± 0.10, z 0.0 ± 0.10"
+    reported = board.status(0.0, TrackStatus.TRACKING, (), {}, "").lines[0]
+    assert reported == "tracking at 212 ± 0.5 m, x +0.0 ± 0.10, z 0.0 ± 0.10"
 
 
 def test_before_anything_has_come() -> None:

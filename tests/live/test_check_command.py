@@ -52,15 +52,15 @@ def test_whole_stations_are_well_and_turn_only_when_told(
     with ExitStack() as stack:
         servers = [stack.enter_context(simulated_unit(tmp_path / name)) for name in rig.names]
         assert main(["check", str(path), "--for", "0.5"]) == 0
-        said = capsys.readouterr().out.splitlines()
-        assert [line.split()[0] for line in said[:8]] == ["ok"] * 8
-        assert not any("turned" in line for line in said)
+        reported = capsys.readouterr().out.splitlines()
+        assert [line.split()[0] for line in reported[:8]] == ["ok"] * 8
+        assert not any("turned" in line for line in reported)
         assert targets == []
         assert main(["check", str(path), "--for", "0.5", "--move"]) == 0
-        said = capsys.readouterr().out.splitlines()
-        assert [line.split()[0] for line in said[:10]] == ["ok"] * 10
+        reported = capsys.readouterr().out.splitlines()
+        assert [line.split()[0] for line in reported[:10]] == ["ok"] * 10
         for name in rig.names:
-            assert sum(f"{name} PTU: turned by 0.5° and back" in line for line in said) == 1
+            assert sum(f"{name} PTU: turned by 0.5° and back" in line for line in reported) == 1
         assert max(targets) == pytest.approx(HALF_A_DEGREE, abs=1.0)
         assert sorted(round(t / HALF_A_DEGREE) for t in targets) == [0] * 4 + [1] * 4
         # braking takes the last counts

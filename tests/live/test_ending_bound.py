@@ -94,24 +94,24 @@ def test_a_recorder_that_writes_is_waited_for_and_one_that_does_not_is_not() -> 
 
 def test_what_hangs_is_given_up_once() -> None:
     clock = Clock()
-    said: list[str] = []
-    end = Shutdown(lambda: True, force_exit=said.append, clock=clock)
+    reported: list[str] = []
+    end = Shutdown(lambda: True, force_exit=reported.append, clock=clock)
     end.begin()
     clock.now_s += 3.1
     end.watch()
-    assert wait_until(lambda: bool(said), 10.0)
-    assert said[0].startswith("did not end within 3 s")
-    assert len(said) == 1
+    assert wait_until(lambda: bool(reported), 10.0)
+    assert reported[0].startswith("did not end within 3 s")
+    assert len(reported) == 1
 
 
 def test_what_has_ended_is_not_given_up() -> None:
     clock = Clock()
-    said: list[str] = []
-    end = Shutdown(lambda: True, force_exit=said.append, clock=clock)
+    reported: list[str] = []
+    end = Shutdown(lambda: True, force_exit=reported.append, clock=clock)
     end.watch()
     end.done()
     clock.now_s += 100.0
-    assert not wait_until(lambda: bool(said), 0.3)
+    assert not wait_until(lambda: bool(reported), 0.3)
 
 
 def test_restarts_are_ever_further_apart_up_to_eight_seconds() -> None:
@@ -189,10 +189,10 @@ def test_ctrl_c_while_the_ptus_process_is_stopped(station: tuple[Run, Units]) ->
     # the bound itself is checked on a simulated clock; a busy machine takes what it takes
     assert took_s < 45.0
     assert code == 1
-    said = (run.run / "said.txt").read_text(encoding="utf-8")
-    assert "the PTUs' process" in said
-    assert "was killed" in said
-    assert "Traceback" not in said
+    reported = (run.run / "said.txt").read_text(encoding="utf-8")
+    assert "the PTUs' process" in reported
+    assert "was killed" in reported
+    assert "Traceback" not in reported
     now_s = time.monotonic()
     assert max(units.stood(began_s, now_s).values()) < float("inf")
     assert max(units.turned(now_s - 0.2, now_s).values()) == 0.0

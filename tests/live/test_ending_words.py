@@ -68,9 +68,9 @@ def test_where_nothing_was_recorded_the_exit_code_says_so(
     result = replace(ended(), incomplete=(why,), lost=lost)
     monkeypatch.setattr("groundstation.live.command.live", lambda *_, **__: result)
     assert main(["live", "--simulate", "--out", "x"]) == int(lost)
-    said = capsys.readouterr()
-    assert f"not whole: {why}" in said.out
-    assert said.err == ("groundstation: nothing could be recorded\n" if lost else "")
+    reported = capsys.readouterr()
+    assert f"not whole: {why}" in reported.out
+    assert reported.err == ("groundstation: nothing could be recorded\n" if lost else "")
 
 
 def test_a_lost_process_of_the_heads_is_exit_code_1(

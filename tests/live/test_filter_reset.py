@@ -29,7 +29,7 @@ class Recorded(ClosedLoopSimulation):
 
     def __init__(self, out: Path, rig: Rig, config: Config, span_m: float | None, recorder: LiveRecorder) -> None:
         super().__init__(rig, config, FLIGHT, seed=3, span_m=span_m)
-        self.said: list[TrackEvent] = []
+        self.reported: list[TrackEvent] = []
         self._recorder, self._tables = recorder, TrackFilesSink(out)
         self._step = self._core.pipeline.step
 
@@ -64,7 +64,7 @@ class Recorded(ClosedLoopSimulation):
         for event in taken.consumed:
             self._recorder.take(event)
         for report in taken.reports:
-            self.said += report.events
+            self.reported += report.events
             self._recorder.write(report)
             self._tables.write(report)
         super()._done(taken)
@@ -92,8 +92,8 @@ def held_to(flown: Recorded, result: ReplayResult, folder: Path, times: int) -> 
     for name in ("track.csv", "triangulation.csv"):
         assert (folder / "again" / name).read_bytes() == (folder / "live" / name).read_bytes()
     assert flown._core.pipeline.counts["begun_anew"] == times
-    said = [event for event in flown.said if "; reset" in event.text]
-    assert [event.level for event in said] == ["error"] * times
+    reported = [event for event in flown.reported if "; reset" in event.text]
+    assert [event.level for event in reported] == ["error"] * times
     assert flown.result.share(TrackStatus.TRACKING, 3.0, 3.5) > 0.9
 
 

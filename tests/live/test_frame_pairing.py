@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.live.frame_pairing import LoadShedder, Pairing
+from groundstation.live.frame_pairing import FramePairer, LoadShedder
 from groundstation.live.input_queue import DeviceLogLine, InputQueue, TimedPicture
 from groundstation.messages import Epoch, PtuSample
 from groundstation.picture import BgrPicture
@@ -15,7 +15,7 @@ CAMERAS = ("left", "right")
 
 
 def paired(arrivals: list[tuple[str, float]]) -> tuple[list[tuple[str, float, int]], list[Epoch]]:
-    pairing = Pairing(CAMERAS, PERIOD)
+    pairing = FramePairer(CAMERAS, PERIOD)
     frames: list[tuple[str, float, int]] = []
     epochs: list[Epoch] = []
     for station, t_s in arrivals:
@@ -35,13 +35,13 @@ def test_triggered_cameras_pair_as_they_come() -> None:
 
 
 def test_a_pair_is_closed_by_its_last_frame() -> None:
-    pairing = Pairing(CAMERAS, PERIOD)
+    pairing = FramePairer(CAMERAS, PERIOD)
     assert pairing.frame("left", 0.0).closed_after == ()
     assert [e.epoch for e in pairing.frame("right", 0.004).closed_after] == [0]
 
 
 def test_a_camera_that_is_lost_is_waited_for_and_then_no_more() -> None:
-    pairing = Pairing(CAMERAS, PERIOD)
+    pairing = FramePairer(CAMERAS, PERIOD)
     pairing.frame("left", 0.0)
     pairing.frame("right", 0.0)
     closed = [pairing.frame("left", k * PERIOD) for k in range(1, 10)]
@@ -92,7 +92,7 @@ def test_readings_are_bounded_too() -> None:
 
 
 def test_whole_pairs_are_left_out_while_behind() -> None:
-    pairing = Pairing(CAMERAS, PERIOD)
+    pairing = FramePairer(CAMERAS, PERIOD)
     shedding = LoadShedder(pairing, PERIOD, most=3)
     taken = []
     # (frames waiting behind, expected)

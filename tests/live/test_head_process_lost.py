@@ -55,7 +55,7 @@ class Station:
             t_s += 0.005
         return float("inf")
 
-    def said(self) -> list[str]:
+    def reported(self) -> list[str]:
         return [i.text for _, i in self.items if isinstance(i, DeviceLogLine)]
 
     def samples(self) -> int:
@@ -156,7 +156,7 @@ def test_a_lost_process_leaves_no_head_turning(tmp_path: Path, kind: str, number
         pid = station.heads.pids["ptus"]
         lost_s = time.monotonic()
         os.kill(pid, number)
-        assert until(lambda: any("restart " in text for text in station.said()))
+        assert until(lambda: any("restart " in text for text in station.reported()))
         assert until(lambda: station.stood_at(lost_s) < float("inf"))
         shown = [words for t_s, _, words in station.heads.log.shown if t_s >= lost_s]
         lost, halted = "process lost, being halted", "process lost, halted, restarting"
@@ -164,10 +164,10 @@ def test_a_lost_process_leaves_no_head_turning(tmp_path: Path, kind: str, number
         assert shown.index(lost) < shown.index(halted)
         assert "process restarted" not in shown[: shown.index(halted)]
         assert "ready" not in shown[shown.index(lost) : shown.index(halted) + 1]
-        assert not any("nothing turns" in text for text in station.said())
-        assert any("left: halt acknowledged" in text for text in station.said())
+        assert not any("nothing turns" in text for text in station.reported())
+        assert any("left: halt acknowledged" in text for text in station.reported())
         how = "was killed" if number is signal.SIGSTOP else f"was ended by {number.name}"
-        assert any(how in text for text in station.said())
+        assert any(how in text for text in station.reported())
         # a busy machine may lose more than what was killed here
         assert any(how in loss for loss in station.heads.log.losses)
         count = station.samples()
@@ -192,12 +192,12 @@ def test_a_head_that_does_not_acknowledge_is_not_called_halted(tmp_path: Path) -
         # it is shown a moment before it is logged
         assert until(
             lambda: any(
-                "left: no halt was acknowledged" in text and "may still turn" in text for text in station.said()
+                "left: no halt was acknowledged" in text and "may still turn" in text for text in station.reported()
             )
         )
         with station.server.lock:
             station.server.line.dead = False
-        assert until(lambda: any("restart " in text for text in station.said()), 90.0)
+        assert until(lambda: any("restart " in text for text in station.reported()), 90.0)
         assert until(lambda: station.states[-1][1] == "ready")
 
 
@@ -209,6 +209,6 @@ def test_without_a_guard_no_head_turns(tmp_path: Path, number: signal.Signals) -
         os.kill(station.heads.pids["guard"], number)
         assert until(lambda: station.stood_at(lost_s) < float("inf"))
         assert until(lambda: any("held still" in words for _, _, words in station.heads.log.shown))
-        assert any("the motion guard's process" in text for text in station.said())
+        assert any("the motion guard's process" in text for text in station.reported())
         assert until(lambda: abs(station.speed(time.monotonic())) > 0.0)
         assert any("the motion guard's process" in loss for loss in station.heads.log.losses)

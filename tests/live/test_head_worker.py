@@ -138,9 +138,9 @@ def test_a_thread_that_fails_leaves_its_head_halted(place: str, fault: Exception
     assert head.ended
     assert not unit.turning
     assert unit.calls[-1] == "close"
-    (said,) = [item for item in all_of(input_queue) if isinstance(item, DeviceLogLine)]
-    assert (said.level, said.t_s) == ("error", 5.0)
-    assert said.text == f"left: PTU: {type(fault).__name__}: {fault}; it is halted"
+    (reported,) = [item for item in all_of(input_queue) if isinstance(item, DeviceLogLine)]
+    assert (reported.level, reported.t_s) == ("error", 5.0)
+    assert reported.text == f"left: PTU: {type(fault).__name__}: {fault}; it is halted"
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
@@ -243,9 +243,9 @@ def test_a_refused_command_is_counted_and_said(fault: Exception, lines: int) -> 
         head.set_command(replace(COMMAND, t_s=float(k)))
         head._execute()
     assert head.refused == 2
-    said = [item for item in all_of(input_queue) if isinstance(item, DeviceLogLine)]
-    assert [s.level for s in said] == ["warning"] * lines
-    assert said[0].text == f"left: PTU: {fault}"
+    reported = [item for item in all_of(input_queue) if isinstance(item, DeviceLogLine)]
+    assert [s.level for s in reported] == ["warning"] * lines
+    assert reported[0].text == f"left: PTU: {fault}"
 
 
 def test_readings_are_handed_over_in_session_time() -> None:
@@ -269,9 +269,9 @@ def test_a_unit_without_angles_is_said_once_and_so_is_its_return() -> None:
     for t in (1.1, 1.2):
         now[0] = t
         assert not head._poll()
-    (said,) = all_of(input_queue)
-    assert isinstance(said, DeviceLogLine)
-    assert (said.level, said.t_s) == ("warning", 6.1)
+    (reported,) = all_of(input_queue)
+    assert isinstance(reported, DeviceLogLine)
+    assert (reported.level, reported.t_s) == ("warning", 6.1)
     unit.answer = whole
     assert head._poll()
     back = [item for item in all_of(input_queue) if isinstance(item, DeviceLogLine)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from groundstation.live.core import HEARTBEAT_EVERY_S, LiveCore, LiveStep, live_config
-from groundstation.live.frame_pairing import Pairing
+from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.head_manager import HeadManager
 from groundstation.live.input_queue import DeviceLogLine
 from groundstation.live.operation import Operation, OperationOutputs
@@ -31,7 +31,7 @@ def dead(*kinds: ClosedLoopFaultKind, to_s: float) -> list[ClosedLoopFault]:
     return [ClosedLoopFault(kind=kind, station=name, from_s=LOSS_S, to_s=to_s) for kind in kinds for name in STATIONS]
 
 
-class Watched(ClosedLoopSimulation):
+class PollStatistics(ClosedLoopSimulation):
     """A rehearsal that keeps what the operator would read, and what the heads are told, at each turn."""
 
     def __init__(self, faults: list[ClosedLoopFault], seconds: float) -> None:
@@ -55,7 +55,7 @@ class Watched(ClosedLoopSimulation):
 def test_both_cameras_lost_for_ten_seconds() -> None:
     """Expected: as was measured at an airstrip's rehearsal ("tracking at 442 ± 1.3 m" all the while) no more: coasting
     within half a second, a covariance that grows and holds the truth, lost within eight seconds and without a place."""
-    flown = Watched(dead(ClosedLoopFaultKind.CAMERA_LOST, to_s=LOSS_S + 10.0), 14.5)
+    flown = PollStatistics(dead(ClosedLoopFaultKind.CAMERA_LOST, to_s=LOSS_S + 10.0), 14.5)
     result = flown.run()
     assert flown.statuses(1.5, LOSS_S) == [TrackStatus.TRACKING]
     assert flown.statuses(LOSS_S + 0.5, LOSS_S + 10.0) == [TrackStatus.COASTING, TrackStatus.LOST]
@@ -83,7 +83,7 @@ def test_both_cameras_lost_for_ten_seconds() -> None:
 
 def test_the_source_killed_to_the_end() -> None:
     """Expected: with neither pictures nor angles it is lost sooner, and stays so; the heads are told nothing new."""
-    flown = Watched(dead(ClosedLoopFaultKind.CAMERA_LOST, ClosedLoopFaultKind.PTU_SILENT, to_s=math.inf), 9.0)
+    flown = PollStatistics(dead(ClosedLoopFaultKind.CAMERA_LOST, ClosedLoopFaultKind.PTU_SILENT, to_s=math.inf), 9.0)
     result = flown.run()
     assert flown.statuses(LOSS_S + 0.5, 9.0) == [TrackStatus.COASTING, TrackStatus.LOST]
     lost_s = next(t_s for t_s, status in flown.read if status is TrackStatus.LOST)
@@ -94,7 +94,7 @@ def test_the_source_killed_to_the_end() -> None:
 
 
 def test_it_tracks_again_when_they_are_back() -> None:
-    flown = Watched(dead(ClosedLoopFaultKind.CAMERA_LOST, to_s=LOSS_S + 1.5), 6.5)
+    flown = PollStatistics(dead(ClosedLoopFaultKind.CAMERA_LOST, to_s=LOSS_S + 1.5), 6.5)
     result = flown.run()
     assert flown.statuses(LOSS_S + 0.5, LOSS_S + 1.5) == [TrackStatus.COASTING]
     assert result.share(TrackStatus.TRACKING, LOSS_S + 2.5, 6.5) > 0.95
@@ -122,7 +122,7 @@ def fresh() -> LiveCore:
     rig = make_rig()
     geometries = {s.name: s.geometry() for s in rig.stations}
     pipeline = Pipeline(rig, live_config(Config(), 30.0))
-    return LiveCore(pipeline, Pairing(rig.names, 1.0 / 30.0), {}, SearchPattern(geometries, SearchConfig()))
+    return LiveCore(pipeline, FramePairer(rig.names, 1.0 / 30.0), {}, SearchPattern(geometries, SearchConfig()))
 
 
 def beats(taken: LiveStep) -> list[float]:
@@ -227,12 +227,12 @@ def test_a_turn_knows_whether_more_waits(tmp_path: Path) -> None:
     operation, _, now = operated(tmp_path)
     core, heads = Canned(), HeadManager({}, 0.0)
     reading = PtuSample(t_s=9.5, station="left", pan_rad=0.0, tilt_rad=0.0)
-    said = DeviceLogLine(t_s=9.5, level="info", text="parking")
+    reported = DeviceLogLine(t_s=9.5, level="info", text="parking")
     now[0] = 10.0
     operation._cycle(core, heads, [], reading)
     operation.input_queue.put(reading)
     operation._cycle(core, heads, [], reading)
-    operation._cycle(core, heads, [], said)
+    operation._cycle(core, heads, [], reported)
     operation._cycle(core, heads, [], None)
     assert core.known[:2] == [10.0, 9.5]
     assert all(known_s is not None and known_s < -1e6 for known_s in core.known[2:])

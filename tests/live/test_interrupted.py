@@ -57,24 +57,24 @@ def test_the_first_child_is_as_deaf_and_so_is_the_librarys_own_process() -> None
 
 
 def test_what_is_not_wanted_any_more_is_not_opened(tmp_path: Path) -> None:
-    said: list[str] = []
+    reported: list[str] = []
     request = LiveRequest(station=None, out=tmp_path / "out")
     simulator = SimulatedStation(SimulatedStationConfig())
     with pytest.raises(KeyboardInterrupt):
-        live(request, lambda: True, lambda status: None, said.append, simulator)
-    assert said == []
+        live(request, lambda: True, lambda status: None, reported.append, simulator)
+    assert reported == []
 
 
 def test_what_hangs_before_operation_is_given_up_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Expected: while something compiles or opens that does not return, the bound of the end holds as in operation."""
-    asked, given_up, said = threading.Event(), threading.Event(), list[str]()
+    asked, given_up, reported = threading.Event(), threading.Event(), list[str]()
 
     def hangs() -> None:
         asked.set()
         assert given_up.wait(60.0)
 
     def force_exit(line: str) -> None:
-        said.append(line)
+        reported.append(line)
         given_up.set()
 
     monkeypatch.setattr("groundstation.live.command.warm_up", hangs)
@@ -84,7 +84,7 @@ def test_what_hangs_before_operation_is_given_up_too(monkeypatch: pytest.MonkeyP
     with pytest.raises(KeyboardInterrupt):
         live(request, asked.is_set, lambda status: None, lambda line: None, simulator, force_exit)
     # nothing is recorded yet, and nothing is said of it
-    assert said == ["did not end within 3 s and is ended by force; the heads' processes halt them now"]
+    assert reported == ["did not end within 3 s and is ended by force; the heads' processes halt them now"]
 
 
 @pytest.fixture

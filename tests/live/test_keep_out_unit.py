@@ -180,14 +180,14 @@ def test_without_further_commands_motion_is_halted_before_it() -> None:
     """The unit's own watchdog is not there: a rate that goes on for ever is stopped by what is read."""
     pan, tilt = sun_at(0.0)
     unit = TurningUnit(pan - 60.0, tilt)
-    said: list[str] = []
-    guard = KeepOutUnit(unit, about_the_sun(), unit.clock, watch=False, report=said.append)
+    reported: list[str] = []
+    guard = KeepOutUnit(unit, about_the_sun(), unit.clock, watch=False, report=reported.append)
     guard.read()
     guard.move_at(pan_rad_s=RATE, tilt_rad_s=0.0)
     settled(unit, guard, 6.0)
     assert clearances(unit, about_the_sun()).min() > 0.0
     assert guard.stops >= 1
-    assert said[0].startswith("halted before the Sun (")
+    assert reported[0].startswith("halted before the Sun (")
 
 
 def test_a_line_that_falls_silent_halts_it_earlier() -> None:

@@ -71,18 +71,18 @@ def test_left_out_it_is_half_the_field_of_view_and_five_degrees(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("tables", "good", "said"),
+    ("tables", "good", "reported"),
     [
         (ORIGIN, True, "the Sun is now at azimuth "),
         ("[safety]\nsun_angle_deg = 0\n", True, "the Sun is not avoided: [safety] sun_angle_deg = 0"),
         ("", False, "the Sun is not avoided: no [origin]"),
     ],
 )
-def test_that_the_sun_is_not_avoided_is_said(tmp_path: Path, tables: str, good: bool, said: str) -> None:
+def test_that_the_sun_is_not_avoided_is_said(tmp_path: Path, tables: str, good: bool, reported: str) -> None:
     file = load_station(field(tmp_path, tables))
     found, words = sun_text(file, make_rig(), NOON_S)
     assert found is good
-    assert words.startswith(said)
+    assert words.startswith(reported)
     heads = [s.head for s in with_keep_out(file, make_rig(), 0.0, NOON_S).stations]
     for head in heads:
         assert head is not None
@@ -91,8 +91,8 @@ def test_that_the_sun_is_not_avoided_is_said(tmp_path: Path, tables: str, good: 
 
 
 def test_a_clock_that_was_never_set_ends_it(tmp_path: Path) -> None:
-    said = complaint(ConfigError, lambda: kept(tmp_path, ORIGIN, utc_s=1000.0))
-    assert "this machine's clock: got 1970-01-01 00:16 UTC; wanted it set" in said
+    reported = complaint(ConfigError, lambda: kept(tmp_path, ORIGIN, utc_s=1000.0))
+    assert "this machine's clock: got 1970-01-01 00:16 UTC; wanted it set" in reported
     kept(tmp_path, ORIGIN + "[safety]\nsun_angle_deg = 0\n", utc_s=1000.0)
 
 
@@ -118,9 +118,9 @@ def test_moves_by_hand_keep_out_too(tmp_path: Path, capsys: pytest.CaptureFixtur
             assert "wanted a way clear of sector 1 (20.0° outside)" in capsys.readouterr().err
             assert pan_of(server, 1e9) == pytest.approx(0.0, abs=1e-4)
         assert main(["ptu", "jog", "--station", path, "left", "--pan", "5", "--rate", "20"]) == 0
-        said = capsys.readouterr()
-        assert "reached" in said.out
-        assert said.err == ""
+        reported = capsys.readouterr()
+        assert "reached" in reported.out
+        assert reported.err == ""
 
 
 def test_moves_by_url_say_that_nothing_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -130,7 +130,7 @@ def test_moves_by_url_say_that_nothing_is_known(tmp_path: Path, capsys: pytest.C
 
 
 @pytest.mark.parametrize(
-    ("more", "code", "said"),
+    ("more", "code", "reported"),
     [
         ([], 2, "got no URL; wanted one, or --station FILE NAME"),
         (["/dev/ttyUSB0", "--station", "FILE", "left"], 2, "got URL and --station"),
@@ -139,9 +139,9 @@ def test_moves_by_url_say_that_nothing_is_known(tmp_path: Path, capsys: pytest.C
     ],
 )
 def test_what_does_not_go_together_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[str], code: int, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[str], code: int, reported: str
 ) -> None:
     path = str(field(tmp_path, "[safety]\nsun_angle_deg = 0\n"))
     words = [path if word == "FILE" else word for word in more]
     assert main(["ptu", "jog", *words, "--pan", "1"]) == code
-    assert said in capsys.readouterr().err
+    assert reported in capsys.readouterr().err

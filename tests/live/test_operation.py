@@ -58,23 +58,23 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, int]:
                 break
             time.sleep(0.2)
         child.send_signal(signal.SIGINT)
-        said, _ = child.communicate(timeout=120)
+        reported, _ = child.communicate(timeout=120)
     finally:
         child.kill()
-    return out, said, child.returncode
+    return out, reported, child.returncode
 
 
 def test_ctrl_c_ends_it_softly(flown: tuple[Path, str, int]) -> None:
-    out, said, code = flown
-    assert code == 0, said
-    assert "Traceback" not in said
-    assert "delay from a pair's first frame to its answer" in said
+    out, reported, code = flown
+    assert code == 0, reported
+    assert "Traceback" not in reported
+    assert "delay from a pair's first frame to its answer" in reported
     # at the start of every five seconds, a line for people
-    assert "its clock " in said
-    assert "GB free" in said
-    assert "recorded: " in said
+    assert "its clock " in reported
+    assert "GB free" in reported
+    assert "recorded: " in reported
     for name in ("track.csv", "triangulation.csv", "detections.csv", "flight.mcap", "rig.toml", "dgps.csv"):
-        assert (out / name).is_file(), said
+        assert (out / name).is_file(), reported
     rows = (out / "track.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) > 24
     # both cameras, looked at by both pipelines' thread
@@ -89,11 +89,11 @@ def test_its_recording_gives_the_same_track_bit_for_bit(flown: tuple[Path, str, 
 
 
 def test_the_reference_receiver_is_in_it(flown: tuple[Path, str, int]) -> None:
-    out, said, _ = flown
+    out, reported, _ = flown
     rows = (out / "dgps.csv").read_text(encoding="utf-8").splitlines()
     session = load_session(out / "flight.mcap")
     fixes = load_dgps(session)
-    assert len(fixes) == len(rows) - 1 > 0, said
+    assert len(fixes) == len(rows) - 1 > 0, reported
     with session_source(session, None, None, lambda line: None) as source:
         learnt = [e for e in source if isinstance(e, ReferenceFix)]
     # the last may have come while the heads were parked
@@ -123,7 +123,7 @@ def test_without_a_station_file_it_says_what_it_needs(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "reported"),
     [
         (["field.toml", "--simulate", "--out", "x"], "got field.toml and --simulate; wanted one of them"),
         (["field.toml", "--ptu-fault", "noise"], "got --ptu-fault without --simulate; wanted both"),
@@ -134,10 +134,10 @@ def test_without_a_station_file_it_says_what_it_needs(
     ],
 )
 def test_options_that_do_not_go_together_are_refused(
-    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["live", *words]) == 2
-    assert said in capsys.readouterr().err
+    assert reported in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", [["--seed", "-1"], ["--rate", "1e9"], ["--wind", "99"], ["--aircraft", "kite"]])
@@ -172,13 +172,15 @@ ptu = "{tmp_path}/nothing-either"
         encoding="utf-8",
     )
     assert main(["check", str(tmp_path / "station.toml"), "--for", "2"]) == 1
-    said = capsys.readouterr().out.splitlines()
-    assert said[0] == "ok     station file, rig and tuning: left, right"
-    assert said[1].startswith("WRONG  rig: left, right without a covariance")
-    assert any("left camera: got pictures of 1280 × 960 px; wanted 320 × 240 px as in the rig" in line for line in said)
-    assert any(line.startswith("WRONG  left: PTU:") and "nothing" in line for line in said)
-    assert any(line.startswith("WRONG  right camera:") and "none.mp4" in line for line in said)
-    assert not any("left camera: left:" in line or "left: left:" in line for line in said)
+    reported = capsys.readouterr().out.splitlines()
+    assert reported[0] == "ok     station file, rig and tuning: left, right"
+    assert reported[1].startswith("WRONG  rig: left, right without a covariance")
+    assert any(
+        "left camera: got pictures of 1280 × 960 px; wanted 320 × 240 px as in the rig" in line for line in reported
+    )
+    assert any(line.startswith("WRONG  left: PTU:") and "nothing" in line for line in reported)
+    assert any(line.startswith("WRONG  right camera:") and "none.mp4" in line for line in reported)
+    assert not any("left camera: left:" in line or "left: left:" in line for line in reported)
 
 
 class FullDisk:

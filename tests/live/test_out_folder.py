@@ -63,13 +63,13 @@ ptu = "{tmp_path}/right"
 """,
         encoding="utf-8",
     )
-    said = []
+    reported = []
     for _ in range(2):
         assert main(["live", str(tmp_path / "station.toml"), "--out", str(tmp_path / "out")]) == 1
-        said.append(capsys.readouterr().err)
+        reported.append(capsys.readouterr().err)
         assert not (tmp_path / "out").exists()
-    assert "left: PTU:" in said[0]
-    assert said[0] == said[1]
+    assert "left: PTU:" in reported[0]
+    assert reported[0] == reported[1]
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:

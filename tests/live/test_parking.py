@@ -5,7 +5,7 @@ import math
 import pytest
 
 from groundstation.live.core import LiveCore
-from groundstation.live.frame_pairing import Pairing
+from groundstation.live.frame_pairing import FramePairer
 from groundstation.messages import PtuSample
 from groundstation.pointing.pointing_law import AxisLimits, HeadLimits, HeadPilot, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
@@ -25,7 +25,7 @@ def core() -> LiveCore:
         n: HeadPilot(g, HeadLimits(pan=axis, tilt=axis), PointingConfig(latency_s=0.02)) for n, g in geometries.items()
     }
     core = LiveCore(
-        Pipeline(rig, Config()), Pairing(rig.names, 1.0 / 30.0), pilots, SearchPattern(geometries, SearchConfig())
+        Pipeline(rig, Config()), FramePairer(rig.names, 1.0 / 30.0), pilots, SearchPattern(geometries, SearchConfig())
     )
     core.park(dict.fromkeys(rig.names, (0.0, 0.0)))
     return core

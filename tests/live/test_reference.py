@@ -91,8 +91,8 @@ def test_without_a_date_it_is_the_listeners(off_s: float) -> None:
 
 def test_heights_that_nothing_explains_are_said_and_the_line_goes_on() -> None:
     listener = stream()
-    said = complaint(LogError, lambda: listener.feed(gga(flight(1)[0], separation=""), UNIX_S))
-    assert "geoid separation" in said
+    reported = complaint(LogError, lambda: listener.feed(gga(flight(1)[0], separation=""), UNIX_S))
+    assert "geoid separation" in reported
     listener.feed(gga(flight(1)[0]), UNIX_S)
     assert len(listener.quiet(UNIX_S)) == 1
 
@@ -300,10 +300,10 @@ def test_it_says_when_the_receiver_is_gone_and_there_again(tmp_path: Path) -> No
         assert worker.state(4.0, 5.0).summary() == "DGPS: 6 fixes, 0.0 s old, fix"
     items = drained(input_queue)
     assert [round(i.t_s, 3) for i in items if isinstance(i, ReferenceFix)] == [0.0, 0.2, 0.4, 0.6, 0.8, 3.9]
-    said = [(i.level, i.text) for i in items if isinstance(i, DeviceLogLine)]
-    assert ("warning", "DGPS: gone: no position that can be used since 0.9 s") in said
-    assert ("warning", "DGPS: scripted: got end of file; wanted a line that is there; it is tried again") in said
-    assert said[-1] == ("info", "DGPS: there again")
+    reported = [(i.level, i.text) for i in items if isinstance(i, DeviceLogLine)]
+    assert ("warning", "DGPS: gone: no position that can be used since 0.9 s") in reported
+    assert ("warning", "DGPS: scripted: got end of file; wanted a line that is there; it is tried again") in reported
+    assert reported[-1] == ("info", "DGPS: there again")
     content = table.close()
     assert content is not None
     rows = content.decode().splitlines()
@@ -398,9 +398,9 @@ def test_an_address_that_is_none_is_refused(url: str) -> None:
 
 
 def test_beyond_this_machine_its_senders_have_to_be_named() -> None:
-    said = complaint(ConfigError, lambda: ReferenceDevice(url="udp://0.0.0.0:5000"))
-    assert "got none for udp://0.0.0.0:5000, which others reach" in said
-    assert "wanted senders" in said
+    reported = complaint(ConfigError, lambda: ReferenceDevice(url="udp://0.0.0.0:5000"))
+    assert "got none for udp://0.0.0.0:5000, which others reach" in reported
+    assert "wanted senders" in reported
     senders = sender_networks(["192.168.1.20", "10.1.0.0/16"], "test")
     device = ReferenceDevice(url="udp://192.168.1.5:5000", senders=senders)
     allowed = [device.allows(a) for a in ("192.168.1.20", "192.168.1.21", "10.1.255.3", "10.2.0.1", "127.0.0.1")]
@@ -419,8 +419,8 @@ def test_the_operator_is_told_of_strangers_now_and_then() -> None:
             now.s = 0.1 * k
             script.refuse(3)
             wait_for(lambda k=k: worker.state(now.s, 0.0).note == f"{3 * (k + 1)} datagrams of others refused")
-    said = [i.text for i in drained(input_queue) if isinstance(i, DeviceLogLine) and "sender" in i.text]
-    assert said == ["DGPS: 10.9.8.7 is not among its senders: datagrams refused"]
+    reported = [i.text for i in drained(input_queue) if isinstance(i, DeviceLogLine) and "sender" in i.text]
+    assert reported == ["DGPS: 10.9.8.7 is not among its senders: datagrams refused"]
 
 
 def test_a_clock_came_back_only_within_what_overtaking_explains() -> None:

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from groundstation.live.hang_detector import ASLEEP_S, LONGEST_S, Activity, HangDetector, activity
+from groundstation.live.hang_detector import ASLEEP_S, LONGEST_S, HangDetector, ProcessActivity, activity
 from ptu_drivers.motion_guard import LEASE_S
 
 
@@ -30,10 +30,10 @@ from ptu_drivers.motion_guard import LEASE_S
 def test_how_long_a_process_may_say_nothing(state: str, advancing: bool, bound_s: float) -> None:
     ticks = 0
 
-    def look(_pid: int) -> Activity:
+    def look(_pid: int) -> ProcessActivity:
         nonlocal ticks
         ticks += advancing
-        return Activity(state=state, ticks=ticks)
+        return ProcessActivity(state=state, ticks=ticks)
 
     silence = HangDetector(look)
     silent_s = 0.0
@@ -46,7 +46,7 @@ def test_how_long_a_process_may_say_nothing(state: str, advancing: bool, bound_s
 def test_a_process_that_is_heard_of_again_begins_at_the_front() -> None:
     """Expected: what it did before its last sign of life does not count as activity since."""
     ticks = [5]
-    silence = HangDetector(lambda _: Activity(state="S", ticks=ticks[0]))
+    silence = HangDetector(lambda _: ProcessActivity(state="S", ticks=ticks[0]))
     assert not silence.hangs(7, 0.4)
     ticks[0] = 9
     assert not silence.hangs(7, 0.1)
@@ -69,4 +69,4 @@ def test_the_activity_of_a_true_process() -> None:
     finally:
         child.kill()
         child.wait()
-    assert activity(child.pid) == Activity(state="", ticks=0)
+    assert activity(child.pid) == ProcessActivity(state="", ticks=0)

@@ -99,7 +99,7 @@ def test_the_example_of_the_docs_is_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "reported"),
     [
         ('format = "groundstation-station/1"', 'format = "other"', "format: got 'other'"),
         ('senders = ["192.168.1.20", "10.0.0.0/8"]', "", "senders: got none for udp://0.0.0.0:5000"),
@@ -133,11 +133,11 @@ def test_the_example_of_the_docs_is_one() -> None:
         ("lat_deg = 47.1", "lat_deg = 97.1", "origin: lat_deg: got 97.1"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, reported: str) -> None:
     assert old in WHOLE
     with pytest.raises(ConfigError) as fault:
         load_station(written(tmp_path, WHOLE.replace(old, new)))
-    assert said in str(fault.value)
+    assert reported in str(fault.value)
     assert "station.toml" in str(fault.value)
     assert "\n" not in str(fault.value)
 

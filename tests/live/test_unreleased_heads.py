@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from groundstation.live.hang_detector import LONGEST_S, Activity, HangDetector
+from groundstation.live.hang_detector import LONGEST_S, HangDetector, ProcessActivity
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.head_manager import HeadManager
 from groundstation.live.input_queue import DeviceLogLine, InputQueue
@@ -162,7 +162,7 @@ def test_a_silent_process_that_has_something_to_do_is_given_a_second() -> None:
 
     Simulated.made = {}
     heads = HeadManager({"left": HeadDevice(url="nowhere")}, 0.0, clock=lambda: now[0], make=Simulated)  # type: ignore[arg-type]
-    heads._hang_detector = HangDetector(lambda _: Activity(state="R", ticks=0))
+    heads._hang_detector = HangDetector(lambda _: ProcessActivity(state="R", ticks=0))
     changes, killed_s = [], math.inf
     with heads:
         while math.isinf(killed_s) and now[0] < 105.0:
@@ -175,4 +175,4 @@ def test_a_silent_process_that_has_something_to_do_is_given_a_second() -> None:
             now[0] += 0.01
     assert changes[0] == pytest.approx(LEASE_S, abs=0.02)
     assert killed_s == pytest.approx(LONGEST_S, abs=0.02)
-    assert "said nothing for 1.0 s and was killed" in heads.log.losses[0]
+    assert "gave no sign for 1.0 s and was killed" in heads.log.losses[0]

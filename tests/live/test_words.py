@@ -19,7 +19,13 @@ from groundstation.messages import Epoch, TrackStatus
 from groundstation.recording.data_rates import DataRateMeter
 from groundstation.recording.recorder import RecorderConfig
 from groundstation.simulation.standard_cases import standard_rig
-from groundstation.sources.cameras.camera import CameraCare, CameraDevice, CameraTiming, Grab, SettingsReadBack
+from groundstation.sources.cameras.camera import (
+    CameraDevice,
+    CameraSupervision,
+    CameraTiming,
+    GrabbedFrame,
+    SettingsReadBack,
+)
 from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.tracking.config import Config
 from groundstation.tracking.count_descriptions import describe_counts
@@ -90,19 +96,19 @@ def test_each_count_of_the_pipeline_has_its_words() -> None:
 
 
 def test_the_watch_speaks_while_nothing_is_told() -> None:
-    now, said = [100.0], list[float]()
-    watch = StatusWatchdog(said.append, lambda: now[0])
+    now, reported = [100.0], list[float]()
+    watch = StatusWatchdog(reported.append, lambda: now[0])
     watch.check()
     now[0] = 200.0
     watch.check()
-    assert said == [], "before the first there is nothing to be old"
+    assert reported == [], "before the first there is nothing to be old"
     watch.notify()
     for now[0] in (201.0, 202.0, 202.1, 205.0):
         watch.check()
-    assert said == pytest.approx([2.1, 5.0])
+    assert reported == pytest.approx([2.1, 5.0])
     watch.notify()
     watch.check()
-    assert len(said) == 2
+    assert len(reported) == 2
 
 
 def test_the_watch_looks_by_itself_and_ends() -> None:
@@ -140,14 +146,14 @@ class Flood(CameraDevice):
         self.read_back = SettingsReadBack(model="flood", device_clock=False)
         self._left: Iterator[int] = iter(range(50))
 
-    def grab(self, timeout_s: float) -> Grab | None:
+    def grab(self, timeout_s: float) -> GrabbedFrame | None:
         number = next(self._left, None)
         if number is None:
             time.sleep(timeout_s)
             return None
         pixels = np.full((4, 4), number, np.uint8)
         pixels[0, 0] = 255
-        return Grab(frame_id=number, device_ns=None, pixels=pixels, pattern=None, payload_bytes=16)
+        return GrabbedFrame(frame_id=number, device_ns=None, pixels=pixels, pattern=None, payload_bytes=16)
 
     def close(self) -> None:
         """Nothing is held."""
@@ -156,7 +162,7 @@ class Flood(CameraDevice):
 def test_what_a_camera_dropped_before_anybody_listened_is_no_loss() -> None:
     clock = itertools.count(0.0, 0.001)
     camera = LiveCamera(
-        "left", Flood, CameraTiming(), CameraCare(silent_after_s=math.inf), lambda: next(clock), lambda _: None
+        "left", Flood, CameraTiming(), CameraSupervision(silent_after_s=math.inf), lambda: next(clock), lambda _: None
     )
     with camera:
         while camera.counts.dropped < 46:

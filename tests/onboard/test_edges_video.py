@@ -36,13 +36,13 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = ["t_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg"]
     for frame in renderer.frames():
         writer.write(frame.image)
-        said = renderer.said
-        numbers = [*said.position_threshold_m[frame.index], *np.degrees(said.attitude_rad[frame.index])]
+        reported = renderer.reported
+        numbers = [*reported.position_threshold_m[frame.index], *np.degrees(reported.attitude_rad[frame.index])]
         rows.append(",".join(f"{v:.6f}" for v in (frame.t_s, *numbers)))
     writer.release()
     (folder / "imu.csv").write_text("\n".join(rows) + "\n")
-    x, y, z = renderer.said.position_threshold_m[0]
-    roll, pitch, yaw = np.degrees(renderer.said.attitude_rad[0])
+    x, y, z = renderer.reported.position_threshold_m[0]
+    roll, pitch, yaw = np.degrees(renderer.reported.attitude_rad[0])
     start = f"[start]\nheight_m = {z}\ndistance_m = {y}\nlateral_m = {x}\n"
     start += f"roll_deg = {roll}\npitch_deg = {pitch}\nyaw_deg = {yaw}\n"
     (folder / "nose.toml").write_text(LENS + start)
@@ -113,10 +113,10 @@ def test_bad_input_is_one_line_and_exit_code_1(
         code = main(
             ["onboard", "edges", str(flight / "nose.avi"), "--camera", str(camera), "--out", str(tmp_path / "out")]
         )
-        said = capsys.readouterr().err
+        reported = capsys.readouterr().err
         assert code == 1
-        assert words in said
-        assert said.count("\n") == 1
+        assert words in reported
+        assert reported.count("\n") == 1
     assert main(["onboard", "edges", "no.mp4", "--camera", str(flight / "nose.toml"), "--out", str(tmp_path)]) == 1
 
 
@@ -145,9 +145,9 @@ def test_an_imu_table_of_another_time_is_refused(
 def test_help_says_how(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["onboard", "edges", "--help"])
-    said = capsys.readouterr().out
+    reported = capsys.readouterr().out
     for words in ("VIDEO", "--camera FILE", "--imu FILE", "--out DIR", "example", "exit code"):
-        assert words in said
+        assert words in reported
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_damaged_frames_are_left_out_and_said(flight: Path, tmp_path: Path, caps
     assert run(tmp_path / "flight", tmp_path / "out", "--imu", str(flight / "imu.csv"), "--no-rerun") == 0
     with (tmp_path / "out" / "edges.csv").open() as file:
         assert [int(row["frame"]) for row in csv.DictReader(file)] == [0, 1, *range(4, FRAMES)]
-    said = capsys.readouterr()
-    assert f"{FRAMES - 2} frames: " in said.out
-    assert "groundstation: 2 damaged frames in " in said.err
-    assert "the first number 2" in said.err
+    reported = capsys.readouterr()
+    assert f"{FRAMES - 2} frames: " in reported.out
+    assert "groundstation: 2 damaged frames in " in reported.err
+    assert "the first number 2" in reported.err

@@ -51,8 +51,8 @@ def rows(path: Path) -> list[dict[str, str]]:
 def test_a_rendered_flight_is_followed(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert {p.name for p in flight.iterdir()} == {"nose.avi", "nose.toml", "imu.csv", "truth.csv"}
     assert run(flight, tmp_path / "out") == 0
-    said = capsys.readouterr().out
-    assert f"{FRAMES} pictures: " in said
+    reported = capsys.readouterr().out
+    assert f"{FRAMES} pictures: " in reported
     names = {"track.csv", "track.tum", "pictures.csv", "fly.mp4", "fly.rrd"}
     assert {p.name for p in (tmp_path / "out").iterdir()} == names
     track, truth = rows(tmp_path / "out" / "track.csv"), rows(flight / "truth.csv")
@@ -92,9 +92,9 @@ def test_bad_input_is_one_line(flight: Path, tmp_path: Path, capsys: pytest.Capt
     )
     for call, words in cases:
         assert call() == 1
-        said = capsys.readouterr().err
-        assert words in said
-        assert said.count("\n") == 1
+        reported = capsys.readouterr().err
+        assert words in reported
+        assert reported.count("\n") == 1
     plain = tmp_path / "plain.csv"
     head = "t_s,force_x_m_s2,force_y_m_s2,force_z_m_s2,rate_x_deg_s,rate_y_deg_s,rate_z_deg_s\n"
     plain.write_text(head + "0,0,0,-9.8,0,0,0\n1,0,0,-9.8,0,0,0\n")
@@ -120,8 +120,8 @@ def test_the_runways_size_is_never_guessed(
     camera = tmp_path / "nose.toml"
     camera.write_text("\n".join(line for line in lines if not line.startswith(missing)) + "\n")
     assert run(flight, tmp_path / "out", camera=camera) == 1
-    said = capsys.readouterr().err
-    assert f"runway: got no {' and no '.join(missing)}; wanted the runway's own size in m" in said
+    reported = capsys.readouterr().err
+    assert f"runway: got no {' and no '.join(missing)}; wanted the runway's own size in m" in reported
     assert not (tmp_path / "out").exists()
     table = tmp_path / "runways.json"
     table.write_text("{}")
@@ -260,9 +260,9 @@ def test_a_log_that_is_not_this_flights_is_refused(
             forces = {f"force_{a}_m_s2": float(row[f"force_{a}_m_s2"]) * f for a, f in zip("xyz", factor, strict=True)}
             out.writerow({**row, **forces, "t_s": float(row["t_s"]) + shift_s})
     assert run(flight, tmp_path / "out", imu=tmp_path / "imu.csv") == 1
-    said = capsys.readouterr().err
-    assert words in said
-    assert said.count("\n") == 1
+    reported = capsys.readouterr().err
+    assert words in reported
+    assert reported.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 

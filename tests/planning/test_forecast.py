@@ -184,10 +184,10 @@ def test_what_it_is_good_enough_for(tmp_path: Path) -> None:
 def test_what_is_not_seen_is_said(tmp_path: Path) -> None:
     text = EXACT.replace("pixel_sigma_px = 0.5", "min_silhouette_px = 500")
     site = load(tmp_path, text + "[required_sigma_m]\nflare = [1, 1, 1]\n")
-    said = format_plan(site, forecast(site))
-    assert "! narrower than 500 px at 100-600 m: not expected to be found" in said
-    assert "not good enough for flare (1/1/1 m): it is never followed by two stations" in said
-    assert "the mounting is taken as exact" in said
+    reported = format_plan(site, forecast(site))
+    assert "! narrower than 500 px at 100-600 m: not expected to be found" in reported
+    assert "not good enough for flare (1/1/1 m): it is never followed by two stations" in reported
+    assert "the mounting is taken as exact" in reported
 
 
 def test_the_table_as_csv(tmp_path: Path) -> None:
@@ -231,9 +231,9 @@ def test_the_table_as_csv(tmp_path: Path) -> None:
 )
 def test_a_fault_names_table_and_key(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in EXACT
-    said = complaint(SiteError, lambda: load(tmp_path, EXACT.replace(old, new, 1)))
-    assert message in said
-    assert said.startswith(str(tmp_path / "site.toml"))
+    reported = complaint(SiteError, lambda: load(tmp_path, EXACT.replace(old, new, 1)))
+    assert message in reported
+    assert reported.startswith(str(tmp_path / "site.toml"))
 
 
 @pytest.mark.parametrize(

@@ -16,12 +16,12 @@ def test_the_example_is_planned_and_drawn(tmp_path: Path, capsys: pytest.Capture
     assert (out / "plan.png").read_bytes().startswith(b"\x89PNG")
     svg = (out / "plan.svg").read_text(encoding="utf-8")
     assert "along the runway" in svg
-    said = capsys.readouterr()
-    assert "good enough for flare (0.3/1/0.15 m) at 60-180 m" in said.out
-    assert [line for line in said.out.splitlines() if line.startswith("wrote")] == [
+    reported = capsys.readouterr()
+    assert "good enough for flare (0.3/1/0.15 m) at 60-180 m" in reported.out
+    assert [line for line in reported.out.splitlines() if line.startswith("wrote")] == [
         f"wrote {out / name}" for name in ("plan.csv", "plan.png", "plan.svg")
     ]
-    assert not said.err
+    assert not reported.err
 
 
 def test_the_same_plan_is_the_same_file(tmp_path: Path) -> None:
@@ -33,9 +33,9 @@ def test_the_same_plan_is_the_same_file(tmp_path: Path) -> None:
 
 def test_without_a_folder_it_only_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(EXAMPLE)]) == 0
-    said = capsys.readouterr().out
-    assert "wrote" not in said
-    assert len(said.splitlines()) > 12
+    reported = capsys.readouterr().out
+    assert "wrote" not in reported
+    assert len(reported.splitlines()) > 12
 
 
 def test_nobody_sees_it_and_it_is_still_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -45,17 +45,17 @@ def test_nobody_sees_it_and_it_is_still_drawn(tmp_path: Path, capsys: pytest.Cap
     station = "[[station]]\nposition_m = [0.0, 0.0, 1.5]\n"
     site.write_text(text.replace("\n[camera]", f"\n{station}{station}[camera]"))
     assert main(["plan", str(site), "--out", str(tmp_path / "out")]) == 0
-    said = capsys.readouterr()
-    assert "no position at 60-600 m" in said.out
-    assert not said.err
+    reported = capsys.readouterr()
+    assert "no position at 60-600 m" in reported.out
+    assert not reported.err
 
 
 @pytest.mark.parametrize(("site", "message"), [("none.toml", "none.toml: got no such file; wanted a TOML file")])
 def test_a_fault_is_one_line(tmp_path: Path, site: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(tmp_path / site)]) == 1
-    said = capsys.readouterr()
-    assert said.err == f"groundstation: {tmp_path}/{message}\n"
-    assert not said.out
+    reported = capsys.readouterr()
+    assert reported.err == f"groundstation: {tmp_path}/{message}\n"
+    assert not reported.out
 
 
 def test_the_folder_may_not_be_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

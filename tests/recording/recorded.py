@@ -74,8 +74,8 @@ def looked_at(event: Event) -> StepReport:
             triangulation=None,
             latency_s=0.01,
         )
-        said = TrackEvent(t_s=event.t_s, level="warning", text=f"pair {event.epoch}")
-        return StepReport(estimates=(estimate,), events=(said,))
+        reported = TrackEvent(t_s=event.t_s, level="warning", text=f"pair {event.epoch}")
+        return StepReport(estimates=(estimate,), events=(reported,))
     return StepReport()
 
 

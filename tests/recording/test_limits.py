@@ -206,6 +206,6 @@ def test_a_file_too_large_to_be_attached_is_refused(less: int, tmp_path: Path, m
         with McapReader(path) as reader:
             assert len(reader.contents().attachments["dgps.csv"]) == size
     else:
-        said = complaint(InputError, record)
-        assert said == f"dgps.csv: got {size} bytes; wanted at most 2 MiB to go into a recording"
+        reported = complaint(InputError, record)
+        assert reported == f"dgps.csv: got {size} bytes; wanted at most 2 MiB to go into a recording"
         assert not path.exists()

@@ -233,14 +233,14 @@ def test_killed_at_any_moment_all_that_was_written_is_recovered(lines: int, tmp_
     child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None
     # the first thing written is the header; then so many lines
-    said = [child.stdout.readline()]
-    while int(said[-1].split()[1]) < 10_000:
-        said.append(child.stdout.readline())
-    said += [child.stdout.readline() for _ in range(lines)]
+    reported = [child.stdout.readline()]
+    while int(reported[-1].split()[1]) < 10_000:
+        reported.append(child.stdout.readline())
+    reported += [child.stdout.readline() for _ in range(lines)]
     child.send_signal(signal.SIGKILL)
     child.stdout.close()
     child.wait()
-    number, written = map(int, said[-1].split())
+    number, written = map(int, reported[-1].split())
     assert path.stat().st_size >= written
     done = recover(path)
     assert done.out is not None

@@ -166,9 +166,9 @@ def test_it_is_lost_after_the_time_without_a_pixel(flight: list[Event]) -> None:
             assert state.status is (TrackStatus.LOST if lost else TrackStatus.COASTING), state.t_s
             assert (state.kinematics is None) is lost
     assert run.states[-1].status is TrackStatus.LOST
-    said = [e for e in run.events if "lost" in e.text]
-    assert [e.text for e in said] == ["coasting → lost"]
-    assert 0.0 < said[0].t_s - (pixel_s + 8.0) <= 0.1 + 1e-9
+    reported = [e for e in run.events if "lost" in e.text]
+    assert [e.text for e in reported] == ["coasting → lost"]
+    assert 0.0 < reported[0].t_s - (pixel_s + 8.0) <= 0.1 + 1e-9
 
 
 def test_it_is_lost_when_the_prediction_is_too_uncertain(flight: list[Event]) -> None:
@@ -231,10 +231,10 @@ def test_lines_that_are_held_back_are_said_in_time(flight: list[Event]) -> None:
 def test_silent_cameras_are_named(flight: list[Event]) -> None:
     """Expected: both, once, two seconds after their last frame, though no pair is answered any more."""
     run = Beaten(**CERTAIN).take(beaten(blind(flight, LOSS_S)))
-    said = [e for e in run.events if e.text.startswith("station ")]
-    assert [e.text.split(":")[0] for e in said] == ["station left", "station right"]
-    assert said[-1].text.endswith("0 of 2 left")
-    assert all(0.0 < e.t_s - 3.9 - 2.0 <= 0.1 + 1e-9 for e in said)
+    reported = [e for e in run.events if e.text.startswith("station ")]
+    assert [e.text.split(":")[0] for e in reported] == ["station left", "station right"]
+    assert reported[-1].text.endswith("0 of 2 left")
+    assert all(0.0 < e.t_s - 3.9 - 2.0 <= 0.1 + 1e-9 for e in reported)
     assert run.pipeline.counts["stations_lost"] == 2
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from groundstation.errors import InputError
+from groundstation.estimation.config import FilterImplementation
 from groundstation.evaluation.accuracy_table import format_accuracy_table
 from groundstation.messages import PixelMeasurement, PtuSample
 from groundstation.replay.replay import ReplayRequest, replay
@@ -156,6 +157,24 @@ def test_other_predictors_can_be_chosen(make_session: Callable[..., Path], tmp_p
     summary = run(make_session(), tmp_path, f'[estimation]\npredictor = "{predictor}"\n')
     assert summary["configuration"]["estimation"]["predictor"] == predictor
     assert summary["counts"]["track"]["tracking"] > 100
+
+
+def test_filterpys_filter_gives_the_same_track(make_session: Callable[..., Path], tmp_path: Path) -> None:
+    """Expected: the rows of the compiled filter, numbers to a unit of their last digit, and the same counts."""
+    session, tracks, counts = make_session(), [], []
+    for implementation in FilterImplementation:
+        summary = run(session, tmp_path, f'[estimation]\nimplementation = "{implementation}"\n')
+        assert summary["configuration"]["estimation"]["implementation"] == implementation
+        counts.append(summary["counts"])
+        tracks.append(list(csv.DictReader((tmp_path / "out" / "track.csv").read_text().splitlines())))
+    assert counts[0] == counts[1]
+    assert len(tracks[0]) == len(tracks[1]) > 100
+    for row, theirs in zip(*tracks, strict=True):
+        assert row["status"] == theirs["status"]
+        for name in ("x_m", "y_m", "z_m", "vx_m_s", "cov_xx_m2", "cov_yy_m2"):
+            assert (row[name] == "") == (theirs[name] == "")
+            if row[name]:
+                assert float(row[name]) == pytest.approx(float(theirs[name]), rel=1e-4, abs=1e-4)
 
 
 def test_real_labels_need_a_calibrated_rig(shared_data: Path, tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def delivered(events: list[Event], seed: int, delay_s: float, share: float = 0.3
     return [events[k] for k in np.argsort(arrival, kind="stable")]
 
 
-class Watched(StationEkf):
+class PollStatistics(StationEkf):
     """The filter, with its last word on each pixel."""
 
     def _fuse_pixel(self, pixel):  # type: ignore[no-untyped-def]
@@ -90,7 +90,7 @@ def verdicts(pipeline: Pipeline) -> dict[tuple, bool]:
 
 def flown(events: list[Event], config: Config) -> tuple[Pipeline, list[CameraReport]]:
     pipeline = Pipeline(make_rig(), config, span_m=2.3, initial=START)
-    pipeline._ekf.__class__ = Watched
+    pipeline._ekf.__class__ = PollStatistics
     cameras = [c for e in events for c in pipeline.step(e).cameras]
     return pipeline, cameras + list(pipeline.finish().cameras)
 

@@ -46,9 +46,9 @@ def test_the_same_track_bit_for_bit(recorded: Path, capsys: pytest.CaptureFixtur
     assert main(["replay", str(recorded / "flight.mcap"), "--out", str(again), "--no-rerun"]) == 0
     for name in ("track.csv", "triangulation.csv", "track.tum"):
         assert (again / name).read_bytes() == (recorded / "out" / name).read_bytes()
-    said = capsys.readouterr().out
+    reported = capsys.readouterr().out
     epochs = len((again / "track.csv").read_text().splitlines()) - 1
-    assert f"the same track as was recorded, bit for bit: {epochs} epochs\n" in said
+    assert f"the same track as was recorded, bit for bit: {epochs} epochs\n" in reported
     summary = json.loads((again / "summary.json").read_text())
     assert "tracking" in (again / "track.csv").read_text()
     first = json.loads((recorded / "out" / "summary.json").read_text())

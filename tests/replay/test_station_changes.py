@@ -18,7 +18,7 @@ def test_three_two_one_two_stations() -> None:
         events = without(flight, {"third": (2.5, 1e9), "right": (5.0, 7.5)})
         watched = watch(flight, events=events)
         flights.append(watched)
-        texts = [e.text for e in watched.said("station")]
+        texts = [e.text for e in watched.reported("station")]
         assert [t for t in texts if "third: nothing" in t] == ["station third: nothing since 2.4 s, 2 of 3 left"]
         assert sum("right: nothing" in t for t in texts) == 1
         assert sum("right: delivers again" in t for t in texts) == 1
@@ -82,4 +82,4 @@ def test_a_station_added_in_flight() -> None:
     before = np.mean([s for t, s in sigma.items() if 4.0 < t < 4.95])
     after = np.mean([s for t, s in sigma.items() if 5.5 < t < 6.5])
     assert after < 0.5 * before
-    assert not watched.said("station")
+    assert not watched.reported("station")

@@ -15,7 +15,6 @@ from groundstation.conversion.import_clock import ImportClock
 from groundstation.conversion.video_stamps import read_video_stamps
 from groundstation.errors import InputError, RecordingError, SessionError
 from groundstation.evaluation.comparison_text import format_comparison
-from groundstation.experiments.truth_scenes import SilhouetteArchive
 from groundstation.messages import Event, Frame
 from groundstation.picture import PictureError
 from groundstation.recording.mcap_reader import McapReader
@@ -29,6 +28,7 @@ from groundstation.sources.external_detections import read_detections
 from groundstation.sources.frame_table import read_frames
 from groundstation.sources.ptu_readings import PtuReadings
 from groundstation.sources.session_source import session_source
+from groundstation.sources.true_silhouettes import SilhouetteArchive
 from groundstation.sources.video_file import VideoFile
 from groundstation.tracking.config import load_config
 from groundstation.viewer.media import VideoAsset, load_video

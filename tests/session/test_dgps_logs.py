@@ -65,8 +65,8 @@ def test_without_an_epoch_midnight_is_zero_and_said(tmp_path: Path) -> None:
 def test_what_a_log_needs_is_asked_for(tmp_path: Path) -> None:
     folder = session(tmp_path / "none", "")
     shutil.copy(DATA / "calendar.pos", tmp_path / "none" / "dgps.pos")
-    said = complaint(SessionError, lambda: load_dgps(folder))
-    assert said.startswith("dgps.pos: got latitudes and longitudes without an origin; wanted [origin]")
+    reported = complaint(SessionError, lambda: load_dgps(folder))
+    assert reported.startswith("dgps.pos: got latitudes and longitudes without an origin; wanted [origin]")
     faults: list[SessionError] = []
     assert load_dgps(folder, faults.append) == ()
     assert len(faults) == 1

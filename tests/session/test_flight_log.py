@@ -42,8 +42,8 @@ def test_places_are_east_north_up_of_the_first_row(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_log_is_refused(tmp_path: Path, rows: list[str], says: str) -> None:
-    said = complaint(SessionError, lambda: load_flight_log(write(tmp_path, rows)))
-    assert says in said
+    reported = complaint(SessionError, lambda: load_flight_log(write(tmp_path, rows)))
+    assert says in reported
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:

@@ -69,13 +69,13 @@ def test_an_origin_with_coordinates(tmp_path: Path) -> None:
     assert (origin.lat_deg, origin.y_axis_azimuth_deg) == (47.4, 270.0)
     # a runway's direction must be told; where y is north, it need not
     no_azimuth = text.replace("y_axis", "# y_axis")
-    said = complaint(SessionError, lambda: session_of(tmp_path / "none", no_azimuth))
-    assert "origin: y_axis_azimuth_deg: got nothing; wanted a finite number" in said
+    reported = complaint(SessionError, lambda: session_of(tmp_path / "none", no_azimuth))
+    assert "origin: y_axis_azimuth_deg: got nothing; wanted a finite number" in reported
     north = session_of(tmp_path / "enu", 'frame = "east-north-up"\n' + no_azimuth, names=("left",)).origin
     assert north is not None
     assert north.y_axis_azimuth_deg == 0.0
-    said = complaint(SessionError, lambda: session_of(tmp_path / "far", text.replace("47.4", "91")))
-    assert "origin: lat_deg: got 91; wanted a finite number ≥ -90 ≤ 90" in said
+    reported = complaint(SessionError, lambda: session_of(tmp_path / "far", text.replace("47.4", "91")))
+    assert "origin: lat_deg: got 91; wanted a finite number ≥ -90 ≤ 90" in reported
 
 
 def test_an_empty_session_file_is_enough(tmp_path: Path) -> None:
@@ -139,9 +139,9 @@ def test_without_clocks_all_files_share_one(tmp_path: Path) -> None:
 )
 def test_a_fault_in_session_toml_names_table_and_key(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in FULL
-    said = complaint(SessionError, lambda: session_of(tmp_path, FULL.replace(old, new, 1)))
-    assert said.startswith(str(tmp_path / "session.toml"))
-    assert message in said
+    reported = complaint(SessionError, lambda: session_of(tmp_path, FULL.replace(old, new, 1)))
+    assert reported.startswith(str(tmp_path / "session.toml"))
+    assert message in reported
 
 
 @pytest.mark.parametrize("name", ["session.toml", "rig.toml"])
@@ -154,8 +154,8 @@ def test_a_missing_document(tmp_path: Path, name: str) -> None:
 
 
 def test_a_missing_folder(tmp_path: Path) -> None:
-    said = complaint(SessionError, lambda: load_session(tmp_path / "nowhere"))
-    assert said.endswith("nowhere: got no such folder; wanted a session folder with session.toml")
+    reported = complaint(SessionError, lambda: load_session(tmp_path / "nowhere"))
+    assert reported.endswith("nowhere: got no such folder; wanted a session folder with session.toml")
 
 
 def test_another_rig_than_the_sessions_own(tmp_path: Path) -> None:
@@ -184,16 +184,16 @@ def test_a_rig_of_some_of_the_stations(tmp_path: Path) -> None:
 def test_a_missing_column_is_known_at_once(tmp_path: Path, table: str, column: str) -> None:
     folder = Tiny(video="png", rows=1).write(tmp_path)
     replace_in(folder / table, column, "other")
-    said = complaint(SessionError, lambda: load_session(folder))
-    assert said.startswith(f"{table}: line 1: got ")
-    assert said.endswith(f"; wanted a column {column}")
+    reported = complaint(SessionError, lambda: load_session(folder))
+    assert reported.startswith(f"{table}: line 1: got ")
+    assert reported.endswith(f"; wanted a column {column}")
 
 
 def test_missing_tables_are_known_at_once(tmp_path: Path) -> None:
     folder = Tiny(video="png", rows=1).write(tmp_path)
     (folder / "ptu.csv").unlink()
-    said = complaint(SessionError, lambda: load_session(folder))
-    assert said == f"{folder / 'ptu.csv'}: got no such file; wanted a table with " + ", ".join(
+    reported = complaint(SessionError, lambda: load_session(folder))
+    assert reported == f"{folder / 'ptu.csv'}: got no such file; wanted a table with " + ", ".join(
         ["t_s", "left_pan_deg", "left_tilt_deg", "right_pan_deg", "right_tilt_deg"]
     )
     replace_in(folder / "rig.toml", "fixed = false", "fixed = true")
@@ -204,8 +204,8 @@ def test_missing_tables_are_known_at_once(tmp_path: Path) -> None:
 def test_a_video_that_is_none_is_known_at_once(tmp_path: Path) -> None:
     folder = Tiny(rows=3).write(tmp_path)
     (folder / "right.avi").write_bytes(b"RIFF, but no more")
-    said = complaint(SessionError, lambda: load_session(folder))
-    assert said == "right.avi: got no video that OpenCV can open; wanted a complete video file"
+    reported = complaint(SessionError, lambda: load_session(folder))
+    assert reported == "right.avi: got no video that OpenCV can open; wanted a complete video file"
 
 
 def test_a_video_of_an_unusual_kind(tmp_path: Path) -> None:
@@ -237,8 +237,8 @@ def test_a_station_without_pictures(tmp_path: Path) -> None:
 def test_two_videos_of_one_station(tmp_path: Path) -> None:
     folder = Tiny(rows=1).write(tmp_path)
     (folder / "left.mp4").write_bytes(b"")
-    said = complaint(SessionError, lambda: load_session(folder))
-    assert said.endswith("got left.avi and left.mp4; wanted one video for station left")
+    reported = complaint(SessionError, lambda: load_session(folder))
+    assert reported.endswith("got left.avi and left.mp4; wanted one video for station left")
 
 
 def test_neither_frames_nor_detections(tmp_path: Path) -> None:

@@ -94,23 +94,23 @@ def test_a_reference_without_its_columns_is_not_there(session: Session, content:
 def test_a_sigma_that_is_none(session: Session) -> None:
     text = "t_s,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m\n1,0,0,0,0.01,0,0.02\n"
     (session.folder / "dgps.csv").write_text(text)
-    said = complaint(SessionError, lambda: load_dgps(session))
-    assert said == "dgps.csv: line 2: got a sigma of 0 m; wanted sigmas > 0"
+    reported = complaint(SessionError, lambda: load_dgps(session))
+    assert reported == "dgps.csv: line 2: got a sigma of 0 m; wanted sigmas > 0"
 
 
 def test_half_a_sigma_and_half_a_pixel_are_faults(session: Session) -> None:
     (session.folder / "dgps.csv").write_text("t_s,x_m,y_m,z_m,sigma_x_m\n1,0,0,0,0.01\n")
-    said = complaint(SessionError, lambda: load_dgps(session))
-    assert said == "dgps.csv: line 1: got sigma_x_m; wanted all of sigma_x_m, sigma_y_m, sigma_z_m, or none"
+    reported = complaint(SessionError, lambda: load_dgps(session))
+    assert reported == "dgps.csv: line 1: got sigma_x_m; wanted all of sigma_x_m, sigma_y_m, sigma_z_m, or none"
     (session.folder / "dgps.csv").write_text("t_s,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m\n1,0,0,0,0.01,,0.1\n")
-    said = complaint(SessionError, lambda: load_dgps(session))
-    assert said == "dgps.csv: line 2: got 2 sigmas; wanted three, or three empty cells"
+    reported = complaint(SessionError, lambda: load_dgps(session))
+    assert reported == "dgps.csv: line 2: got 2 sigmas; wanted three, or three empty cells"
     (session.folder / "truth.csv").write_text(TRUTH.replace("31,23", "31,"))
-    said = complaint(SessionError, lambda: load_truth(session))
-    assert said == "truth.csv: line 2: got only one of left_u_px and left_v_px; wanted both, or neither"
+    reported = complaint(SessionError, lambda: load_truth(session))
+    assert reported == "truth.csv: line 2: got only one of left_u_px and left_v_px; wanted both, or neither"
     (session.folder / "truth.csv").write_text(TRUTH.replace("right_v_px", "v"))
-    said = complaint(SessionError, lambda: load_truth(session))
-    assert said == "truth.csv: line 1: got only one of right_u_px and right_v_px; wanted both, or neither"
+    reported = complaint(SessionError, lambda: load_truth(session))
+    assert reported == "truth.csv: line 1: got only one of right_u_px and right_v_px; wanted both, or neither"
 
 
 def test_clocks_of_the_references(tmp_path: Path) -> None:

@@ -255,9 +255,9 @@ def test_damaged_frames_are_rows_without_a_target(film: Film, video: Path, capsy
         assert row["u_px"] == row["x_px"] == ""
     for k in (9, 14, 15, 16):
         assert np.hypot(*(np.array([float(rows[k]["u_px"]), float(rows[k]["v_px"])]) - film.place(k))) < 12.0
-    said = capsys.readouterr()
-    assert f"{FRAMES} frames, target seen in 2" in said.out
-    assert f"3 damaged frames in {video}, the first number 10" in said.err
+    reported = capsys.readouterr()
+    assert f"{FRAMES} frames, target seen in 2" in reported.out
+    assert f"3 damaged frames in {video}, the first number 10" in reported.err
 
 
 @pytest.mark.parametrize("frames", [range(FRAMES - 1, FRAMES), range(FRAMES - 9, FRAMES), range(24)])
@@ -273,10 +273,10 @@ def test_damage_up_to_the_end_or_from_the_beginning(
     times = [float(r["t_s"]) for r in rows]
     assert times == pytest.approx([k / RATE_HZ for k in range(first, FRAMES)], abs=1e-3)
     asked = [k for k in frames if k >= first]
-    said = capsys.readouterr().err
-    assert ("damaged frame" in said) == bool(asked)
+    reported = capsys.readouterr().err
+    assert ("damaged frame" in reported) == bool(asked)
     if asked:
-        assert f"number {asked[0]}" in said
+        assert f"number {asked[0]}" in reported
 
 
 def test_a_video_cut_short_is_at_fault_wherever_it_is_to_end(video: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -285,9 +285,9 @@ def test_a_video_cut_short_is_at_fault_wherever_it_is_to_end(video: Path, capsys
     video.write_bytes(whole[: len(whole) // 2])
     rows = track(video, "--from-frame", "5", "--to-frame", "25", code=1)
     assert 5 <= len(rows) <= 16
-    said = capsys.readouterr().err
-    assert f"got the end of the video after {5 + len(rows)} frames of the {FRAMES}" in said
-    assert "damaged" not in said
+    reported = capsys.readouterr().err
+    assert f"got the end of the video after {5 + len(rows)} frames of the {FRAMES}" in reported
+    assert "damaged" not in reported
 
 
 def test_frames_shown_in_another_order_than_coded_keep_their_numbers(tmp_path: Path) -> None:

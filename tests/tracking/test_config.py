@@ -94,12 +94,12 @@ def tables_of(kind: Any) -> st.SearchStrategy[dict[str, Any]]:
 @settings(max_examples=60)
 @given(tables_of(Config))
 def test_what_was_read_and_written_reads_the_same(values: dict[str, Any]) -> None:
-    with only(ConfigError) as said:
+    with only(ConfigError) as reported:
         config = config_from_mapping(Config, values, "tuning")
         again = config_from_mapping(Config, tomllib.loads(config_to_toml(config_to_mapping(config))), "tuning")
         assert again == config
     # some fields have bounds of their own, or between each other
-    assert all("a value inside its bounds" in message for message in said)
+    assert all("a value inside its bounds" in message for message in reported)
 
 
 @settings(max_examples=60)

@@ -173,10 +173,10 @@ def test_a_cut_recording_is_said_in_one_line(
         warnings.simplefilter("always")
         assert main(["view", str(cut), "--save", str(tmp_path / "x.rrd")]) == 1
     assert warned == []
-    said = capfd.readouterr().err.splitlines()
-    assert len(said) == 1, said
-    assert said[0].startswith("groundstation: ")
-    assert "cut.rrd: got " in said[0]
+    reported = capfd.readouterr().err.splitlines()
+    assert len(reported) == 1, reported
+    assert reported[0].startswith("groundstation: ")
+    assert "cut.rrd: got " in reported[0]
 
 
 def test_one_recording_is_shown_as_it_is(two: tuple[Path, Path], tmp_path: Path) -> None:

@@ -54,5 +54,5 @@ def test_a_reader_that_aborts_grows_or_hangs_is_one_line(
     monkeypatch.setattr("groundstation.viewer.recording_check.subprocess.Popen", stand_in)
     if "not read" in got:
         monkeypatch.setattr("groundstation.viewer.recording_check._WITHIN_S", 0.5)
-    said = complaint(InputError, lambda: check_recording(recording))
-    assert re.fullmatch(rf"{re.escape(str(recording))}: got {got}; wanted a Rerun recording \(\.rrd\)", said)
+    reported = complaint(InputError, lambda: check_recording(recording))
+    assert re.fullmatch(rf"{re.escape(str(recording))}: got {got}; wanted a Rerun recording \(\.rrd\)", reported)

@@ -41,7 +41,10 @@ def apply_correction(
         case TargetReset():
             imm.set_states(layout.target, correction.target, correction.covariance)
             imm.correlate(correction.correlated, layout.constant, correction.sensitivity)
-            return reset_transition(layout, layout.target)
+            F = reset_transition(layout, layout.target)
+            # the new target depends on the carried errors, which later measurements therefore still estimate
+            F[correction.correlated, layout.constant] = correction.sensitivity
+            return F
         case None:
             pass
     return None

@@ -179,7 +179,7 @@ def compared(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Rival:
+class _LayoutHypothesis:
     """A layout fitted to a picture: where it puts the lines, (4,) px outwards, and by what it is better than held."""
 
     places: Places
@@ -194,7 +194,7 @@ def _rivals(
     scale: FloatArray,
     others: list[Places],
     config: ProfileConfig,
-) -> list[_Rival]:
+) -> list[_LayoutHypothesis]:
     """Return other layouts, and other lines with the one that is held, against it; all with any paint and light.
 
     A wrong layout has both edges alike too far out or in: others are looked for there. Other lines may be anywhere.
@@ -208,13 +208,13 @@ def _rivals(
     held = _worth(own, layouts[0], likelihood_at(own, moved_px), moved_px, config)
     held += config.stray_cost - 0.5 * float(moved_px @ loose @ moved_px)
     better = _worth(own, layouts[0], stray.evidence, stray.moved_px, config) - held
-    found = [_Rival(places=markings.places, moved_px=stray.moved_px, better=better)]
+    found = [_LayoutHypothesis(places=markings.places, moved_px=stray.moved_px, better=better)]
     best = best_displacement(own, moved_px, alike)
     held = _worth(own, layouts[0], best.evidence, best.moved_px, config)
     for places, layout, fit in zip(others, layouts[1:], fits, strict=True):
         best = best_displacement(fit, moved_px, alike)
         better = _worth(fit, layout, best.evidence, best.moved_px, config) - held
-        found.append(_Rival(places=places, moved_px=best.moved_px, better=better))
+        found.append(_LayoutHypothesis(places=places, moved_px=best.moved_px, better=better))
     return found
 
 

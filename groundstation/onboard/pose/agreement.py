@@ -22,7 +22,7 @@ class PositionTrack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Agreement:
+class PositionAgreement:
     """Two independent positions over a flight.
 
     Attributes
@@ -51,7 +51,9 @@ class Agreement:
         return self.ratio <= self.limit
 
 
-def compare_positions(ground: PositionTrack, onboard: PositionTrack, longest_gap_s: float = 0.5) -> Agreement | None:
+def compare_positions(
+    ground: PositionTrack, onboard: PositionTrack, longest_gap_s: float = 0.5
+) -> PositionAgreement | None:
     """Compare at the ground's times, the aircraft's positions interpolated; None where they share no time.
 
     A filter's errors stay for a while, so the limit counts as many independent differences as their correlation
@@ -70,7 +72,7 @@ def compare_positions(ground: PositionTrack, onboard: PositionTrack, longest_gap
     gain = np.swapaxes(gain, 1, 2)
     fused = ground.position_m[used] + np.einsum("nij,nj->ni", gain, difference)
     fused_covariance = ground.covariance_m2[used] - gain @ ground.covariance_m2[used]
-    return Agreement(
+    return PositionAgreement(
         t_s=t,
         difference_m=difference,
         squares=(white**2).sum(axis=1),

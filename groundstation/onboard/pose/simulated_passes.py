@@ -20,7 +20,7 @@ _ROLL_S = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Passes:
+class RacetrackPattern:
     """A race track of ``count`` rounds: legs of ``leg_m`` along the runway, turns of ``turn_rad_s`` at its ends.
 
     A round begins ``from_m`` before the threshold, ``high_m`` above it, comes down to ``low_m`` at the end of its leg
@@ -36,7 +36,7 @@ class Passes:
 
 
 def fly_passes(
-    setup: ApproachSetup, passes: Passes, rng: np.random.Generator
+    setup: ApproachSetup, passes: RacetrackPattern, rng: np.random.Generator
 ) -> tuple[SimulatedApproach, list[tuple[float, float]]]:
     """Return the flight, and from when to when each pass lasted, s; gusts, biases and noise are drawn from ``rng``.
 
@@ -62,7 +62,7 @@ def fly_passes(
     return motion_of(unbroken, t, start, velocity[0], acceleration, attitude, rng), spans
 
 
-def _course(setup: ApproachSetup, passes: Passes) -> tuple[FloatArray, FloatArray, list[tuple[float, float]]]:
+def _course(setup: ApproachSetup, passes: RacetrackPattern) -> tuple[FloatArray, FloatArray, list[tuple[float, float]]]:
     """Return heading (n,) to the right of −y, height (n,) m, and the time of each pass, s; ends with the last pass."""
     dt = 1.0 / setup.imu_hz
     leg = np.zeros(round(passes.leg_m / setup.speed_m_s / dt))

@@ -113,9 +113,9 @@ def _difference(
     station: Station, pan_rad: float, tilt_rad: float, position_m: FloatArray, runway_from_camera: FloatArray
 ) -> FloatArray:
     """Return the rig's camera pose less another, (6,)."""
-    said = station.geometry().camera_pose(pan_rad, tilt_rad)
-    turn = rotation_vector(said.runway_from_camera @ runway_from_camera.T)
-    return np.concatenate([said.position_runway_m - position_m, turn])
+    reported = station.geometry().camera_pose(pan_rad, tilt_rad)
+    turn = rotation_vector(reported.runway_from_camera @ runway_from_camera.T)
+    return np.concatenate([reported.position_runway_m - position_m, turn])
 
 
 def _pose_covariance(station: Station, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> FloatArray:

@@ -48,7 +48,7 @@ class NoseFrame:
     t_s: float
     image: ImageArray
     truth: NoseCameraPose
-    said: NoseCameraPose
+    reported: NoseCameraPose
 
 
 _ROAD = math.radians(90.0)
@@ -170,7 +170,7 @@ class Renderer:
         self.lens = lens
         generator = np.random.default_rng(sequence.seed)
         self.flown: PoseSeries = fly(sequence.approach, generator)
-        self.said: PoseSeries = measured(self.flown, sequence.sensors, generator)
+        self.reported: PoseSeries = measured(self.flown, sequence.sensors, generator)
         self._patches = patches(sequence.airfield, generator)
         self._lamps = edge_lamps(sequence.airfield)
         self._rays = pixel_rays(lens)
@@ -193,7 +193,7 @@ class Renderer:
             t_s=float(self.flown.t_s[index]),
             image=self.picture(truth, index),
             truth=truth,
-            said=self.pose(index, self.said),
+            reported=self.pose(index, self.reported),
         )
 
     def picture(self, pose: NoseCameraPose, noise_seed: int = 0) -> ImageArray:

@@ -47,10 +47,10 @@ def load_unit(path: Path, camera: NoseCamera) -> InertialUnit:
     place = np.zeros(3)
     config = usual
     if "imu" in table:
-        said = table.table("imu")
-        said.refuse_unknown(_KEYS)
-        place = said.vector("camera_in_body_m", 3, (0.0, 0.0, 0.0))
-        noises = {name: said.number(name, getattr(usual, name), above=0.0) for name in _NOISES}
+        reported = table.table("imu")
+        reported.refuse_unknown(_KEYS)
+        place = reported.vector("camera_in_body_m", 3, (0.0, 0.0, 0.0))
+        noises = {name: reported.number(name, getattr(usual, name), above=0.0) for name in _NOISES}
         config = InertialConfig(**noises, restart_after=usual.restart_after, coasting_after_s=usual.coasting_after_s)
     body_from_camera = camera.mount.matrix @ BODY_FROM_FORWARD_CAMERA
     return InertialUnit(mount=CameraMount(camera_in_body_m=place, body_from_camera=body_from_camera), config=config)

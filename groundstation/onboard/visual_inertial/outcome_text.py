@@ -35,8 +35,8 @@ def why_unused(outcomes: Mapping[str, int], length_m: float, width_m: float) -> 
     if not pictures:
         return "there was no picture, so there is no trajectory"
     often = sorted(outcomes.items(), key=lambda item: (-item[1], item[0]))
-    said = f"no pose was used, so there is no trajectory; of {pictures} pictures "
-    said += "; ".join(f"{count} had {WORDS[name]} ({name})" for name, count in often)
+    reported = f"no pose was used, so there is no trajectory; of {pictures} pictures "
+    reported += "; ".join(f"{count} had {WORDS[name]} ({name})" for name, count in often)
     if not _NOT_THE_RUNWAYS.issuperset(outcomes):
-        said += f". Is the runway {width_m:g} m wide and {length_m:g} m long?"
-    return said
+        reported += f". Is the runway {width_m:g} m wide and {length_m:g} m long?"
+    return reported

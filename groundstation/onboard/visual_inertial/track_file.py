@@ -11,7 +11,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.onboard.edges.edges_file import NO_POSE
-from groundstation.onboard.pose.agreement import Agreement
+from groundstation.onboard.pose.agreement import PositionAgreement
 from groundstation.onboard.pose.runway import CORNERS
 from groundstation.onboard.scenes.nose_flight import attitude_of
 from groundstation.onboard.visual_inertial.corner_finder import FoundCorners
@@ -88,7 +88,7 @@ class NoseFiles:
         ]
 
 
-def write_agreement(path: Path, both: Agreement) -> None:
+def write_agreement(path: Path, both: PositionAgreement) -> None:
     """Write the differences from the ground's track, and the fused position of both."""
     with path.open("w", encoding="utf-8", newline="") as stream:
         out = csv.writer(stream, lineterminator="\n")
@@ -97,7 +97,7 @@ def write_agreement(path: Path, both: Agreement) -> None:
             out.writerow([f"{t:.6f}", *(f"{v:.4f}" for v in (*d, square, *fused))])
 
 
-def agreement_words(both: Agreement | None) -> str:
+def agreement_words(both: PositionAgreement | None) -> str:
     """Return in lines for a person whether the ground's track and the aircraft's own agree."""
     if both is None:
         return "ground track: no time in common with the nose camera's"

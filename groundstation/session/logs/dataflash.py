@@ -16,7 +16,7 @@ from groundstation.session.logs.fixes import (
     Heights,
     LogFix,
     LogOptions,
-    Remarks,
+    ReadingNotes,
     check_count,
     plausible,
     usable_sigma,
@@ -31,15 +31,15 @@ _HEAD_BYTES = 3
 _LEAST_BYTES = {"GPS": 20, "GPA": 20}
 
 
-def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def read_dataflash(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Read the positions of an onboard log. Raises `LogError` where it is none."""
     open_log = _opener()
     if path.stat().st_size > _MAX_BYTES:
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of log")
-    said = _Complaints()
+    reported = _Complaints()
     rows = _FixRows(path, options, remarks)
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), open_log(str(path)) as log:
+        with contextlib.redirect_stdout(reported), contextlib.redirect_stderr(reported), open_log(str(path)) as log:
             while (message := log.recv_match(type=["GPS", "GPA"])) is not None:
                 rows.take(message)
     except LogError:
@@ -49,8 +49,8 @@ def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[Lo
             got = f"no onboard log that pymavlink reads ({shown(f'{type(error).__name__}: {error}', 120)})"
             raise LogError(path.name, got=got, wanted="a .bin of ArduPilot") from error
         remarks.note(f"damaged: nothing is read after its {rows.seen}th GPS message")
-    if said.bad:
-        remarks.count("stretch that pymavlink could not read", number=said.bad)
+    if reported.bad:
+        remarks.count("stretch that pymavlink could not read", number=reported.bad)
     return rows.fixes
 
 
@@ -109,7 +109,7 @@ class _Formats(dict[int, Any]):
 class _FixRows:
     """Gathers fixes from messages."""
 
-    def __init__(self, path: Path, options: LogOptions, remarks: Remarks) -> None:
+    def __init__(self, path: Path, options: LogOptions, remarks: ReadingNotes) -> None:
         self._path = path
         self._remarks = remarks
         self._heights = Heights(path, options)

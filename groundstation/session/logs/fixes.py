@@ -82,7 +82,7 @@ class LogFix:
 
 
 @dataclass(slots=True)
-class Remarks:
+class ReadingNotes:
     """What a reader left out or took for granted: counted by reason, with the place of the first."""
 
     name: str

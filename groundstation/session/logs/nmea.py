@@ -15,7 +15,7 @@ from groundstation.session.logs.fixes import (
     Heights,
     LogFix,
     LogOptions,
-    Remarks,
+    ReadingNotes,
     check_count,
     plausible,
     usable_sigma,
@@ -53,7 +53,7 @@ class GgaFix:
 
 
 @dataclass(slots=True)
-class Gathered:
+class ParsedSentences:
     """What the lines held: dates as day and second of it, sigmas by second of the day."""
 
     fixes: list[GgaFix] = field(default_factory=list)
@@ -64,7 +64,7 @@ class Gathered:
     decimals: int = 0
 
 
-def read_nmea(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def read_nmea(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Read a log of NMEA sentences. Raises `LogError` where positions have no date or heights no reference."""
     sentences = NmeaSentences(Heights(path, options), remarks)
     found = sentences.found
@@ -79,8 +79,8 @@ def read_nmea(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
 class NmeaSentences:
     """Sorts lines into what is ``found``, and counts in the remarks what is no sentence that can be used."""
 
-    def __init__(self, heights: Heights, remarks: Remarks) -> None:
-        self.found = Gathered()
+    def __init__(self, heights: Heights, remarks: ReadingNotes) -> None:
+        self.found = ParsedSentences()
         self._heights, self._remarks = heights, remarks
         self._parse = _parser()
 
@@ -121,7 +121,7 @@ def _parser() -> Any:
     return parse
 
 
-def _count_other(line: str, sentence: str, remarks: Remarks, where: str) -> None:
+def _count_other(line: str, sentence: str, remarks: ReadingNotes, where: str) -> None:
     """Count what is no sentence of ours: other sentences are meant to be there, the rest is not."""
     if not line.strip() or (
         _ANY.match(sentence) and "*" in sentence and sentence[3:6] not in ("GGA", "RMC", "ZDA", "GST")
@@ -133,7 +133,9 @@ def _count_other(line: str, sentence: str, remarks: Remarks, where: str) -> None
         remarks.count("line that is no NMEA sentence", where)
 
 
-def _take(message: Any, cells: list[str], found: Gathered, heights: Heights, remarks: Remarks, where: str) -> None:
+def _take(
+    message: Any, cells: list[str], found: ParsedSentences, heights: Heights, remarks: ReadingNotes, where: str
+) -> None:
     """Sort one decoded sentence in."""
     kind = cells[0][3:]
     second = _second(cells[1]) if len(cells) > 1 else None
@@ -158,7 +160,13 @@ def _take(message: Any, cells: list[str], found: Gathered, heights: Heights, rem
 
 
 def _take_gga(
-    message: Any, cells: list[str], second: float, found: Gathered, heights: Heights, remarks: Remarks, where: str
+    message: Any,
+    cells: list[str],
+    second: float,
+    found: ParsedSentences,
+    heights: Heights,
+    remarks: ReadingNotes,
+    where: str,
 ) -> None:
     # a sentence with too few fields is a message with too few of its values
     if not all(hasattr(message, name) for name in ("quality", "lat", "lon", "alt", "sep")):
@@ -189,7 +197,7 @@ def _take_gga(
     )
 
 
-def _say(found: Gathered, remarks: Remarks, given: bool) -> None:
+def _say(found: ParsedSentences, remarks: ReadingNotes, given: bool) -> None:
     """Note what the user should know of the whole log."""
     if found.fixes and found.decimals < _FINE_DECIMALS:
         step = _DEGREE_M / 60 * 10.0**-found.decimals
@@ -198,7 +206,7 @@ def _say(found: Gathered, remarks: Remarks, given: bool) -> None:
         remarks.note("the geoid separation is 0 m in every sentence: its heights are taken as ellipsoid heights")
 
 
-def dated(name: str, found: Gathered, options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def dated(name: str, found: ParsedSentences, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Give each position its date: that of the RMC (or ZDA) next to it, or counted on from the user's."""
     if not found.fixes:
         return []

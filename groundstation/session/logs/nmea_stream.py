@@ -3,9 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from groundstation.session.logs.fixes import Heights, LogFix, LogOptions, Remarks
+from groundstation.session.logs.fixes import Heights, LogFix, LogOptions, ReadingNotes
 from groundstation.session.logs.gps_time import DAY_S, civil_from_unix, date_of
-from groundstation.session.logs.nmea import Gathered, GgaFix, NmeaSentences, dated
+from groundstation.session.logs.nmea import GgaFix, NmeaSentences, ParsedSentences, dated
 
 # a sentence has 82 characters by its standard, and some receivers' twice that
 _LONGEST_LINE = 1024
@@ -25,7 +25,7 @@ class NmeaStream:
     """
 
     def __init__(self, name: str, options: LogOptions) -> None:
-        self.remarks = Remarks(name)
+        self.remarks = ReadingNotes(name)
         self._name, self._options = name, options
         self._sentences = NmeaSentences(Heights(Path(name), options), self.remarks)
         self._rest = b""
@@ -63,14 +63,14 @@ class NmeaStream:
         # the date of the listener, moved where midnight lies between the two clocks
         day += round((second - fixes[0].second) / DAY_S)
         date = self._options.date or date_of(day)
-        part = Gathered(fixes=fixes, dates=found.dates, zda_dates=found.zda_dates, sigmas=found.sigmas)
-        done = dated(self._name, part, replace(self._options, date=date), Remarks(self._name))
+        part = ParsedSentences(fixes=fixes, dates=found.dates, zda_dates=found.zda_dates, sigmas=found.sigmas)
+        done = dated(self._name, part, replace(self._options, date=date), ReadingNotes(self._name))
         found.fixes = found.fixes[len(fixes) :]
         self._forget(found)
         return done
 
     @staticmethod
-    def _forget(found: Gathered) -> None:
+    def _forget(found: ParsedSentences) -> None:
         """Keep the newest dates and sigmas only: a line goes on for a day."""
         if len(found.dates) > 1 or len(found.zda_dates) > 1:
             found.dates, found.zda_dates = found.dates[-1:], found.zda_dates[-1:]

@@ -7,7 +7,15 @@ from pathlib import Path
 from groundstation.errors import LogError
 from groundstation.files.csv_table import CsvTable, Row
 from groundstation.files.toml_table import quoted
-from groundstation.session.logs.fixes import FixQuality, Heights, LogFix, LogOptions, Remarks, check_count, usable_sigma
+from groundstation.session.logs.fixes import (
+    FixQuality,
+    Heights,
+    LogFix,
+    LogOptions,
+    ReadingNotes,
+    check_count,
+    usable_sigma,
+)
 from groundstation.session.logs.gps_time import (
     DAY_S,
     WEEK_S,
@@ -63,7 +71,7 @@ def has_positions(columns: tuple[str, ...]) -> bool:
     return any(_plain(name).rpartition("_")[0] in _NAMES["lat"] or _plain(name) in _NAMES["lat"] for name in columns)
 
 
-def read_positions(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def read_positions(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Read a table. Raises `LogError` where a column or its unit is missing, `SessionError` at the first faulty row."""
     return _PositionsTable(path, options, remarks).fixes()
 
@@ -71,7 +79,7 @@ def read_positions(path: Path, options: LogOptions, remarks: Remarks) -> list[Lo
 class _PositionsTable:
     """One table, its columns found."""
 
-    def __init__(self, path: Path, options: LogOptions, remarks: Remarks) -> None:
+    def __init__(self, path: Path, options: LogOptions, remarks: ReadingNotes) -> None:
         self._table = CsvTable(path, [])
         self._remarks = remarks
         self._path = path

@@ -12,7 +12,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import LogError
 from groundstation.geometry.geodesy import ecef_from_geodetic
 from groundstation.session.logs.dataflash import read_dataflash
-from groundstation.session.logs.fixes import DEFAULT_SIGMA_M, FixQuality, LogFix, LogOptions, Remarks, check_count
+from groundstation.session.logs.fixes import DEFAULT_SIGMA_M, FixQuality, LogFix, LogOptions, ReadingNotes, check_count
 from groundstation.session.logs.gps_time import DAYS_OF_ERA, date_of, gps_from_civil, utc_day
 from groundstation.session.logs.nmea import looks_like_nmea, read_nmea
 from groundstation.session.logs.positions_table import read_positions
@@ -22,7 +22,7 @@ from groundstation.session.logs.tlog import read_tlog
 from groundstation.session.logs.ubx import read_ubx
 from groundstation.session.logs.ulog import read_ulog
 
-Reader = Callable[[Path, LogOptions, Remarks], list[LogFix]]
+Reader = Callable[[Path, LogOptions, ReadingNotes], list[LogFix]]
 LOG_SUFFIXES: dict[str, Reader] = {
     ".nmea": read_nmea,
     ".pos": read_pos,
@@ -67,7 +67,7 @@ def read_log(path: Path, options: LogOptions | None = None) -> GnssLog:
     options = options or LogOptions()
     check_file(path)
     reader = _reader(path)
-    remarks = Remarks(path.name)
+    remarks = ReadingNotes(path.name)
     fixes = reader(path, options, remarks)
     check_count(path, fixes)
     if not fixes:
@@ -101,7 +101,7 @@ def _reader(path: Path) -> Reader:
     raise LogError(str(path), got="a log of no format that is known", wanted=wanted)
 
 
-def _in_era(path: Path, fixes: list[LogFix], options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def _in_era(path: Path, fixes: list[LogFix], options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Move a log whose receiver counts its weeks from the wrong 1024 to the user's date; refuse another date."""
     first = fixes[0]
     if options.date is not None:
@@ -121,7 +121,7 @@ def _in_era(path: Path, fixes: list[LogFix], options: LogOptions, remarks: Remar
     return fixes
 
 
-def _log(path: Path, fixes: list[LogFix], remarks: Remarks) -> GnssLog:
+def _log(path: Path, fixes: list[LogFix], remarks: ReadingNotes) -> GnssLog:
     """Return the fixes as arrays, without those that stand at a wrong time or far from all others."""
     gps_s = np.array([gps_from_civil(f.day, f.second, f.scale) for f in fixes])
     kept = rising(gps_s)
@@ -150,7 +150,7 @@ def _log(path: Path, fixes: list[LogFix], remarks: Remarks) -> GnssLog:
     )
 
 
-def _note_sigmas(fixes: list[LogFix], remarks: Remarks) -> None:
+def _note_sigmas(fixes: list[LogFix], remarks: ReadingNotes) -> None:
     """Say where sigmas come from if not from the log."""
     without = [f.quality for f in fixes if f.sigma_enu_m is None]
     if without:

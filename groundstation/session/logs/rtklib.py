@@ -19,7 +19,7 @@ from groundstation.session.logs.fixes import (
     Heights,
     LogFix,
     LogOptions,
-    Remarks,
+    ReadingNotes,
     check_count,
     plausible,
     usable_sigma,
@@ -59,7 +59,7 @@ class _Row:
     values: dict[str, float]
 
 
-def read_pos(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def read_pos(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Read a solution file. Raises `LogError` where its header says something that is not read, or there is no row."""
     layout = PosLayout()
     fixes: list[LogFix] = []
@@ -97,7 +97,7 @@ _USED = frozenset({"height", "z-ecef", "u-baseline"})
 class _PosReader:
     """Turns rows into fixes."""
 
-    def __init__(self, path: Path, options: LogOptions, remarks: Remarks) -> None:
+    def __init__(self, path: Path, options: LogOptions, remarks: ReadingNotes) -> None:
         self._path = path
         self._options = options
         self._remarks = remarks

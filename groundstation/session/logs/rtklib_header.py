@@ -23,7 +23,7 @@ _EARTH_M = 1e5
 
 @dataclass(frozen=True, slots=True)
 class PosLayout:
-    """What a header has said so far: names after the time, how many cells each takes, time, heights, base."""
+    """What has been read of a header so far: names after the time, how many cells each takes, time, heights, base."""
 
     columns: tuple[str, ...] = ()
     parts: tuple[int, ...] = ()

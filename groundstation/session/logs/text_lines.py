@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from groundstation.errors import LogError
-from groundstation.session.logs.fixes import Remarks
+from groundstation.session.logs.fixes import ReadingNotes
 
 MAX_LINE_BYTES = 4096
 MAX_LOG_BYTES = 4_000_000_000
@@ -20,7 +20,7 @@ def check_file(path: Path) -> None:
         raise LogError(str(path), got=f"{size} bytes", wanted=f"at most {MAX_LOG_BYTES} bytes")
 
 
-def text_lines(path: Path, remarks: Remarks) -> Iterator[tuple[int, str, bool]]:
+def text_lines(path: Path, remarks: ReadingNotes) -> Iterator[tuple[int, str, bool]]:
     """Yield number, text and whether its end is there of each line; a line too long for a log is counted and passed."""
     try:
         with path.open("rb") as stream:

@@ -1,7 +1,7 @@
 """A ground station's MAVLink log (.tlog): GPS_RAW_INT or GPS2_RAW, with UTC by SYSTEM_TIME; decoded by pymavlink.
 
 A position carries the time since boot; SYSTEM_TIME tells what UTC that is. The ground computer's own stamps are when a
-message arrived, over a radio that may delay it, so they are used only where there is nothing else, and that is said.
+message arrived, over a radio that may delay it. They are used only where there is nothing else, with a note.
 """
 
 import math
@@ -16,7 +16,7 @@ from groundstation.session.logs.fixes import (
     Heights,
     LogFix,
     LogOptions,
-    Remarks,
+    ReadingNotes,
     check_count,
     plausible,
     usable_sigma,
@@ -32,7 +32,7 @@ _UNIX_US = 1e15
 _MAX_CLOCK_STEP_S = 0.5
 
 
-def read_tlog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def read_tlog(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Read the positions of a .tlog. Raises `LogError` where heights have no reference."""
     try:
         from pymavlink.dialects.v20 import common
@@ -60,7 +60,7 @@ def read_tlog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
     return _Reader(path, options, remarks, clocks).fixes(positions)
 
 
-def packets(content: bytes, remarks: Remarks) -> Iterator[tuple[int, bytes]]:
+def packets(content: bytes, remarks: ReadingNotes) -> Iterator[tuple[int, bytes]]:
     """Yield stamp in µs and bytes of each packet that is read here; looks for the next one where something is wrong."""
     place, lost = 0, False
     while place + 16 <= len(content):
@@ -93,7 +93,7 @@ class _Reader:
     """Turns messages into fixes."""
 
     def __init__(
-        self, path: Path, options: LogOptions, remarks: Remarks, clocks: dict[int, list[tuple[float, float]]]
+        self, path: Path, options: LogOptions, remarks: ReadingNotes, clocks: dict[int, list[tuple[float, float]]]
     ) -> None:
         self._heights = Heights(path, options)
         self._remarks = remarks

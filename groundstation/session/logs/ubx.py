@@ -16,7 +16,7 @@ from groundstation.session.logs.fixes import (
     FixQuality,
     LogFix,
     LogOptions,
-    Remarks,
+    ReadingNotes,
     check_count,
     plausible,
     usable_sigma,
@@ -35,7 +35,7 @@ _PER_MM = 1e-3
 _PER_CM = 1e-2
 
 
-def read_ubx(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def read_ubx(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Read a log of UBX messages. Raises `LogError` where it has no NAV-PVT, which alone tells date and quality."""
     parse = _parser()
     if path.stat().st_size > _MAX_BYTES:
@@ -71,7 +71,7 @@ def read_ubx(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
     return fixes
 
 
-def ubx_frames(content: bytes, remarks: Remarks) -> Iterator[tuple[int, bytes]]:
+def ubx_frames(content: bytes, remarks: ReadingNotes) -> Iterator[tuple[int, bytes]]:
     """Yield place and bytes of each whole frame; what has a wrong checksum, or is cut, is counted and passed."""
     sums = _Sums(content)
     place = content.find(_SYNC)
@@ -135,7 +135,7 @@ def _parser() -> Any:
     return parse
 
 
-def _fix(message: Any, fine: dict[tuple[int, int], Any], options: LogOptions, remarks: Remarks) -> LogFix | None:
+def _fix(message: Any, fine: dict[tuple[int, int], Any], options: LogOptions, remarks: ReadingNotes) -> LogFix | None:
     """Return the fix of one NAV-PVT, None where it is not usable, which is counted."""
     if not (message.validDate and message.validTime):
         remarks.count("NAV-PVT without a valid date and time")
@@ -179,7 +179,9 @@ def _fix(message: Any, fine: dict[tuple[int, int], Any], options: LogOptions, re
     return fix
 
 
-def _from_base(fix: LogFix, relative: Any, base_deg_m: tuple[float, float, float], remarks: Remarks) -> LogFix | None:
+def _from_base(
+    fix: LogFix, relative: Any, base_deg_m: tuple[float, float, float], remarks: ReadingNotes
+) -> LogFix | None:
     """Return the fix moved to where NAV-RELPOSNED sees it from the base; its lengths are cm, sigmas mm."""
     if relative is None or not relative.relPosValid or not relative.gnssFixOK:
         remarks.count("NAV-PVT without a valid NAV-RELPOSNED of the same epoch")

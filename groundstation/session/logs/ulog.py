@@ -11,7 +11,15 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import LogError, MissingExtraError
 from groundstation.files.toml_table import shown
-from groundstation.session.logs.fixes import FixQuality, Heights, LogFix, LogOptions, Remarks, plausible, usable_sigma
+from groundstation.session.logs.fixes import (
+    FixQuality,
+    Heights,
+    LogFix,
+    LogOptions,
+    ReadingNotes,
+    plausible,
+    usable_sigma,
+)
 from groundstation.session.logs.gps_time import TimeScale, civil_from_unix
 
 # what the autopilot flew by first: drivers wrote it themselves before sensor_gps was there
@@ -26,7 +34,7 @@ _MAX_FIELDS = 200_000
 _READ_BYTES, _READ_RATIO = 1 << 24, 16
 
 
-def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def read_ulog(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Read the positions of a ULog. Raises `LogError` where there is no topic of positions."""
     try:
         from pyulog import ULog
@@ -34,12 +42,12 @@ def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
         raise MissingExtraError("reading ULog", "logs") from error
     if path.stat().st_size > _MAX_BYTES:
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of ULog")
-    said = io.StringIO()
+    reported = io.StringIO()
     try:
         # a file of ours: pyulog leaves its own open where it stumbles
-        with path.open("rb") as stream, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with path.open("rb") as stream, contextlib.redirect_stdout(reported), contextlib.redirect_stderr(reported):
             size = path.stat().st_size
-            log = _bounded(ULog)(_Onward(stream, size), list(TOPICS), disable_str_exceptions=True)
+            log = _bounded(ULog)(_ForwardReader(stream, size), list(TOPICS), disable_str_exceptions=True)
     except Exception as error:
         got = f"no ULog that pyulog reads ({shown(f'{type(error).__name__}: {error}', 120)})"
         raise LogError(path.name, got=got, wanted="a ULog of PX4") from error
@@ -51,7 +59,7 @@ def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
     return _fixes(path, data.data, options, remarks)
 
 
-class _TooMuchError(Exception):
+class _OversizedLogError(Exception):
     """A log that asks for far more than there is in it."""
 
 
@@ -64,7 +72,7 @@ def _bounded(log_class: Any) -> Any:
             nonlocal fields
             fields += 1 + sum(max(count, 1) for _, count, _ in formats[name].fields)
             if fields > _MAX_FIELDS:
-                raise _TooMuchError(f"more than {_MAX_FIELDS} fields")
+                raise _OversizedLogError(f"more than {_MAX_FIELDS} fields")
             super()._parse_nested_type(prefix, name, formats)
 
     class Bounded(log_class):  # type: ignore[misc]
@@ -73,7 +81,7 @@ def _bounded(log_class: Any) -> Any:
     return Bounded
 
 
-class _Onward:
+class _ForwardReader:
     """A file whose place moves on by all that was asked for, past its end too; it is not read over and over.
 
     pyulog goes back by a message's whole length after reading what there was of it: where a damaged length reaches past
@@ -90,7 +98,7 @@ class _Onward:
         data = self._stream.read(size)
         self._left -= len(data)
         if self._left < 0:
-            raise _TooMuchError("damaged all over")
+            raise _OversizedLogError("damaged all over")
         if len(data) < size:
             self._stream.seek(size - len(data), io.SEEK_CUR)
         return data
@@ -111,7 +119,7 @@ def _chosen(path: Path, log: Any, options: LogOptions) -> Any:
     )
 
 
-def _fixes(path: Path, data: dict[str, Any], options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def _fixes(path: Path, data: dict[str, Any], options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
     """Return the usable rows of a topic."""
     n = len(data["timestamp"])
     unix = _column(data, "time_utc_usec", n) * 1e-6

@@ -144,14 +144,14 @@ def test_the_splines_derivatives_have_numeric_twins(rng) -> None:
 
 
 @pytest.mark.parametrize(
-    ("swing", "how", "said"),
+    ("swing", "how", "reported"),
     [
         (Swing(pan_deg=0.0, tilt_deg=0.0), Recorder(seconds=6.0), "moves"),
         (Swing(), Recorder(seconds=1.0), "pairs of frames"),
     ],
 )
-def test_what_cannot_tell_is_refused(rng, swing: Swing, how: Recorder, said: str) -> None:
-    with pytest.raises(TimingFitError, match=said):
+def test_what_cannot_tell_is_refused(rng, swing: Swing, how: Recorder, reported: str) -> None:
+    with pytest.raises(TimingFitError, match=reported):
         solve_timing("left", *recorded(swing, how, rng), SIGMA_RAD)
 
 
@@ -259,18 +259,18 @@ def test_spoiled_clock_model_adds_up(rng) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "reported"),
     [(["--detections", "d.csv"], "--from-flight"), (["--from", "500"], "frames"), (["--out", "x.csv"], "TOML")],
 )
-def test_wrong_input_ends_in_one_line(landing_1, tmp_path, capsys, options: list[str], said: str) -> None:
+def test_wrong_input_ends_in_one_line(landing_1, tmp_path, capsys, options: list[str], reported: str) -> None:
     out = [] if "--out" in options else ["--out", str(tmp_path / "out.toml")]
     assert main(["calibrate", "timing", str(landing_1), *options, *out]) == 1
     error = capsys.readouterr().err.strip().splitlines()[-1]
-    assert said in error
+    assert reported in error
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "reported"),
     [
         (["timing", "--pictures"], "--pictures: got no --from-flight; wanted both"),
         (["timing", "--from", "nan"], "argument --from: got 'nan'; wanted a session time in s"),
@@ -281,7 +281,7 @@ def test_wrong_input_ends_in_one_line(landing_1, tmp_path, capsys, options: list
     ],
 )
 def test_wrong_usage_is_said_before_anything_is_read(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], reported: str
 ) -> None:
     what, *more = options
     command = ["calibrate", what, str(tmp_path / "nothing"), *more, "--out", str(tmp_path / "out.toml")]
@@ -290,4 +290,4 @@ def test_wrong_usage_is_said_before_anything_is_read(
     except SystemExit as stop:
         code = stop.code
     assert code == 2
-    assert said in capsys.readouterr().err
+    assert reported in capsys.readouterr().err

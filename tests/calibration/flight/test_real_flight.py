@@ -11,6 +11,7 @@ import pytest
 from calibrated_replays import HEXACOPTER, of_stations, track_error, without_positions
 
 from calibration.flight.calibrate import FlightRequest, calibrate_flight
+from groundstation.arrays import FloatArray
 from groundstation.evaluation.position_series import interpolate, reference_from_fixes
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.rig.rig import load_rig
@@ -31,10 +32,15 @@ def session(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Sess
     return load_session(folder, out)
 
 
-def rmse_m(session: Session, names: Sequence[str]) -> float:
+@pytest.fixture(scope="module")
+def detections(session: Session) -> dict[str, FloatArray]:
+    return read_detections(session)[0]
+
+
+def rmse_m(session: Session, detections: dict[str, FloatArray], names: Sequence[str]) -> float:
     """Return the 3-D RMSE against RTK of rays put together at every third pixel of the first station."""
     tables = {}
-    for name, rows in read_detections(session)[0].items():
+    for name, rows in detections.items():
         station = session.rig[name]
         share = (rows[:, 2] + 0.5) / station.lens.image_size_px[1] - 0.5
         later = rows[rows[:, 0] > FROM_S]
@@ -59,12 +65,12 @@ def rmse_m(session: Session, names: Sequence[str]) -> float:
 
 
 @pytest.mark.parametrize("names", [("sony5n", "sony5100"), ("sony5100", "sonyG"), ("sony5n", "sonyG")])
-def test_pairs(session: Session, names: tuple[str, str]) -> None:
-    assert rmse_m(session, names) < 0.14
+def test_pairs(session: Session, detections: dict[str, FloatArray], names: tuple[str, str]) -> None:
+    assert rmse_m(session, detections, names) < 0.14
 
 
-def test_all_four(session: Session) -> None:
-    assert rmse_m(session, session.rig.names) < 0.15
+def test_all_four(session: Session, detections: dict[str, FloatArray]) -> None:
+    assert rmse_m(session, detections, session.rig.names) < 0.15
 
 
 def test_the_filter_against_rtk(session: Session, tmp_path: Path) -> None:

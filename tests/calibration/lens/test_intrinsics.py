@@ -68,10 +68,10 @@ def test_rendered_pictures_give_the_lens(shots: list[GreyPicture]) -> None:
     # the errors were 0.9 of these at most; each k by itself is hardly known, for the others make up for it
     held_to(error, found.fit.sigma, (0.86, 0.78, 1.16, 0.86, 0.015, 0.176, 3.8e-4, 4.0e-4, 0.61))
     assert found.fit.rms_px < found.held_out.rms_px < 0.25
-    said = {v.name: v.choice for v in found.verdicts}
-    assert said["soft.png"] is Choice.BLURRED
-    assert {said["twice.png"], said["02.png"]} == {Choice.ALIKE, Choice.USED}
-    assert list(said) == [s.name for s in shots]
+    reported = {v.name: v.choice for v in found.verdicts}
+    assert reported["soft.png"] is Choice.BLURRED
+    assert {reported["twice.png"], reported["02.png"]} == {Choice.ALIKE, Choice.USED}
+    assert list(reported) == [s.name for s in shots]
 
 
 def test_plain_opencv_finds_the_same_in_the_same_pictures(shots: list[GreyPicture]) -> None:
@@ -114,9 +114,9 @@ def test_the_command_writes_lens_and_report(
     out, report = tmp_path / "left.toml", tmp_path / "report"
     arguments = ["calibrate", "intrinsics", str(folder), "--board", CHARUCO, "--out", str(out), "--report", str(report)]
     assert main(arguments) == 0
-    said = capsys.readouterr().out
+    reported = capsys.readouterr().out
     for part in ("Held-out error", "correlate by", "next:", "soft.png: blurred", f"wrote {out}"):
-        assert part in said
+        assert part in reported
     page = (report / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 4
     assert "http" not in page
@@ -125,9 +125,9 @@ def test_the_command_writes_lens_and_report(
     assert "k3 = 0" in capsys.readouterr().err
     assert not kalibr.exists()
     assert main(["calibrate", "convert-lens", str(out), str(kalibr), "--format", "kalibr", "--refit"]) == 0
-    said = capsys.readouterr().out
-    assert "a pixel moves by at most" in said
-    assert "the lens's covariance is not carried" in said
+    reported = capsys.readouterr().out
+    assert "a pixel moves by at most" in reported
+    assert "the lens's covariance is not carried" in reported
     assert main(["calibrate", "convert-lens", str(kalibr), str(tmp_path / "again.yaml"), "--format", "kalibr"]) == 0
     assert main(["calibrate", "convert-lens", str(out), str(tmp_path / "cv.yaml")]) == 0
     assert "covariance" not in capsys.readouterr().out

@@ -147,7 +147,7 @@ def test_a_lens_is_not_written_over_a_rig(landing_1: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reported"),
     [
         (ROS.replace("{0}", "\n  rows: 1\n  cols: 8\n  data: [0, 0, 0, 0, 0, 1, 0, 0]"), "8 coefficients"),
         (ROS.replace("{0}", ROS_FIVE).replace("437.302876", "-437.3"), "a focal length of -437.3 px"),
@@ -161,10 +161,10 @@ def test_a_lens_is_not_written_over_a_rig(landing_1: Path, tmp_path: Path) -> No
         ("a: 1\na: 2\n", "twice"),
     ],
 )
-def test_yaml_that_is_no_lens(tmp_path: Path, text: str, said: str) -> None:
+def test_yaml_that_is_no_lens(tmp_path: Path, text: str, reported: str) -> None:
     path = tmp_path / "lens.yaml"
     path.write_text(text)
-    assert said in complaint(IntrinsicsError, lambda: read_lens(path))
+    assert reported in complaint(IntrinsicsError, lambda: read_lens(path))
 
 
 @pytest.mark.parametrize(

@@ -403,16 +403,16 @@ def test_zeros_take_the_place_of_what_turns_the_same_way(made, rng) -> None:
 
 
 @pytest.mark.parametrize(
-    ("cut", "said"),
+    ("cut", "reported"),
     [
         (lambda s: s.pointing < 1, "at least 4"),
         (lambda s: s.pointing < 3, "at least 4"),
     ],
 )
-def test_too_few_angles_are_refused(made, rng, cut, said: str) -> None:
+def test_too_few_angles_are_refused(made, rng, cut, reported: str) -> None:
     station, true, marks = made
     seen = look(true, marks, rng, 40)
-    with pytest.raises(MountFitError, match=said):
+    with pytest.raises(MountFitError, match=reported):
         calibrate_station(station, seen.keep(cut(seen)), marks, USUAL_WORDS)
 
 
@@ -525,7 +525,7 @@ def test_pictures_of_a_board_calibrate_by_the_command(pictures, capsys) -> None:
 
 
 @pytest.mark.parametrize(
-    ("row", "said"),
+    ("row", "reported"),
     [
         ("99.png,left,0,0", "decoded"),
         ("../00.png,left,0,0", "inside the folder"),
@@ -533,12 +533,12 @@ def test_pictures_of_a_board_calibrate_by_the_command(pictures, capsys) -> None:
         ("00.png,left,nan,0", "pan_deg"),
     ],
 )
-def test_a_table_of_pictures_at_fault_is_said(pictures, capsys, row: str, said: str) -> None:
+def test_a_table_of_pictures_at_fault_is_said(pictures, capsys, row: str, reported: str) -> None:
     folder, _ = pictures
     (folder / "shots" / "pictures.csv").write_text(f"file,station,pan_deg,tilt_deg\n{row}\n")
     options = ["--pictures", str(folder / "shots"), "--lamp", "--rig", str(folder / "rig.toml")]
     assert main(["calibrate", "mount", *options, "--out", str(folder / "out.toml")]) == 1
-    assert said in capsys.readouterr().err
+    assert reported in capsys.readouterr().err
     assert not (folder / "out.toml").exists()
 
 
@@ -583,10 +583,10 @@ def test_a_handful_of_sightings_writes_no_rig(made, rng, tmp_path, capsys, count
 def test_what_is_held_keeps_value_and_covariance(made, rng, tmp_path, capsys) -> None:
     """The rig knows its lever arm, y and z together to 2 mm; sightings 40 m and farther away say nothing of it."""
     station, true, marks = made
-    said = {"camera_in_head.x": 0.01, "camera_in_head.y": 0.002, "camera_in_head.z": 0.002}
-    given = np.diag(np.square(list(said.values())))
+    reported = {"camera_in_head.x": 0.01, "camera_in_head.y": 0.002, "camera_in_head.z": 0.002}
+    given = np.diag(np.square(list(reported.values())))
     given[1, 2] = given[2, 1] = 1e-6
-    station = replace(station, covariance_parameters=tuple(said), covariance=given)
+    station = replace(station, covariance_parameters=tuple(reported), covariance=given)
     seen = look(true, marks, rng, 60)
     assert main(tables(tmp_path, station, seen, marks)) == 0
     text = capsys.readouterr().out

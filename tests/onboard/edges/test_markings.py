@@ -44,7 +44,7 @@ def compared_with(
         marks_module,
         "_rivals",
         lambda *_: [
-            marks_module._Rival(places=places, moved_px=np.full(4, 10.0 * moved_m), better=better)
+            marks_module._LayoutHypothesis(places=places, moved_px=np.full(4, 10.0 * moved_m), better=better)
             for places, better in says.items()
         ],
     )
@@ -195,11 +195,11 @@ def test_lines_that_were_taken_anew_are_heeded_against_a_sure_filter(monkeypatch
 
 
 def test_no_layouts_are_compared_while_a_search_takes_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    config, said = TrackerConfig(check_frames=4), list[tuple[int, bool]]()
+    config, reported = TrackerConfig(check_frames=4), list[tuple[int, bool]]()
     tracker, pose = EdgeTracker(KAPPA, SIZE, config), approach()
 
     def noted(*args: object, layouts: int, **named: object) -> TrackingStep:
-        said.append((layouts, tracker._search is not None))
+        reported.append((layouts, tracker._search is not None))
         return track_lines(*args, layouts=layouts, **named)  # type: ignore[arg-type]
 
     monkeypatch.setattr(tracker_module, "track_lines", noted)
@@ -208,5 +208,5 @@ def test_no_layouts_are_compared_while_a_search_takes_the_time(monkeypatch: pyte
         tracker.step(painted_runway(pose, seed=k), pose)
     assert config.profile is not None
     # the fourth frame begins one
-    assert [layouts for layouts, _ in said[:4]] == [config.profile.layouts] * 3 + [0]
-    assert all(layouts == 0 for layouts, searching in said if searching)
+    assert [layouts for layouts, _ in reported[:4]] == [config.profile.layouts] * 3 + [0]
+    assert all(layouts == 0 for layouts, searching in reported if searching)

@@ -36,7 +36,7 @@ def errors(frames: list[NoseFrame], width_m: float, config: TrackerConfig) -> np
     tracker = EdgeTracker(NOSE_KAPPA, NOSE_LENS.image_size_px, config)
     found = []
     for frame in frames:
-        edges = tracker.step(frame.image, frame.said).edges
+        edges = tracker.step(frame.image, frame.reported).edges
         assert edges is not None
         lines = np.array([1.0, 0.0, -0.5 * width_m, 0.5 * width_m])
         truth, _ = project_lines(lines, line_map(frame.truth, NOSE_KAPPA), edges.rows_px)
@@ -55,7 +55,7 @@ def test_a_taxiway_beside_the_runway_is_not_the_runway() -> None:
     sequence = replace(SEQUENCES[0], seed=1101, approach=replace(SEQUENCES[0].approach, start_y_m=280.0))
     renderer = Renderer(sequence)
     tracker = EdgeTracker(NOSE_KAPPA, NOSE_LENS.image_size_px, TrackerConfig(guess=GUESS))
-    reports = [tracker.step(frame.image, frame.said) for frame in (renderer.frame(k) for k in range(6))]
+    reports = [tracker.step(frame.image, frame.reported) for frame in (renderer.frame(k) for k in range(6))]
     assert [r.status for r in reports] == [EdgeStatus.ACQUIRING] * 3 + [EdgeStatus.TRACKING] * 3
     for k, report in enumerate(reports):
         assert report.edges is not None
@@ -165,16 +165,16 @@ def test_the_announced_runway_is_looked_for_where_algorithm_1_finds_none(monkeyp
     """A pose that is off by 0.4°, 2 m aside and 1 m high; and on bare ground there is still none."""
     monkeypatch.setattr(hypotheses, "detect", lambda *_: NoPair(response=np.zeros(640), candidates=np.zeros((0, 2))))
     config = TrackerConfig(guess=replace(GUESS, width_m=20.0))
-    truth, said = approach(), approach(x=5.0, z=16.0, pitch=-0.037)
+    truth, reported = approach(), approach(x=5.0, z=16.0, pitch=-0.037)
     tracker = EdgeTracker(KAPPA, SIZE, config)
-    reports = [tracker.step(painted_runway(truth, seed=k), said) for k in range(5)]
+    reports = [tracker.step(painted_runway(truth, seed=k), reported) for k in range(5)]
     assert [r.status for r in reports] == [EdgeStatus.ACQUIRING] * 3 + [EdgeStatus.TRACKING] * 2
     last = reports[-1].edges
     assert last is not None
     wanted, _ = project_lines(RUNWAY, line_map(truth, KAPPA), last.rows_px)
     assert np.abs(last.crossings_px - wanted).max() < 1.5
     bare = painted_runway(truth, inside=(50, 110, 80))
-    assert EdgeTracker(KAPPA, SIZE, config).step(bare, said).miss is EdgeMiss.NO_PAIR
+    assert EdgeTracker(KAPPA, SIZE, config).step(bare, reported).miss is EdgeMiss.NO_PAIR
 
 
 def test_faint_edges_are_said_to_be_less_sure() -> None:
@@ -231,8 +231,8 @@ def test_a_lasting_error_of_pitch_and_roll_is_found() -> None:
     reports = []
     for k in range(25):
         truth = approach(y=150.0 - 2.0 * k, z=15.0 - 0.14 * k)
-        said = approach(y=150.0 - 2.0 * k, z=15.0 - 0.14 * k, roll=0.03 + 0.0175, pitch=-0.03 + 0.0105)
-        reports.append((truth, tracker.step(painted_runway(truth, seed=k), said)))
+        reported = approach(y=150.0 - 2.0 * k, z=15.0 - 0.14 * k, roll=0.03 + 0.0175, pitch=-0.03 + 0.0105)
+        reports.append((truth, tracker.step(painted_runway(truth, seed=k), reported)))
     truth, last = reports[-1]
     assert last.edges is not None
     wanted, _ = project_lines(RUNWAY, line_map(truth, KAPPA), last.edges.rows_px)

@@ -14,8 +14,8 @@ from tests.onboard.pose.test_station_check import CORNERS, PAN, TILT, pixels, st
 NAMES = ("near left", "far left", "far right", "near right")
 
 
-def write(folder: Path, said: Station, true: Station, rng: np.random.Generator) -> list[str]:
-    (folder / "rig.toml").write_text(rig_to_toml(Rig(stations=(said,))))
+def write(folder: Path, reported: Station, true: Station, rng: np.random.Generator) -> list[str]:
+    (folder / "rig.toml").write_text(rig_to_toml(Rig(stations=(reported,))))
     rows = ["landmark,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m"]
     rows += [f"{name},{x},{y},{z},0.005,0.005,0.005" for name, (x, y, z) in zip(NAMES, CORNERS, strict=True)]
     (folder / "landmarks.csv").write_text("\n".join(rows) + "\n")
@@ -23,7 +23,7 @@ def write(folder: Path, said: Station, true: Station, rng: np.random.Generator) 
     exact = pixels(true, PAN, TILT)
     for k, name in enumerate(NAMES):
         for _ in range(20):
-            pan, tilt = np.degrees(np.array([PAN, TILT]) + said.ptu_sigma_rad * rng.standard_normal(2))
+            pan, tilt = np.degrees(np.array([PAN, TILT]) + reported.ptu_sigma_rad * rng.standard_normal(2))
             u, v = exact[k] + 0.2 * rng.standard_normal(2)
             rows.append(f"left,{name},{pan:.6f},{tilt:.6f},{u:.4f},{v:.4f},0.2")
     (folder / "today.csv").write_text("\n".join(rows) + "\n")
@@ -43,8 +43,8 @@ def test_a_station_as_calibrated_agrees(
 def test_a_turned_station_does_not(
     tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said = station()
-    code = main(write(tmp_path, said, turned(said, np.radians([0.0, 0.0, 0.3])), rng))
+    reported = station()
+    code = main(write(tmp_path, reported, turned(reported, np.radians([0.0, 0.0, 0.3])), rng))
     printed = capsys.readouterr()
     assert "left: does not agree" in printed.out, printed
     assert code == 1
@@ -77,10 +77,10 @@ def test_verdict_record_and_exit_code_are_one(
     assert main(words[:-2]) == 0
     assert "accepted" in capsys.readouterr().out
     assert main([*words, "--out", str(tmp_path / "new.toml")]) == 1
-    said = capsys.readouterr().out
-    assert "left: as calibrated" in said
-    assert "accepted" not in said
-    assert "refused: nothing has moved by the landmarks, but the runway's corners disagree (left)" in said
+    reported = capsys.readouterr().out
+    assert "left: as calibrated" in reported
+    assert "accepted" not in reported
+    assert "refused: nothing has moved by the landmarks, but the runway's corners disagree (left)" in reported
     assert not (tmp_path / "new.toml").exists()
     records = [json.loads(line) for line in (tmp_path / "rig.checks.jsonl").read_text().splitlines()]
     assert [r["decision"] for r in records] == ["accepted", "refused"]

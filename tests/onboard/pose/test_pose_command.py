@@ -107,7 +107,7 @@ def test_corners_are_put_in_order(permutation: list[int], seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "text", "said"),
+    ("file", "text", "reported"),
     [
         ("runways", "{", "no JSON"),
         ("runways", '{"A": {},\n"B" 1}', "runways.json: line 2: got no JSON (Expecting ':' delimiter)"),
@@ -135,12 +135,12 @@ def test_corners_are_put_in_order(permutation: list[int], seed: int) -> None:
     ],
 )
 def test_a_file_at_fault_is_one_clear_line(
-    work: dict[str, Path], file: str, text: str, said: str, capsys: pytest.CaptureFixture[str]
+    work: dict[str, Path], file: str, text: str, reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     work[file].write_text(text)
     assert run(work) == 1
     error = capsys.readouterr().err
-    assert said in error
+    assert reported in error
     assert error.count("\n") == 1
     assert not work["out"].exists()
 
@@ -150,9 +150,9 @@ def test_a_folder_and_a_missing_file_are_told_apart(
     work: dict[str, Path], file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "folder").mkdir()
-    for name, said in (("folder", "folder: got a folder; wanted"), ("none", "none: got no such file; wanted")):
+    for name, reported in (("folder", "folder: got a folder; wanted"), ("none", "none: got no such file; wanted")):
         assert run({**work, file: tmp_path / name}) == 1
-        assert said in capsys.readouterr().err
+        assert reported in capsys.readouterr().err
 
 
 def test_an_older_table_stays_where_a_row_cannot_be_made(work: dict[str, Path]) -> None:
@@ -175,9 +175,11 @@ def test_a_folder_that_cannot_be_made_is_said(work: dict[str, Path], capsys: pyt
     (work["camera"].parent / "taken").write_text("")
     for out in ("taken/p.csv", "taken/deeper/p.csv"):
         assert run({**work, "out": work["camera"].parent / out}) == 1
-        said = capsys.readouterr().err
-        assert re.search(r"taken\S*: got (Not a directory|File exists); wanted --out with a file that can be ", said)
-        assert "Errno" not in said
+        reported = capsys.readouterr().err
+        assert re.search(
+            r"taken\S*: got (Not a directory|File exists); wanted --out with a file that can be ", reported
+        )
+        assert "Errno" not in reported
 
 
 def test_the_camera_file_of_the_other_commands_will_do(work: dict[str, Path]) -> None:

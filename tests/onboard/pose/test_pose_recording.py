@@ -109,10 +109,10 @@ def test_a_recording_that_cannot_be_written_is_said(
         ("link.rrd", 1, "link.rrd: got a file that is read; wanted another --rerun"),
         ("poses.csv", 2, "wanted a name that ends in .rrd"),
     )
-    for name, code, said in cases:
+    for name, code, reported in cases:
         assert run({**work, "rerun": tmp_path / name}) == code
         error = capsys.readouterr().err
-        assert said in error
+        assert reported in error
         assert "Errno" not in error
     assert run({**work, "out": tmp_path / "same.rrd", "rerun": tmp_path / "same.rrd"}) == 1
     assert "got a file that --out names, too; wanted another --rerun" in capsys.readouterr().err

@@ -43,15 +43,15 @@ def turned(one: Station, vector: np.ndarray) -> Station:
 
 def test_the_check_is_consistent(rng: np.random.Generator) -> None:
     """Rig, encoders and corners each wrong by their own sigmas: the statistic is χ² of six degrees of freedom."""
-    said = station()
+    reported = station()
     values = []
     for _ in range(200):
         turn = 1e-4 * rng.standard_normal(3)
-        true = turned(said, turn)
-        true = replace(true, ptu_position_m=said.ptu_position_m + [0.02 * rng.standard_normal(), 0, 0])
-        pan, tilt = np.array([PAN, TILT]) + said.angle_sigma_rad * rng.standard_normal(2)
+        true = turned(reported, turn)
+        true = replace(true, ptu_position_m=reported.ptu_position_m + [0.02 * rng.standard_normal(), 0, 0])
+        pan, tilt = np.array([PAN, TILT]) + reported.angle_sigma_rad * rng.standard_normal(2)
         seen = pixels(true, PAN, TILT) + 0.2 * rng.standard_normal((4, 2))
-        values.append(check_station(said, pan, tilt, CORNERS, seen, np.full(4, 0.2)).statistic)
+        values.append(check_station(reported, pan, tilt, CORNERS, seen, np.full(4, 0.2)).statistic)
     low, high = chi2.ppf([0.0005, 0.9995], 6 * len(values)) / len(values)
     assert low < np.mean(values) < high
 
@@ -59,15 +59,15 @@ def test_the_check_is_consistent(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("axis", [0, 2])
 def test_a_turned_base_is_found(axis: int, rng: np.random.Generator) -> None:
     """Half a degree about x (tilt) or z (pan) is not the rig that the file describes."""
-    said = station()
+    reported = station()
     turn = np.zeros(3)
     turn[axis] = np.radians(0.5)
-    seen = pixels(turned(said, turn), PAN, TILT) + 0.2 * rng.standard_normal((4, 2))
-    check = check_station(said, PAN, TILT, CORNERS, seen, np.full(4, 0.2))
+    seen = pixels(turned(reported, turn), PAN, TILT) + 0.2 * rng.standard_normal((4, 2))
+    check = check_station(reported, PAN, TILT, CORNERS, seen, np.full(4, 0.2))
     assert not check.agrees
     assert abs(check.difference[3 + axis] - turn[axis]) < 4 * np.sqrt(check.covariance[3 + axis, 3 + axis])
 
 
 def test_an_unmoved_station_agrees(rng: np.random.Generator) -> None:
-    said = station()
-    assert check_station(said, PAN, TILT, CORNERS, pixels(said, PAN, TILT), np.full(4, 0.2)).agrees
+    reported = station()
+    assert check_station(reported, PAN, TILT, CORNERS, pixels(reported, PAN, TILT), np.full(4, 0.2)).agrees

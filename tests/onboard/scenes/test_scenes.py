@@ -30,7 +30,7 @@ def test_a_frame_is_the_same_each_time_and_another_with_another_seed() -> None:
     sequence = SEQUENCES[3]
     first, again = (Renderer(sequence).frame(5) for _ in range(2))
     np.testing.assert_array_equal(first.image, again.image)
-    np.testing.assert_array_equal(first.said.camera_threshold_m, again.said.camera_threshold_m)
+    np.testing.assert_array_equal(first.reported.camera_threshold_m, again.reported.camera_threshold_m)
     assert np.any(Renderer(replace(sequence, seed=9)).frame(5).image != first.image)
 
 

@@ -46,8 +46,8 @@ def ground_series(flight: NoseFlight, pictures: list[ImageArray]) -> PositionTra
             navigator.process_imu(flight.motion.samples[fed])
             fed += 1
         roll, pitch, yaw = (float(a) for a in attitude[sample])
-        said = nose_pose(place[sample], Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw), mount)
-        fix = navigator.update(float(flight.motion.t_s[sample]), picture, said).fix
+        reported = nose_pose(place[sample], Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw), mount)
+        fix = navigator.update(float(flight.motion.t_s[sample]), picture, reported).fix
         if fix is not None:
             fixes.append(fix)
     return series_of(fixes)

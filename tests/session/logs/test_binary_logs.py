@@ -11,7 +11,7 @@ import pytest
 from pyulog import ULog
 
 from groundstation.errors import LogError
-from groundstation.session.logs.fixes import FixQuality, LogOptions, Remarks
+from groundstation.session.logs.fixes import FixQuality, LogOptions, ReadingNotes
 from groundstation.session.logs.gps_time import gps_from_text
 from groundstation.session.logs.read import GnssLog, read_log
 from groundstation.session.logs.ubx import ubx_frames
@@ -114,8 +114,8 @@ def test_a_baseline_in_centimetres_from_a_base(tmp_path: Path) -> None:
     assert log.height_m[0] == pytest.approx(HEIGHT, abs=0.02)
     assert log.sigma_enu_m[0] == pytest.approx([0.007, 0.008, 0.020])
     bad = pvt(place) + relposned(place, 11095, 4526, -1501, relPosValid=0)
-    said = complaint(LogError, lambda: log_of(tmp_path, bad, ".ubx", LogOptions(base_deg_m=(35.68, 139.76, 60.0))))
-    assert "1 × NAV-PVT without a valid NAV-RELPOSNED of the same epoch" in said
+    reported = complaint(LogError, lambda: log_of(tmp_path, bad, ".ubx", LogOptions(base_deg_m=(35.68, 139.76, 60.0))))
+    assert "1 × NAV-PVT without a valid NAV-RELPOSNED of the same epoch" in reported
 
 
 @pytest.mark.parametrize("place", [-2, -1])
@@ -139,8 +139,8 @@ def test_ubx_between_other_messages_and_damaged(tmp_path: Path) -> None:
 
 
 def test_ubx_without_pvt_has_no_date(tmp_path: Path) -> None:
-    said = complaint(LogError, lambda: log_of(tmp_path, hpposllh(flight(1)[0]), ".ubx"))
-    assert said == "log.ubx: got UBX without NAV-PVT; wanted NAV-PVT, which has the date and the quality"
+    reported = complaint(LogError, lambda: log_of(tmp_path, hpposllh(flight(1)[0]), ".ubx"))
+    assert reported == "log.ubx: got UBX without NAV-PVT; wanted NAV-PVT, which has the date and the quality"
 
 
 # -------------------------------------------------------------------------------- ULog
@@ -174,10 +174,10 @@ def test_ulog_without_utc_or_fix_or_topic(tmp_path: Path) -> None:
     assert "6 × row without a 3-D fix" in complaint(
         LogError, lambda: log_of(tmp_path, ulog(flight(), fix_type=8), ".ulg")
     )
-    said = complaint(LogError, lambda: log_of(tmp_path, ulog(flight(), topic="vehicle_attitude"), ".ulg"))
-    assert said.startswith("log.ulg: got no positions; wanted the topic vehicle_gps_position or sensor_gps")
-    said = complaint(LogError, lambda: log_of(tmp_path, ulog(flight()), ".ulg", LogOptions(instance=1)))
-    assert said.startswith("log.ulg: got sensor_gps[0]; wanted the topic")
+    reported = complaint(LogError, lambda: log_of(tmp_path, ulog(flight(), topic="vehicle_attitude"), ".ulg"))
+    assert reported.startswith("log.ulg: got no positions; wanted the topic vehicle_gps_position or sensor_gps")
+    reported = complaint(LogError, lambda: log_of(tmp_path, ulog(flight()), ".ulg", LogOptions(instance=1)))
+    assert reported.startswith("log.ulg: got sensor_gps[0]; wanted the topic")
     assert "no ULog that pyulog reads" in complaint(LogError, lambda: log_of(tmp_path, b"ULog\x01\x12\x35\x01", ".ulg"))
 
 
@@ -199,10 +199,10 @@ def test_dataflash_by_week_and_milliseconds(tmp_path: Path, capfd: pytest.Captur
 
 
 def test_dataflash_heights_are_above_sea_level_and_und_is_shown_not_used(tmp_path: Path) -> None:
-    said = complaint(LogError, lambda: log_of(tmp_path, dataflash(flight()), ".bin"))
-    assert "(Und = -37.73 m, its sign depends on the receiver)" in said
-    said = complaint(LogError, lambda: log_of(tmp_path, dataflash(flight(), und=None), ".bin"))
-    assert "no geoid separation;" in said
+    reported = complaint(LogError, lambda: log_of(tmp_path, dataflash(flight()), ".bin"))
+    assert "(Und = -37.73 m, its sign depends on the receiver)" in reported
+    reported = complaint(LogError, lambda: log_of(tmp_path, dataflash(flight(), und=None), ".bin"))
+    assert "no geoid separation;" in reported
 
 
 @pytest.mark.parametrize("length", [0, 1, 2])
@@ -219,8 +219,8 @@ def test_dataflash_whose_messages_are_shorter_than_their_head_ends(tmp_path: Pat
 
 
 def test_dataflash_without_a_fix_and_of_two_receivers(tmp_path: Path) -> None:
-    said = complaint(LogError, lambda: log_of(tmp_path, dataflash(flight(), status=2), ".bin", GIVEN))
-    assert "6 × GPS message without a 3-D fix" in said
+    reported = complaint(LogError, lambda: log_of(tmp_path, dataflash(flight(), status=2), ".bin", GIVEN))
+    assert "6 × GPS message without a 3-D fix" in reported
     content = dataflash(flight(3))
     other = dataflash([Place(0.1, LAT + 0.001)], receiver=1)
     both = content + other[89 * 3 :]
@@ -237,8 +237,8 @@ def test_dataflash_damaged(tmp_path: Path, capfd: pytest.CaptureFixture[str]) ->
     assert len(log.gps_s) == 5
     hole = content[:-150] + b"\x00" * 30 + content[-150:]
     assert len(log_of(tmp_path, hole, ".bin", GIVEN).gps_s) >= 4
-    said = complaint(LogError, lambda: log_of(tmp_path, b"\xa3\x95", ".bin", GIVEN))
-    assert said.startswith("log.bin: got no")
+    reported = complaint(LogError, lambda: log_of(tmp_path, b"\xa3\x95", ".bin", GIVEN))
+    assert reported.startswith("log.bin: got no")
     assert capfd.readouterr() == ("", "")
 
 
@@ -284,7 +284,7 @@ def test_ubx_between_false_beginnings_is_found_as_before(
         frames.append(frame)
         # a beginning whose message would reach past the end of all, or over many that are whole
         content += b"\xb5\x62" * int(rng.integers(0, count // 40)) + b"\0" * 8 + frame
-    found = [frame for _, frame in ubx_frames(content + b"\xb5\x62\x01\x07\xff\xff", Remarks("x"))]
+    found = [frame for _, frame in ubx_frames(content + b"\xb5\x62\x01\x07\xff\xff", ReadingNotes("x"))]
     whole = [frame for frame in found if frame in frames]
     assert [frame for frame in frames if frame in found] == whole
     assert len(whole) > 30

@@ -57,8 +57,8 @@ def test_midnight_and_new_year_as_gpsbabel_writes_them() -> None:
 
 def test_a_log_without_a_date_needs_one_and_counts_on_over_midnight() -> None:
     path = DATA / "gpsbabel_no_date.nmea"
-    said = complaint(LogError, lambda: read_log(path))
-    assert "got positions without a date (no RMC or ZDA); wanted the UTC date of its first position" in said
+    reported = complaint(LogError, lambda: read_log(path))
+    assert "got positions without a date (no RMC or ZDA); wanted the UTC date of its first position" in reported
     log = read_log(path, LogOptions(date=datetime.date(2024, 12, 31)))
     assert log.gps_s == pytest.approx(read_log(DATA / "gpsbabel_midnight.nmea").gps_s)
 
@@ -90,8 +90,10 @@ def test_weeks_that_began_again(tmp_path: Path) -> None:
     log = log_of(tmp_path, b"".join(lines), LogOptions(date=datetime.date(2025, 5, 8)))
     assert utc_text(log.gps_s[0]) == "2025-05-08T11:59:52Z"
     assert any("moved by 1 × 1024 weeks" in r for r in log.remarks)
-    said = complaint(LogError, lambda: log_of(tmp_path, b"".join(lines), LogOptions(date=datetime.date(2025, 6, 8))))
-    assert "got positions of 2005-09-22; wanted 2025-06-08" in said
+    reported = complaint(
+        LogError, lambda: log_of(tmp_path, b"".join(lines), LogOptions(date=datetime.date(2025, 6, 8)))
+    )
+    assert "got positions of 2005-09-22; wanted 2025-06-08" in reported
 
 
 @pytest.mark.parametrize(("day", "fits"), [(29, False), (30, True), (31, True)])
@@ -105,8 +107,8 @@ def test_a_date_is_one_of_the_logs_own(tmp_path: Path, day: int, fits: bool) -> 
     if fits:
         assert utc_text(log_of(tmp_path, content, given).gps_s[0]) == "2025-12-30T23:59:59Z"
     else:
-        said = complaint(LogError, lambda: log_of(tmp_path, content, given))
-        assert "got positions of 2025-12-30 to 2025-12-31; wanted 2025-12-29, the date given for it" in said
+        reported = complaint(LogError, lambda: log_of(tmp_path, content, given))
+        assert "got positions of 2025-12-30 to 2025-12-31; wanted 2025-12-29, the date given for it" in reported
 
 
 def test_heights_are_sea_level_and_separation(tmp_path: Path) -> None:

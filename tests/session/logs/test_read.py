@@ -95,8 +95,8 @@ def test_what_is_no_log(tmp_path: Path) -> None:
 
 
 def test_a_log_before_2000_asks_for_its_date(tmp_path: Path) -> None:
-    said = complaint(LogError, lambda: table(tmp_path, HEAD + ROW.replace("2025", "1985")))
-    assert "got a log of 1985-05-08; wanted its true date" in said
+    reported = complaint(LogError, lambda: table(tmp_path, HEAD + ROW.replace("2025", "1985")))
+    assert "got a log of 1985-05-08; wanted its true date" in reported
 
 
 @pytest.mark.parametrize(
@@ -121,8 +121,8 @@ def test_a_missing_package_is_named(
 
     (tmp_path / name).write_bytes(content)
     monkeypatch.setattr(builtins, "__import__", without)
-    said = complaint(MissingExtraError, lambda: read_log(tmp_path / name))
-    assert said.endswith("pip install 'groundstation[logs]'")
+    reported = complaint(MissingExtraError, lambda: read_log(tmp_path / name))
+    assert reported.endswith("pip install 'groundstation[logs]'")
 
 
 def test_placed_in_the_runways_frame_with_turned_sigmas() -> None:
@@ -138,8 +138,8 @@ def test_placed_in_the_runways_frame_with_turned_sigmas() -> None:
     # +y points west: x is north
     assert west[0].position_runway_m == pytest.approx([baseline[1], -baseline[0], baseline[2]], abs=2e-3)
     assert west[0].sigma_m == pytest.approx([0.0088, 0.0075, 0.0272], abs=1e-6)
-    said = complaint(LogError, lambda: place_log(log, (47.0, 8.0, 0.0), 0.0, 0.0))
-    assert "km and more from the origin; wanted some within 50 km, or another origin" in said
+    reported = complaint(LogError, lambda: place_log(log, (47.0, 8.0, 0.0), 0.0, 0.0))
+    assert "km and more from the origin; wanted some within 50 km, or another origin" in reported
 
 
 @given(st.floats(-90, 90), st.floats(-179.9, 179.9), st.floats(-500, 50_000))

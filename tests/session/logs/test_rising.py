@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.session.logs.fixes import FixQuality, LogFix, Remarks
+from groundstation.session.logs.fixes import FixQuality, LogFix, ReadingNotes
 from groundstation.session.logs.gps_time import TimeScale
 from groundstation.session.logs.read import _log
 
@@ -16,7 +16,7 @@ def fix(second: float) -> LogFix:
 
 def test_the_last_position_may_be_the_one_whose_time_does_not_grow() -> None:
     for count in (2, 3, 5):
-        remarks = Remarks("flight.pos")
+        remarks = ReadingNotes("flight.pos")
         seconds = [float(k) for k in range(count - 1)]
         log = _log(Path("flight.pos"), [fix(s) for s in (*seconds, seconds[-1])], remarks)
         assert len(log.gps_s) == count - 1
@@ -24,7 +24,7 @@ def test_the_last_position_may_be_the_one_whose_time_does_not_grow() -> None:
 
 
 def test_one_in_the_middle_is_named_by_its_own_number() -> None:
-    remarks = Remarks("flight.pos")
+    remarks = ReadingNotes("flight.pos")
     log = _log(Path("flight.pos"), [fix(s) for s in (0.0, 1.0, 1.0, 2.0)], remarks)
     np.testing.assert_allclose(np.diff(log.gps_s), 1.0)
     assert remarks.counts == {"position whose time does not grow": (1, "position 3")}

@@ -67,8 +67,8 @@ def test_sigmas_beyond_reckoning_are_none(tmp_path: Path) -> None:
 
 
 def test_heights_above_the_geoid_need_its_separation() -> None:
-    said = complaint(LogError, lambda: read_log(DATA / "geodetic.pos"))
-    assert said == (
+    reported = complaint(LogError, lambda: read_log(DATA / "geodetic.pos"))
+    assert reported == (
         "geodetic.pos: got heights above sea level, and no geoid separation; "
         "wanted geoid_separation_m in [dgps] of session.toml, or --geoid-separation"
     )
@@ -153,8 +153,8 @@ def test_a_baseline_from_nowhere(tmp_path: Path) -> None:
     text = "".join(r for r in (DATA / "enu.pos").read_text().splitlines(keepends=True) if "ref pos" not in r)
     path = tmp_path / "enu.pos"
     path.write_text(text)
-    said = complaint(LogError, lambda: read_log(path))
-    assert "got a baseline from a base at an unknown place; wanted a '% ref pos' line" in said
+    reported = complaint(LogError, lambda: read_log(path))
+    assert "got a baseline from a base at an unknown place; wanted a '% ref pos' line" in reported
     same_flight(read_log(path, LogOptions(base_deg_m=(35.68, 139.76, 60.0))))
 
 
