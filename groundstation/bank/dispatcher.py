@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from groundstation.bank.program_version import program_digest
 from groundstation.bank.watched_job import last_place, run_job, says_timeout
 from groundstation.errors import InputError
+from groundstation.files.output_names import below
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -202,4 +203,4 @@ class Dispatcher:
         yield JobFailure(name=running.name, kind=FailureKind.DIED, reason=reason)
 
     def _trace(self, name: str) -> Path:
-        return self._traces / f"{name}.trace"
+        return below(self._traces, f"{name}.trace")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from groundstation.cli.command_arguments import Commands, add_command, add_simulated_flight
 from groundstation.cli.number_arguments import parse_number
-from groundstation.cli.path_arguments import NEW_FOLDER, READ
+from groundstation.cli.path_arguments import NEW_FOLDER, READ, READ_TEXT
 from groundstation.cli.progress import ProgressLine
 
 _SIMULATE = """Fly an aircraft past two stations, film it, and write a session folder with exact truth,
@@ -63,7 +63,7 @@ def add_simulate(commands: Commands) -> None:
         "png: folders (default: video)",
     )
     simulate.add_argument(
-        "--world", metavar="SEED|FILE", help="draw the whole world from a seed, or read it; see below"
+        "--world", type=READ_TEXT, metavar="SEED|FILE", help="draw the whole world from a seed, or read it; see below"
     )
     simulate.add_argument("--grey", action="store_true", help="cameras without colours")
 

@@ -69,7 +69,7 @@ class ObjectPlan:
         return tuple(thing for thing in made if self.is_clear(thing))
 
     def is_clear(self, thing: SceneryObject) -> bool:
-        """Return whether an object is beside the runway's strip and below the approach to it."""
+        """Return whether an object is next to the runway's strip and below the approach to it."""
         reach = 0.5 * (thing.length_m * abs(math.sin(thing.heading_rad)) + thing.width_m)
         far = thing.y_m + 0.5 * thing.length_m * abs(math.cos(thing.heading_rad))
         near = abs(thing.x_m) - reach

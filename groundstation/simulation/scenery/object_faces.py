@@ -22,7 +22,7 @@ class Face:
     """A flat face: corners (4, 3) m, the first two along its foot; its texture and colours in full light.
 
     ``outward`` faces are seen from their outer side only. ``towards_eye`` faces are turned about the middle of their
-    foot until they face whoever looks. ``offset_m`` is where its texture starts.
+    foot until they face the eye. ``offset_m`` is where its texture starts.
     """
 
     corners: FloatArray
