@@ -15,7 +15,8 @@ from filterpy.kalman import KalmanFilter
 
 from groundstation.arrays import FloatArray
 from groundstation.bank.csrt_process import CsrtProcess
-from groundstation.bank.session_figures import HIT_MARGIN_PX, RANGE_M
+from groundstation.bank.frame_outcomes import HIT_MARGIN_PX
+from groundstation.bank.session_figures import RANGE_M
 from groundstation.bank.session_truth import SessionTruth, distance_outside_px
 from groundstation.box import Box
 from groundstation.errors import SessionError

@@ -7,7 +7,7 @@ stated sigmas, or beyond `MISLEADING_LIMIT_M` where the stated covariance gives 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.bank.session_truth import SessionTruth, distance_outside_px
+from groundstation.bank.frame_outcomes import FrameOutcome, frame_outcomes
+from groundstation.bank.session_truth import SessionTruth
 from groundstation.evaluation.collector import TRACK_STATUSES
 from groundstation.evaluation.evaluate import Evaluation
 from groundstation.messages import TrackStatus
 
-HIT_MARGIN_PX = 4.0
 MISLEADING_SIGMAS = 5.0
 MISLEADING_LIMIT_M = (3.0, 15.0, 1.5)
 _MISLEADING_PROBABILITY = 1e-3
@@ -101,40 +101,29 @@ def _share(part: int, whole: int) -> float | None:
     return part / whole if whole else None
 
 
-def session_figures(truth: SessionTruth, evaluation: Evaluation) -> SessionFigures:
-    """Return the figures of a replay against the session's truth.
+def session_figures(
+    truth: SessionTruth, evaluation: Evaluation, outcomes: Sequence[FrameOutcome] | None = None
+) -> SessionFigures:
+    """Return the figures of a replay against the session's truth; ``outcomes`` where they are known already.
 
     Raises `KeyError` where the evaluation had no truth to compare with.
     """
     visible = truth.visible_pairs()
-    pixels = _pixel_figures(truth, evaluation, visible)
+    pixels = _pixel_figures(frame_outcomes(truth, evaluation) if outcomes is None else outcomes)
     return SessionFigures(
         **pixels, **_track_figures(evaluation, visible), **_error_figures(evaluation), **_nis(evaluation)
     )
 
 
-def _pixel_figures(truth: SessionTruth, e: Evaluation, visible: Mapping[str, MaskArray]) -> dict[str, int]:
+def _pixel_figures(outcomes: Sequence[FrameOutcome]) -> dict[str, int]:
     """Count frames that show the aircraft, and how the pixels of the replay meet it."""
-    reported: dict[tuple[str, int], FloatArray] = {
-        (e.stations[row["station"]], int(row["epoch"])): row["pixel"].astype(np.float64)
-        for row in e.cameras[np.isfinite(e.cameras["pixel"]).all(axis=1)]
+    return {
+        "frames": sum(outcome.present for outcome in outcomes),
+        "visible_frames": sum(outcome.visible for outcome in outcomes),
+        "hit": sum(outcome.visible and outcome.hit for outcome in outcomes),
+        "wrong": sum(outcome.wrong for outcome in outcomes),
+        "wrong_visible": sum(outcome.visible and outcome.wrong for outcome in outcomes),
     }
-    counts = dict.fromkeys(("frames", "visible_frames", "hit", "wrong", "wrong_visible"), 0)
-    for station, seen in visible.items():
-        for pair in range(truth.pairs):
-            if not truth.taken(station, pair):
-                continue
-            there, pixel = truth.frame(station, pair), reported.get((station, pair))
-            outside = math.inf
-            if there is not None and pixel is not None:
-                outside = distance_outside_px(there.silhouette, pixel)
-            wrong = pixel is not None and outside > HIT_MARGIN_PX
-            counts["frames"] += there is not None
-            counts["visible_frames"] += bool(seen[pair])
-            counts["hit"] += bool(seen[pair]) and outside <= HIT_MARGIN_PX
-            counts["wrong"] += wrong
-            counts["wrong_visible"] += wrong and bool(seen[pair])
-    return counts
 
 
 def _track_figures(e: Evaluation, visible: Mapping[str, MaskArray]) -> dict[str, Any]:

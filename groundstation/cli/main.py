@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 
 from groundstation import __version__
+from groundstation.cli.bank import add_bank
 from groundstation.cli.calibrate import add_calibrate
 from groundstation.cli.cameras import add_cameras
 from groundstation.cli.check import add_check
@@ -31,7 +32,7 @@ from groundstation.errors import GroundstationError, UsageError
 # in the order of the help
 _COMMANDS: tuple[Callable[[Commands], None], ...] = (
     *(add_replay, add_track, add_plan, add_calibrate, add_import, add_recover, add_convert, add_cameras, add_live),
-    *(add_check, add_onboard, add_ptu, add_simulate, add_view, add_evaluate, add_reproduce, add_config),
+    *(add_check, add_onboard, add_ptu, add_simulate, add_bank, add_view, add_evaluate, add_reproduce, add_config),
 )
 # FFmpeg and OpenCV write directly to the terminal; the program prints its own message
 _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}

@@ -41,3 +41,8 @@ def duration_s(text: str) -> float:
 def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
     """Let values such as "-5,20,40,30" follow an option of this parser; none of its options may look like that."""
     parser._negative_number_matcher = _NEGATIVE_NUMBERS
+
+
+def count(text: str) -> int:
+    """Return a whole number from 1 on."""
+    return int(parse_number(text, "a whole number from 1 on", lambda value: value >= 1.0 and value.is_integer()))

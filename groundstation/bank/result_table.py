@@ -1,0 +1,46 @@
+"""Rows of a bank as a Parquet table: sorted by seed, with a hash that does not depend on how they were made."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from groundstation.bank.result_store import write_whole
+from groundstation.errors import InputError
+
+Row = Mapping[str, Any]
+
+
+def sorted_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return rows by ascending seed, each with the columns of all; what a row lacks is None."""
+    columns: dict[str, None] = {}
+    for row in rows:
+        columns |= dict.fromkeys(row)
+    return [{name: row.get(name) for name in columns} for row in sorted(rows, key=lambda row: int(row["seed"]))]
+
+
+def table_hash(rows: Sequence[Row]) -> str:
+    """Return SHA-256 of the sorted rows, columns by name."""
+    text = json.dumps(sorted_rows(rows), sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def write_table(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows, sorted, as Parquet; a column of whole numbers and fractions is one of fractions."""
+    table = pa.Table.from_pylist(sorted_rows(rows))
+    write_whole(path, lambda draft: pq.write_table(table, draft))
+
+
+def read_table(path: Path) -> list[dict[str, Any]]:
+    """Read a table that `write_table` wrote; raises `InputError` for any other file."""
+    try:
+        rows: list[dict[str, Any]] = pq.read_table(path).to_pylist()
+    except (OSError, pa.ArrowException) as fault:
+        raise InputError(str(path), got=str(fault).splitlines()[0], wanted="rows.parquet of a bank") from fault
+    if rows and "seed" not in rows[0]:
+        raise InputError(str(path), got="no column seed", wanted="rows.parquet of a bank")
+    return rows

@@ -1,0 +1,127 @@
+"""A whole bank: every world scored on the workers, rows and page written."""
+
+import base64
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from groundstation.bank.bank_page import BankResult, bank_page, worst_rows
+from groundstation.bank.bank_settings import BankSettings
+from groundstation.bank.factor_shares import factor_shares
+from groundstation.bank.map_resumable import map_resumable
+from groundstation.bank.pooled_figures import POOLED, distributions, pooled
+from groundstation.bank.result_store import write_whole
+from groundstation.bank.result_table import table_hash, write_table
+from groundstation.bank.score_world import WorldJob, score_world
+from groundstation.errors import InputError
+from groundstation.tracking.config import load_config
+
+SUMMARY_FORMAT = "groundstation-bank-summary/1"
+ROWS, PAGE, SUMMARY = "rows.parquet", "bank.html", "bank.json"
+_SESSIONS = "sessions"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BankRequest:
+    """What a bank is run with: settings, output folder, workers, tuning file and the environment with CSRT.
+
+    ``scheduler`` is the address of a Dask scheduler; None starts ``workers`` processes here (None: one for each core).
+    """
+
+    settings: BankSettings
+    out: Path
+    workers: int | None = None
+    scheduler: str | None = None
+    config: Path | None = None
+    csrt_python: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BankOutcome:
+    """The result, how many of its sessions were found finished, the hash of its table and the files written."""
+
+    result: BankResult
+    reused: int
+    digest: str
+    files: tuple[Path, ...]
+
+
+def run_bank(
+    request: BankRequest, words: str, progress: Callable[[int, int], None] = lambda done, total: None
+) -> BankOutcome:
+    """Run a bank or go on with it; ``words`` describe the run on the page, ``progress`` counts sessions.
+
+    Sessions that are finished in ``out`` with the same program and settings are not run again. Raises `InputError` for
+    a tuning file that cannot be used, `MissingExtraError` without Dask.
+    """
+    settings, tuning = request.settings, None
+    if request.config is not None:
+        load_config(request.config)
+        tuning = request.config.read_text(encoding="utf-8")
+    jobs = {
+        f"world-{seed}": WorldJob(
+            seed=seed,
+            duration_s=settings.duration_s,
+            frame_hz=settings.frame_hz,
+            tuning=tuning,
+            csrt_python=None if request.csrt_python is None else str(request.csrt_python.absolute()),
+        )
+        for seed in settings.seeds
+    }
+    outcome = map_resumable(
+        score_world,
+        jobs,
+        request.out / _SESSIONS,
+        request.workers,
+        request.scheduler,
+        settings=json.dumps([settings.duration_s, settings.frame_hz, tuning, request.csrt_python is not None]),
+        limit_s=settings.limit_s,
+        progress=progress,
+    )
+    if not outcome.results:
+        first = outcome.failures[0]
+        raise InputError("bank", got=f"no session that ended, {first.name}: {first.reason}", wanted="at least one")
+    rows = [found.value["row"] for found in outcome.results]
+    result = BankResult(
+        settings=settings,
+        rows=rows,
+        sheets={int(found.value["row"]["seed"]): base64.b64decode(found.value["sheet"]) for found in outcome.results},
+        failures=outcome.failures,
+    )
+    digest = table_hash(rows)
+    return BankOutcome(
+        result=result, reused=outcome.reused, digest=digest, files=_write(request.out, result, words, digest)
+    )
+
+
+def _write(out: Path, result: BankResult, words: str, digest: str) -> tuple[Path, ...]:
+    """Write table, summary and page; returns their paths."""
+    rows, summary, page = out / ROWS, out / SUMMARY, out / PAGE
+    write_table(rows, result.rows)
+    text = json.dumps(_summary(result, digest), indent=1, ensure_ascii=False) + "\n"
+    write_whole(summary, lambda draft: draft.write_text(text, encoding="utf-8"))
+    html = bank_page(result, words)
+    write_whole(page, lambda draft: draft.write_text(html, encoding="utf-8"))
+    return rows, summary, page
+
+
+def _summary(result: BankResult, digest: str) -> dict[str, Any]:
+    """Return what bank.json holds: settings, pooled figures, distributions, factors and the worst seeds."""
+    rows = result.rows
+    figures = [pooled(rows, ratio) for ratio in POOLED]
+    return {
+        "format": SUMMARY_FORMAT,
+        "settings": {**asdict(result.settings), "world_set": result.settings.world_set.value},
+        "sessions": len(rows),
+        "failed": [{"name": f.name, "kind": f.kind.value, "reason": f.reason} for f in result.failures],
+        "sha256": digest,
+        "pooled": [
+            {"title": f.ratio.title, "value": f.value, "low": f.low, "high": f.high, "sessions": f.sessions}
+            for f in figures
+        ],
+        "distributions": [asdict(found) for found in distributions(rows)],
+        "factors": [asdict(share) for share in factor_shares(rows)],
+        "worst": [int(row["seed"]) for row in worst_rows(rows, result.settings.worst)],
+    }
