@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
+from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
 from groundstation.rig.rig import load_rig
 
 Box = tuple[float, float, float, float]

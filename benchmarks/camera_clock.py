@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from groundstation.sources.cameras.clock_fit import ClockFit
+from groundstation.sources.cameras.host_clock_fit import ClockFit
 
 DELAYS: dict[str, Callable[[np.random.Generator, int], np.ndarray]] = {
     "exponential, 2 ms": lambda r, n: r.exponential(2e-3, n),

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from calibration.clocks.fit import solve_timing
+from calibration.clocks.ptu_clock_fit import solve_timing
 from tests.calibration.clocks.swings import Recorder, Swing, offset_bound, recorded
 
 CASES = {

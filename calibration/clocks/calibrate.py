@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.clocks.fit import TimingFit, solve_timing
 from calibration.clocks.image_motion import StationMotion, gather_motion
+from calibration.clocks.ptu_clock_fit import TimingFit, solve_timing
 from calibration.flight.covariance import solve_flight
 from calibration.flight.fit import FlightFit
 from calibration.flight.observations import gather_flight

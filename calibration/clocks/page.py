@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from calibration.clocks.calibrate import TimingCalibration
-from calibration.clocks.fit import TimingFit
 from calibration.clocks.image_motion import StationMotion
+from calibration.clocks.ptu_clock_fit import TimingFit
 from calibration.clocks.report import format_timing
 from calibration.report.picture import ReportPicture, write_page
 from groundstation.arrays import FloatArray

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from calibration.clocks.calibrate import ClockDifference, TimingCalibration
-from calibration.clocks.fit import TimingFit
+from calibration.clocks.ptu_clock_fit import TimingFit
 from calibration.flight.parameters import FLOOR_CLOCK_S
 
 RANGES_M = (100.0, 200.0, 400.0)

@@ -1,4 +1,7 @@
-"""Selection of the target among the regions by size, position, contrast and appearance, or a named miss."""
+"""Selection of the target among the segmented regions near its prediction, by size, position, contrast and appearance.
+
+Without a prediction, `candidate_finder` searches the whole frame.
+"""
 
 import math
 from collections.abc import Callable

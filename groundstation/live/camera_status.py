@@ -1,7 +1,7 @@
 """What the operator is told of a camera: what it lost, and how its clock stands to this machine's."""
 
 from groundstation.sources.cameras.camera import CameraCounts
-from groundstation.sources.cameras.clock_fit import ClockFitConfig, ClockFitState
+from groundstation.sources.cameras.host_clock_fit import ClockFitConfig, ClockFitState
 
 _SETTLED = ClockFitConfig().settled
 # an offset with a larger sigma is of no use and not shown

@@ -13,7 +13,7 @@ from groundstation.box import Box, box_of_size, overlap
 from groundstation.detection.image_conditioning import ImageConditioner
 from groundstation.detection.picture_shift import is_cut, small_copy
 from groundstation.detection.pixel_track import PixelTrack, in_full
-from groundstation.detection.target_search import ConfirmedTarget, TargetSearch
+from groundstation.detection.target_confirmation import ConfirmedTarget, TargetConfirmation
 from groundstation.messages import Detection, Miss, MissReason, TrackStatus
 from groundstation.single_camera.pixel_identity import TargetAppearance, looks_of
 from groundstation.single_camera.pixel_motion import PixelMotion
@@ -46,7 +46,7 @@ class PixelTracker:
         self._picture = ImageConditioner(image_size_px)
         self._image_size = image_size_px = self._picture.size_px
         self._view = TargetView(self._config, image_size_px)
-        self._search = TargetSearch(self._config.search, self._config.acquisition, image_size_px)
+        self._confirmation = TargetConfirmation(self._config.search, self._config.acquisition, image_size_px)
         self._target: PixelTarget | None = None
         self._given: Box[float] | None = None  # where a start that is on trial was last seen
         self.start_confirmed = True
@@ -55,7 +55,7 @@ class PixelTracker:
         """Forget the target and everything that might become one."""
         self._target = self._given = None
         self._view.detector.reset()
-        self._search.reset()
+        self._confirmation.reset()
 
     def start(self, image: ImageArray, t_s: float, box: Box[float]) -> PixelTrack:
         """Begin with the target inside ``box`` (px) of a frame (h, w, 3) BGR; return what is there.
@@ -97,10 +97,10 @@ class PixelTracker:
     # ------------------------------------------------------------------------------------ without a target
     def _find(self, image: ImageArray, t_s: float) -> PixelTrack:
         """Search the whole frame; a target that is sure is looked at at once."""
-        track = self._take(image, t_s, self._search.search(image, t_s))
+        track = self._take(image, t_s, self._confirmation.update(image, t_s))
         if track is not None:
             return track
-        status = TrackStatus.ACQUIRING if self._search.promising else TrackStatus.SEARCHING
+        status = TrackStatus.ACQUIRING if self._confirmation.promising else TrackStatus.SEARCHING
         miss = Miss(reason=MissReason.NOT_ACQUIRED)
         return PixelTrack(t_s=t_s, status=status, result=miss, roi=None, predicted_px=None)
 
@@ -114,14 +114,14 @@ class PixelTracker:
         target.whole_px = c.box.length
         roi, result = self._view.look(target, image)
         if isinstance(result, Detection) and overlap(result.box, c.box) and self._may_be(held, image, result, t_s):
-            self._search.reset()
+            self._confirmation.reset()
             self._saw(target, result, t_s)
             target.small = small_copy(image)
             place = target.motion.place()
             return PixelTrack(t_s=t_s, status=TrackStatus.TRACKING, result=result, roi=roi, predicted_px=place)
         self._target = held
         self._view.detector.reset()
-        self._search.drop(c.box)
+        self._confirmation.drop(c.box)
         return None
 
     def _begin(
@@ -186,7 +186,7 @@ class PixelTracker:
         target.misses += 1
         target.motion.coast(dt_s)
         if target.misses >= self._config.search_after:
-            found = self._search.search(image, t_s, max(target.size_px))
+            found = self._confirmation.update(image, t_s, max(target.size_px))
             track = self._take(image, t_s, found if found is None or self._likely(target, found, t_s) else None)
             if track is not None:
                 return track
@@ -261,7 +261,7 @@ class PixelTracker:
         target.span_px = None  # the detector's own memory is better now
         target.seen_s = t_s
         if target.misses:
-            self._search.reset()
+            self._confirmation.reset()
         target.misses = 0
         target.seen += 1
 

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from groundstation.detection.acquisition import AcquisitionConfig
+from groundstation.detection.candidate_finder import AcquisitionConfig
 from groundstation.detection.config import DetectionConfig
-from groundstation.detection.target_search import ConfirmationConfig
+from groundstation.detection.target_confirmation import ConfirmationConfig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

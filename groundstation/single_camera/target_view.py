@@ -7,9 +7,9 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box, overlap
 from groundstation.detection.detector import DetectionHint, Detector
-from groundstation.detection.local_search import CLEAR_SCORE, Blob, LocalSearch, alike, best_blob
 from groundstation.detection.picture_shift import picture_shift
 from groundstation.detection.roi import place_roi
+from groundstation.detection.window_search import CLEAR_SCORE, Blob, WindowSearch, alike, best_blob
 from groundstation.messages import Detection, Miss, MissReason
 from groundstation.single_camera.pixel_identity import looks_of
 from groundstation.single_camera.pixel_target import PixelTarget
@@ -49,12 +49,12 @@ class TargetView:
     def __init__(self, config: PixelTrackerConfig, image_size_px: tuple[int, int]) -> None:
         self._config = config
         self._image_size = image_size_px
-        self._local = LocalSearch(config.acquisition)
+        self._window_search = WindowSearch(config.acquisition)
         self.detector = Detector(config.detection, image_size_px)
 
     def inside(self, image: ImageArray, box: Box[float]) -> Blob | None:
         """Return what stands out most inside a loose box."""
-        return self._local.inside(image, box)
+        return self._window_search.inside(image, box)
 
     def look(self, target: PixelTarget, image: ImageArray) -> Look:
         """Let the detector look where the motion says."""
@@ -117,7 +117,7 @@ class TargetView:
         reach = known + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX
         # a target that is not where it was expected may be anywhere a moment later
         wider = _WIDER * target.misses * self._image_size[0]
-        blobs = self._local.around(image, place, reach + wider)
+        blobs = self._window_search.around(image, place, reach + wider)
         if isinstance(look[1], Detection):
             sight = next((s for s in blobs if overlap(s.box, look[1].box)), None)
             if sight is not None and alike(sight.size_px, known, _SIMILAR_SIZE):
@@ -165,7 +165,9 @@ class TargetView:
         wider = min(_WIDER * target.misses, _NEAR + _WIDER) * self._image_size[0]
         reach = target.length_px + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX + wider
         blobs = [
-            s for s in self._local.around(image, place, reach) if alike(s.size_px, target.length_px, _SIMILAR_SIZE)
+            s
+            for s in self._window_search.around(image, place, reach)
+            if alike(s.size_px, target.length_px, _SIMILAR_SIZE)
         ]
         tried: list[Box[float]] = []
         for sight in sorted(blobs, key=lambda s: float(np.hypot(*(s.centre_px - place)))):

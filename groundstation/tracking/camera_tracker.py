@@ -14,7 +14,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.box import Box
-from groundstation.detection.acquisition import CandidateFinder
+from groundstation.detection.candidate_finder import CandidateFinder
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi

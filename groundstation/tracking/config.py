@@ -14,7 +14,7 @@ from enum import StrEnum
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from groundstation.detection.acquisition import AcquisitionConfig
+from groundstation.detection.candidate_finder import AcquisitionConfig
 from groundstation.detection.config import DetectionConfig
 from groundstation.errors import ConfigError
 from groundstation.estimation.config import EstimationConfig, InitiationConfig

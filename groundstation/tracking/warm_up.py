@@ -4,7 +4,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
-from groundstation.detection.acquisition import AcquisitionConfig, CandidateFinder
+from groundstation.detection.candidate_finder import AcquisitionConfig, CandidateFinder
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import DetectionHint, Detector

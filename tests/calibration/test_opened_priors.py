@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calibration.clocks.fit import _thin
+from calibration.clocks.ptu_clock_fit import _thin
 from calibration.mount.calibrate import _about
 
 NAMES = ("runway_from_base.x", "head_from_camera.y", "camera_in_head.z")

@@ -3,7 +3,7 @@
 import pytest
 
 from groundstation.box import Box
-from groundstation.detection.candidates import CandidateRegion, joined
+from groundstation.detection.spot_detection import CandidateRegion, joined
 
 
 def spot(x0: float, x1: float, mass: float) -> CandidateRegion:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from groundstation.box import Box
-from groundstation.detection.local_search import CLEAR_SCORE
+from groundstation.detection.window_search import CLEAR_SCORE
 from groundstation.single_camera.target_view import TargetView
 
 

@@ -10,7 +10,7 @@ from groundstation.live.camera_status import clock_status, lost_frames
 from groundstation.live.status_board import DeviceState, StatusBoard, dropped_text
 from groundstation.messages import Kinematics, TrackEstimate, TrackState, TrackStatus, TriangulationStatus
 from groundstation.sources.cameras.camera import CameraCounts
-from groundstation.sources.cameras.clock_fit import ClockFitState
+from groundstation.sources.cameras.host_clock_fit import ClockFitState
 
 
 def answer(epoch: int, status: TrackStatus = TrackStatus.TRACKING, t_s: float = 0.0) -> TrackEstimate:

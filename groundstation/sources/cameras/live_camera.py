@@ -17,7 +17,7 @@ from groundstation.sources.cameras.camera import (
     Clock,
     SettingsReadBack,
 )
-from groundstation.sources.cameras.clock_fit import ClockFitState
+from groundstation.sources.cameras.host_clock_fit import ClockFitState
 from groundstation.sources.cameras.supervised import SupervisedCamera
 
 # a device that hangs in its driver is left behind after so long

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.sources.cameras.camera import CameraCounts, CameraFrame, SettingsReadBack
-from groundstation.sources.cameras.clock_fit import ClockFitState
+from groundstation.sources.cameras.host_clock_fit import ClockFitState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

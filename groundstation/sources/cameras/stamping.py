@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from groundstation.sources.cameras.camera import CameraTiming, GrabbedFrame, StampPoint
-from groundstation.sources.cameras.clock_fit import ClockChange, ClockFit, ClockFitConfig, ClockFitState
+from groundstation.sources.cameras.host_clock_fit import ClockChange, ClockFit, ClockFitConfig, ClockFitState
 
 # what of an exposure is still to come at the moment that the device stamps
 _STILL_EXPOSED = {StampPoint.START: 1.0, StampPoint.MIDDLE: 0.5, StampPoint.END: 0.0}

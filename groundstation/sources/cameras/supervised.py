@@ -20,8 +20,8 @@ from groundstation.sources.cameras.camera import (
     GrabbedFrame,
     SettingsReadBack,
 )
-from groundstation.sources.cameras.clock_fit import ClockChange, ClockFitState
 from groundstation.sources.cameras.frame_ids import FrameNumbers, FrameOrder
+from groundstation.sources.cameras.host_clock_fit import ClockChange, ClockFitState
 from groundstation.sources.cameras.pixel_formats import picture_of
 from groundstation.sources.cameras.stamping import Stamper
 

@@ -1,8 +1,8 @@
-"""Candidate regions of a whole frame by their contrast to the surroundings.
+"""Spot detection: regions of an image by their contrast to the surroundings, the input of `candidate_finder`.
 
-The image is looked at in a few scales. In each one a coarse median is the background, so that shaded skies and
-large clouds vanish, and what remains is measured in units of the spread around it: a speck in an even sky
-counts more than a stronger one among tree crowns.
+The image is processed at several scales. At each scale a coarse median is subtracted as the background, which removes
+shaded skies and large clouds, and the residual is divided by the spread around it: a speck in an even sky gets a
+higher contrast than a stronger one among tree crowns.
 """
 
 from dataclasses import dataclass

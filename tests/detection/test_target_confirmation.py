@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from groundstation.detection.target_search import _VELOCITY_GAIN, _advance, _TentativeTarget
+from groundstation.detection.target_confirmation import _VELOCITY_GAIN, _advance, _TentativeTarget
 from groundstation.single_camera.pixel_tracker import _LEAST_MISSES, PixelTracker
 
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from groundstation.detection.background_motion import _agreed, _block_means, _in_sigmas
 from groundstation.detection.bilinear import places_between, widen
-from groundstation.detection.candidates import _divide, _regions_beyond, _residual
 from groundstation.detection.connected_components import connected_runs
+from groundstation.detection.spot_detection import _divide, _regions_beyond, _residual
 
 # heights and widths below, at and beyond one and two blocks of 16 px
 SIDES = st.integers(1, 53)

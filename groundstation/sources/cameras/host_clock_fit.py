@@ -1,4 +1,7 @@
-"""A device's clock fitted to the host's: the lower envelope of the arrivals.
+"""Fit of a camera's clock to the host's clock, from arrival times: the line under all arrivals (lower envelope).
+
+It runs while the camera delivers frames. The offset of a PTU's clock to a camera's is calibrated from recordings in
+`calibration/clocks/ptu_clock_fit.py`.
 
 Host time of an event is y = a + (1 + b)·x for the device's stamp x, and a frame arrives e ≥ 0 later: network, bus,
 driver and scheduler only ever delay. So the line lies under all arrivals and touches some: it supports their lower

@@ -1,4 +1,6 @@
-"""The offset between a camera's clock and its PTU's: one smooth motion that readings and pictures both have seen.
+"""Fit of the offset of a PTU's clock to its camera's: one smooth motion that readings and pictures both observe.
+
+It works on recordings. A camera's clock is fitted to the host's in `groundstation/sources/cameras/host_clock_fit.py`.
 
 Pan and tilt are cubic splines of time; the readings are values of them, the pictures differences of them at later or
 earlier times, through a small scale and roll of the camera. For each offset, drift, scale and roll the splines' least

@@ -2,7 +2,7 @@
 
 import pytest
 
-from groundstation.detection.local_search import _span
+from groundstation.detection.window_search import _span
 
 
 @pytest.mark.parametrize(

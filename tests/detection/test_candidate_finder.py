@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
+from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import rotation_x, rotation_z
 

@@ -1,7 +1,9 @@
-"""Acquisition: candidates for the aircraft in a whole frame, without a prediction.
+"""Candidates for the aircraft in one whole frame, without a prediction; one finder per camera.
 
-One finder per camera. It returns a short list of candidates, best first; which of them is the aircraft is
-decided by what the two cameras agree on over time.
+It combines the regions of high contrast (`spot_detection`) with the regions that move (`background_motion`) into a
+short list, best first. Two cameras choose the target among them by initiation (`estimation`), one camera alone by
+`target_confirmation`. `window_search` applies the finder to a part of the frame, and `target_selection` chooses among
+the segmented regions where a prediction exists.
 """
 
 from dataclasses import dataclass, replace
@@ -12,8 +14,8 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
 from groundstation.box import Box
 from groundstation.detection.background_motion import BackgroundChange, SceneModel
-from groundstation.detection.candidates import CandidateRegion, contrast_map, find_spots, gap, joined, scales
 from groundstation.detection.skyline import CELL_PX, sky_around, sky_cells
+from groundstation.detection.spot_detection import CandidateRegion, contrast_map, find_spots, gap, joined, scales
 from groundstation.geometry.camera import Lens
 from groundstation.picture import Picture, as_picture
 

@@ -1,7 +1,7 @@
-"""Candidate search in a window of an image, without prior information on the target.
+"""Search for candidates in a window of an image: `candidate_finder` without a model of the target.
 
-It is slower than the detector but independent of the previous frames, so that it finds a target that has jumped, and
-corrects a silhouette that only covers a part of the aircraft.
+It is slower than the detector but independent of the previous frames: it finds a target that has jumped, and
+corrects a silhouette that covers only a part of the aircraft.
 """
 
 import math
@@ -11,7 +11,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box, contains, overlap, shift
-from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
+from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
 
 _LEAST_HALF_PX = 80.0
 _LEAST_SCORE = 3.0
@@ -37,7 +37,7 @@ class Blob:
         return self.box.length
 
 
-class LocalSearch:
+class WindowSearch:
     """Applies the whole-frame finder to a window of an image."""
 
     def __init__(self, config: AcquisitionConfig) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
-from groundstation.sources.cameras.clock_fit import ClockChange, ClockFit, ClockReading, envelope
+from groundstation.sources.cameras.host_clock_fit import ClockChange, ClockFit, ClockReading, envelope
 
 Delay = Callable[[np.random.Generator, int], np.ndarray]
 

@@ -1,6 +1,6 @@
-"""Acquisition of one target from whole frames, with track confirmation over several of them.
+"""Confirmation of a target by one camera: one target among the candidates of successive whole frames.
 
-The finder detects candidates in each frame. A tentative target is confirmed when it appears in most of several
+`candidate_finder` detects candidates in each frame. A tentative target is confirmed when it appears in most of several
 successive frames, moves smoothly, keeps its size and has more contrast than all others; never from a single frame.
 """
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box, overlap
-from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
+from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
 
 _GATE_PX, _GATE_SIZES = 14.0, 0.7  # how far a candidate may be from where its forerunner leads
 _SIZE_RATIO = 2.5
@@ -78,8 +78,8 @@ class _TentativeTarget:
         return sum(self.scores) / self.frames
 
 
-class TargetSearch:
-    """Searches the frames of one camera for one target, frame after frame."""
+class TargetConfirmation:
+    """Confirms one target in the successive frames of one camera."""
 
     def __init__(
         self, config: ConfirmationConfig, acquisition: AcquisitionConfig, image_size_px: tuple[int, int]
@@ -100,7 +100,7 @@ class TargetSearch:
         self._tentative_targets.clear()
         self._newest_s = None
 
-    def search(self, image: ImageArray, t_s: float, known_size_px: float | None = None) -> ConfirmedTarget | None:
+    def update(self, image: ImageArray, t_s: float, known_size_px: float | None = None) -> ConfirmedTarget | None:
         """Process one frame, (h, w, 3) BGR; return the target once it is confirmed.
 
         ``known_size_px`` is the longer side of a lost target: candidates of that size get a higher weight.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
+from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import rotation_z
 
