@@ -12,6 +12,7 @@ from groundstation.bank.pooled_figures import POOLED, QUANTILES, Distribution, P
 from groundstation.bank.result_table import Row
 from groundstation.files.html_page import (
     NOTHING,
+    Column,
     bullet_list,
     html_page,
     page_figure,
@@ -32,6 +33,7 @@ _DEFINITIONS = (
     "baseline: OpenCV's CSRT started by hand on the true box, midpoint triangulation, Kalman filter.",
     "intervals: 95 %, bootstrap over sessions.",
 )
+_SHARE_COLUMNS = ("sessions", "frames", "hit", "95 %", "wrong", "coverage", "misleading", "excluded", "harm")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,19 +66,7 @@ def bank_page(result: BankResult, words: str) -> str:
         ),
         "<h2>Conditions by harm</h2>",
         text_table(
-            [
-                "factor",
-                "class",
-                "sessions",
-                "frames",
-                "hit",
-                "95 %",
-                "wrong",
-                "coverage",
-                "misleading",
-                "excluded",
-                "harm",
-            ],
+            [Column("factor", text=True), Column("class", text=True), *_SHARE_COLUMNS],
             [_share_cells(share) for share in shares],
         ),
         f"<h2>The worst {min(result.settings.worst, len(rows))} sessions</h2>",
