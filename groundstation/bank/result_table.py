@@ -10,7 +10,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from groundstation.bank.result_store import write_whole
-from groundstation.errors import InputError
 
 Row = Mapping[str, Any]
 
@@ -33,14 +32,3 @@ def write_table(path: Path, rows: Sequence[Row]) -> None:
     """Write rows, sorted, as Parquet; a column of whole numbers and fractions is one of fractions."""
     table = pa.Table.from_pylist(sorted_rows(rows))
     write_whole(path, lambda draft: pq.write_table(table, draft))
-
-
-def read_table(path: Path) -> list[dict[str, Any]]:
-    """Read a table that `write_table` wrote; raises `InputError` for any other file."""
-    try:
-        rows: list[dict[str, Any]] = pq.read_table(path).to_pylist()
-    except (OSError, pa.ArrowException) as fault:
-        raise InputError(str(path), got=str(fault).splitlines()[0], wanted="rows.parquet of a bank") from fault
-    if rows and "seed" not in rows[0]:
-        raise InputError(str(path), got="no column seed", wanted="rows.parquet of a bank")
-    return rows

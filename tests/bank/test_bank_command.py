@@ -8,6 +8,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from groundstation.bank import run_bank
@@ -15,7 +16,6 @@ from groundstation.bank.bank_settings import BankSettings, load_bank_settings
 from groundstation.bank.dispatcher import FailureKind, JobFailure
 from groundstation.bank.map_resumable import MapOutcome
 from groundstation.bank.result_store import JobResult
-from groundstation.bank.result_table import read_table
 from groundstation.bank.score_world import WorldJob
 from groundstation.cli.main import main
 from groundstation.errors import ConfigError
@@ -64,7 +64,7 @@ def test_rows_page_and_summary_are_written_and_a_failure_is_stated(
     assert "visible frames hit:" in said.out
     assert " 30.0 %" in said.out
     assert "world-1000004: timed out: took longer than 3600 s" in said.err
-    assert [row["hit"] for row in read_table(tmp_path / "out" / "rows.parquet")] == [0, 20, 40, 60]
+    assert [row["hit"] for row in pq.read_table(tmp_path / "out" / "rows.parquet").to_pylist()] == [0, 20, 40, 60]
     summary = json.loads((tmp_path / "out" / "bank.json").read_text())
     assert summary["worst"] == [FIRST_SEED, FIRST_SEED + 1]
     assert summary["failed"][0]["name"] == "world-1000004"

@@ -10,6 +10,8 @@ import numpy as np
 from calibration.lens.lens_files import read_lens
 from calibration.pictures import read_pictures
 from calibration.sightings import read_landmarks, read_sightings
+from groundstation.bank.bank_settings import load_bank_settings
+from groundstation.bank.run_log import COLUMNS, require_log
 from groundstation.errors import SessionError
 from groundstation.live.station_file import load_station
 from groundstation.onboard.edges.camera_file import load_nose_camera
@@ -23,6 +25,8 @@ from groundstation.session.logs.fixes import LogOptions
 from groundstation.session.logs.read import read_log
 from groundstation.session.media import read_image
 from groundstation.simulation.render_flight import load_faults
+from groundstation.simulation.world.draw_world import draw_world
+from groundstation.simulation.world.world_file import load_world, world_text
 from groundstation.sinks.mp4_tables import mp4_fault
 from groundstation.viewer.recording_check import check_recording, read_to_end
 from groundstation.viewer.results_recording import write_results_recording
@@ -32,6 +36,9 @@ from tests.session.logs.damage import seeds
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTIONS = LogOptions(geoid_separation_m=37.7, base_deg_m=(35.68, 139.76, 60.0))
+BANK = (
+    'format = "groundstation-bank/1"\nworld_set = "validate"\nsessions = 20\nfirst = 3\nduration_s = 20.0\nworst = 5\n'
+)
 NOSE = """image_size_px = [640, 480]
 focal_px = [900.0, 900.0]
 principal_point_px = [320.0, 240.0]
@@ -142,6 +149,9 @@ def _others(folder: Path) -> dict[str, Reader]:
     return {
         "site.toml": _reader(folder / "site.toml", load_site, site),
         "station.toml": _reader(folder / "docs" / "station.toml", load_station, station),
+        "world.toml": _reader(folder / "world.toml", load_world, world_text(draw_world(7)).encode()),
+        "bank.toml": _reader(folder / "bank.toml", load_bank_settings, BANK.encode()),
+        "runs.csv": _reader(folder / "runs.csv", require_log, (",".join(COLUMNS) + "\n").encode()),
         "faults.toml": _reader(folder / "faults.toml", load_faults, FAULTS.encode()),
         "lens.toml": _reader(folder / "lens.toml", read_lens, one),
         "lens.yaml": _reader(

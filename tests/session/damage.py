@@ -30,6 +30,7 @@ from groundstation.sources.ptu_readings import PtuReadings
 from groundstation.sources.session_source import session_source
 from groundstation.sources.true_silhouettes import SilhouetteArchive
 from groundstation.sources.video_file import VideoFile
+from groundstation.sources.visibility_table import read_visibility
 from groundstation.tracking.config import load_config
 from groundstation.viewer.media import VideoAsset, load_video
 from tests.recording.recorded import WINDOW, events, header, looked_at, small_rig
@@ -96,6 +97,9 @@ def session_targets(folder: Path) -> dict[str, Callable[[], object]]:
         (folder / name).write_text(text)
     mask = np.ones((3, 5), np.uint8)
     np.savez_compressed(folder / "masks.npz", left_0000=mask, left_0000_xy=np.array([4, 5]))
+    (folder / "visibility.csv").write_text(
+        "index,station,width_px,in_view,unhidden,snr\n0,left,12.50,1.0000,0.8000,33.10\n1,right,13.00,0.9,1.0,9\n"
+    )
     _record(folder / "flight.mcap")
     (folder / SUMMARY).parent.mkdir()
     (folder / SUMMARY).write_bytes(_SUMMARY.read_bytes())
@@ -116,6 +120,7 @@ def session_targets(folder: Path) -> dict[str, Callable[[], object]]:
         "session.toml": lambda: load_session(folder),
         "config.toml": lambda: load_config(folder / "config.toml"),
         "angles.csv": lambda: ptu_csv(folder / "angles.csv", session.rig, clock, 1.0, 1.3),
+        "visibility.csv": lambda: read_visibility(session),
         "masks.npz": lambda: SilhouetteArchive(session).find("left", 0),
         "left/000001.png": lambda: _played(folder),
         "flight.mcap": lambda: _recovered(folder / "flight.mcap"),
