@@ -59,7 +59,7 @@ def test_one_station_alone_from_the_start() -> None:
     """One station and a start drawn by its sigmas: coasting, the covariance grows along the line of sight, and for
     four seconds it is what the error is.
 
-    After six it is not: docs/derivation.md, "Reinitialised from two rays", describes the needle.
+    After six it is not: docs/derivation.md, "Reinitialisation from two rays", describes the needle.
     """
     flights = []
     for seed in range(8):
