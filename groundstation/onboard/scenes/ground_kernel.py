@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from groundstation.arrays import FloatArray
+from groundstation.arrays import FloatArray, MaskArray
 
 _OCTAVES = 7
 
@@ -103,17 +103,37 @@ def _dashed(y: float, period: float, share: float) -> float:
 
 
 @njit(cache=True, nogil=True)
+def _mark_near(x: float, y: float, footprint: Footprint, columns: FloatArray, near: MaskArray) -> None:
+    """Write which patches may lie under a pixel's footprint about (x, y) m; ``columns``: the patches, transposed.
+
+    Most patches are far from most pixels, and this test, without a branch, is several at a time.
+    """
+    # no direction sees more of the footprint than this; the rest is far above rounding
+    widest = abs(footprint.x_by_u) + abs(footprint.x_by_v) + abs(footprint.y_by_u) + abs(footprint.y_by_v)
+    margin = 0.5 * widest * (1.0 + 1e-9) + 1e-6
+    for k in range(near.size):
+        dx, dy = x - columns[0, k], y - columns[1, k]
+        along = abs(dx * columns[2, k] + dy * columns[3, k])
+        across = abs(dx * columns[3, k] - dy * columns[2, k])
+        near[k] = (along <= columns[5, k] + margin) & (across <= columns[4, k] + margin)
+
+
+@njit(cache=True, nogil=True)
 def _ground_colour(
     x: float,
     y: float,
     footprint: Footprint,
     patches: FloatArray,
     base: FloatArray,
+    near: MaskArray,
     field_m: float,
     seed: int,
     out: FloatArray,
 ) -> None:
-    """Fill the reflectance (3,) of the ground that a pixel covers about (x, y) m."""
+    """Fill the reflectance (3,) of the ground that a pixel covers about (x, y) m.
+
+    ``near`` (patches,): the patches that may lie under the pixel, from `_mark_near`.
+    """
     fx, fy = abs(footprint.x_by_u) + abs(footprint.x_by_v), abs(footprint.y_by_u) + abs(footprint.y_by_v)
     grain = _texture(x, y, fx, fy, 24.0, _OCTAVES, seed)
     fx, fy = fx + 1e-6, fy + 1e-6
@@ -124,6 +144,8 @@ def _ground_colour(
     for c in range(3):
         out[c] = (base[0, c] * (1.0 - mix) + base[1, c] * mix) * (1.0 + 0.45 * grain)
     for k in range(patches.shape[0]):
+        if not near[k]:
+            continue
         p = patches[k]
         dx, dy = x - p[0], y - p[1]
         along = dx * p[2] + dy * p[3]
@@ -190,24 +212,25 @@ def render_ground(
     """
     h, w = out.shape[:2]
     colour = np.empty(3)
-    near, point = np.empty(3), np.empty((3, 2))
+    ray, point = np.empty(3), np.empty((3, 2))
+    columns, near = np.ascontiguousarray(patches.T), np.empty(patches.shape[0], np.bool_)
     for i in range(h):
         for j in range(w):
             rx, ry = rays[i, j, 0], rays[i, j, 1]
             for c in range(3):
-                near[c] = rotation[c, 0] * rx + rotation[c, 1] * ry + rotation[c, 2]
-            size = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
-            rise = near[2] / size
-            azimuth = math.atan2(near[0], near[1])
-            skyline = light.skyline_rad * max(0.6 + value_noise(azimuth * 14.0, 3.3, seed + 5), 0.0)
-            if rise > -0.002 and rise < skyline:
-                for c in range(3):
-                    out[i, j, c] = 0.75 * light.haze[c] + 0.25 * light.sun[c] * base[0, c]
-                continue
+                ray[c] = rotation[c, 0] * rx + rotation[c, 1] * ry + rotation[c, 2]
+            size = math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
+            rise = ray[2] / size
             if rise >= -0.002:
+                azimuth = math.atan2(ray[0], ray[1])
+                skyline = light.skyline_rad * max(0.6 + value_noise(azimuth * 14.0, 3.3, seed + 5), 0.0)
+                wooded = rise > -0.002 and rise < skyline
                 up = min(max(rise, 0.0) * 3.0, 1.0)
                 for c in range(3):
-                    out[i, j, c] = light.haze[c] * (1.0 - up) + light.zenith[c] * up
+                    if wooded:
+                        out[i, j, c] = 0.75 * light.haze[c] + 0.25 * light.sun[c] * base[0, c]
+                    else:
+                        out[i, j, c] = light.haze[c] * (1.0 - up) + light.zenith[c] * up
                 continue
             if not _footprint(rays, i, j, rotation, camera, point):
                 for c in range(3):
@@ -215,7 +238,8 @@ def render_ground(
                 continue
             x, y = point[0]
             footprint = Footprint(point[1, 0] - x, point[1, 1] - y, point[2, 0] - x, point[2, 1] - y)
-            _ground_colour(x, y, footprint, patches, base, field_m, seed, colour)
+            _mark_near(x, y, footprint, columns, near)
+            _ground_colour(x, y, footprint, patches, base, near, field_m, seed, colour)
             distance = math.sqrt((x - camera[0]) ** 2 + (y - camera[1]) ** 2 + camera[2] ** 2)
             cloud = 1.0 - light.cloud_shadow * min(
                 max(0.5 + 1.6 * value_noise(x / light.cloud_across_m, y / light.cloud_along_m, seed + 33), 0.0), 1.0

@@ -232,8 +232,20 @@ def pixel_rays(lens: Lens) -> FloatArray:
 
 def _exposed(linear: FloatArray, light: Light, generator: np.random.Generator) -> ImageArray:
     """Return the camera's 8 bits, BGR: exposure, a soft shoulder, gamma, noise."""
-    bright = light.gain * linear
-    grey = 255.0 * np.clip(bright / np.sqrt(1.0 + 0.25 * bright * bright), 0.0, 1.0) ** _GAMMA
-    sigma = light.noise + light.shot_noise * np.sqrt(grey / 255.0)
-    noisy = grey + sigma * generator.standard_normal(grey.shape)
-    return np.ascontiguousarray(np.clip(np.round(noisy), 0, 255).astype(np.uint8)[:, :, ::-1])
+    # in place: each array of a picture is 7 MB, and new ones take longer than what is computed into them
+    grey = light.gain * linear
+    shoulder = 0.25 * grey
+    shoulder *= grey
+    shoulder += 1.0
+    grey /= np.sqrt(shoulder, out=shoulder)
+    np.clip(grey, 0.0, 1.0, out=grey)
+    grey **= _GAMMA
+    grey *= 255.0
+    sigma = np.divide(grey, 255.0, out=shoulder)
+    np.sqrt(sigma, out=sigma)
+    sigma *= light.shot_noise
+    sigma += light.noise
+    sigma *= generator.standard_normal(grey.shape)
+    grey += sigma
+    np.clip(np.rint(grey, out=grey), 0, 255, out=grey)
+    return np.ascontiguousarray(grey.astype(np.uint8)[:, :, ::-1])
