@@ -7,6 +7,7 @@ pixel and the stated encoder noise give it there. It starts with the first midpo
 """
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from groundstation.arrays import FloatArray
 from groundstation.bank.csrt_process import CsrtProcess
 from groundstation.bank.frame_outcomes import HIT_MARGIN_PX
 from groundstation.bank.session_figures import RANGE_M
-from groundstation.bank.session_truth import SessionTruth, distance_outside_px
+from groundstation.bank.session_truth import FrameSilhouette, SessionTruth, distance_outside_px
 from groundstation.box import Box
 from groundstation.errors import SessionError
 from groundstation.estimation.triangulation import midpoint
@@ -52,6 +53,14 @@ class _Pixel:
     v_px: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _TrackedSession:
+    """Target points by station and pair, and each station's readings as rows (t, pan, tilt), s and rad."""
+
+    pixels: Mapping[str, Mapping[int, _Pixel]]
+    angles: Mapping[str, FloatArray]
+
+
 def baseline_row(truth: SessionTruth, python: Path) -> dict[str, float | None]:
     """Return the baseline's figures on a session, named ``baseline_…``; ``python`` has CSRT.
 
@@ -60,46 +69,62 @@ def baseline_row(truth: SessionTruth, python: Path) -> dict[str, float | None]:
     exact = load_truth(truth.session)
     if exact is None:
         raise SessionError(truth.session.name, got="no truth.csv", wanted="a rendered session with its truth")
-    pixels = {name: _track_in(truth, name, exact, python) for name in truth.session.rig.names}
+    recording = _track(truth, exact, python)
     hits, visible = 0, truth.visible_pairs()
-    for name, found in pixels.items():
+    for name, found in recording.pixels.items():
         for pair, pixel in found.items():
             frame = truth.frame(name, pair)
             if visible[name][pair] and frame is not None:
                 point = np.array([pixel.u_px, pixel.v_px])
                 hits += distance_outside_px(frame.silhouette, point) <= HIT_MARGIN_PX
     count = int(sum(mask.sum() for mask in visible.values()))
-    track = _filter(truth, pixels)
+    track = _filter(truth, recording)
     return {"baseline_hit_share": hits / count if count else None, **_errors(track, exact)}
 
 
-def _track_in(truth: SessionTruth, station: str, exact: Truth, python: Path) -> dict[int, _Pixel]:
-    """Return the tracker's target point by pair, from the first visible frame on."""
-    found: dict[int, _Pixel] = {}
-    part = np.array([0.5, 0.5])
-    with CsrtProcess(python) as tracker, FolderSource(truth.session) as source:
-        for event in source:
-            if not isinstance(event, Frame) or event.station != station:
-                continue
-            image = event.image.whole()
-            frame = truth.frame(station, event.epoch)
-            box: Box[float] | None = None
-            if not found:
-                if frame is None or not frame.visible:
-                    continue
-                rows, columns = np.nonzero(frame.silhouette.mask)
-                x, y = frame.silhouette.x + columns, frame.silhouette.y + rows
-                box = Box(float(x.min()), float(y.min()), float(x.max() + 1), float(y.max() + 1))
-                tracker.start(image, box)
-                nose = _nose_pixel(exact, station, event.t_s)
-                if nose is not None:
-                    part = (nose - np.array([box.x0, box.y0])) / np.array(box.size)
-            else:
-                box = tracker.update(image)[1]
-            if box is not None:
-                u, v = np.array([box.x0, box.y0]) + part * np.array(box.size)
-                found[event.epoch] = _Pixel(t_s=event.t_s, u_px=float(u), v_px=float(v))
-    return found
+def _track(truth: SessionTruth, exact: Truth, python: Path) -> _TrackedSession:
+    """Return what one tracker for each station finds from the first visible frame on, in one pass over the session."""
+    pixels: dict[str, dict[int, _Pixel]] = {name: {} for name in truth.session.rig.names}
+    angles: dict[str, list[tuple[float, float, float]]] = {name: [] for name in pixels}
+    with ExitStack() as opened:
+        trackers = {name: _StationTracker(opened.enter_context(CsrtProcess(python))) for name in pixels}
+        for event in opened.enter_context(FolderSource(truth.session)):
+            if isinstance(event, PtuSample):
+                angles[event.station].append((event.t_s, event.pan_rad, event.tilt_rad))
+            elif isinstance(event, Frame):
+                nose = _nose_pixel(exact, event.station, event.t_s)
+                point = trackers[event.station].point(event, truth.frame(event.station, event.epoch), nose)
+                if point is not None:
+                    u, v = point.tolist()
+                    pixels[event.station][event.epoch] = _Pixel(t_s=event.t_s, u_px=u, v_px=v)
+    return _TrackedSession(pixels=pixels, angles={name: np.array(rows).reshape(-1, 3) for name, rows in angles.items()})
+
+
+class _StationTracker:
+    """One camera's tracker; the target point keeps its ``part`` of the box, where the nose is at the start."""
+
+    def __init__(self, csrt: CsrtProcess) -> None:
+        self._csrt = csrt
+        self._part = np.array([0.5, 0.5])
+        self._begun = False
+
+    def point(self, frame: Frame, there: FrameSilhouette | None, nose_px: FloatArray | None) -> FloatArray | None:
+        """Return the target point (2,) px in the next frame; None before the first visible one and where it is lost."""
+        image = frame.image.whole()
+        if self._begun:
+            box = self._csrt.update(image)[1]
+            return None if box is None else np.array([box.x0, box.y0]) + self._part * np.array(box.size)
+        if there is None or not there.visible:
+            return None
+        rows, columns = np.nonzero(there.silhouette.mask)
+        x, y = there.silhouette.x + columns, there.silhouette.y + rows
+        start = Box(float(x.min()), float(y.min()), float(x.max() + 1), float(y.max() + 1))
+        self._csrt.start(image, start)
+        self._begun = True
+        corner, size = np.array([start.x0, start.y0]), np.array(start.size)
+        if nose_px is not None:
+            self._part = (nose_px - corner) / size
+        return corner + self._part * size
 
 
 def _nose_pixel(exact: Truth, station: str, t_s: float) -> FloatArray | None:
@@ -108,19 +133,9 @@ def _nose_pixel(exact: Truth, station: str, t_s: float) -> FloatArray | None:
     return exact.pixels_px[station][row] if exact.visible[station][row] else None
 
 
-def _angles(truth: SessionTruth) -> dict[str, FloatArray]:
-    """Return each station's readings as rows (t, pan, tilt), s and rad."""
-    rows: dict[str, list[tuple[float, float, float]]] = {name: [] for name in truth.session.rig.names}
-    with FolderSource(truth.session) as source:
-        for event in source:
-            if isinstance(event, PtuSample):
-                rows[event.station].append((event.t_s, event.pan_rad, event.tilt_rad))
-    return {name: np.array(found).reshape(-1, 3) for name, found in rows.items()}
-
-
-def _filter(truth: SessionTruth, pixels: Mapping[str, Mapping[int, _Pixel]]) -> BaselineTrack:
+def _filter(truth: SessionTruth, recording: _TrackedSession) -> BaselineTrack:
     """Return the Kalman filter's track through the midpoints of each pair's rays."""
-    angles, rig = _angles(truth), truth.session.rig
+    pixels, angles, rig = recording.pixels, recording.angles, truth.session.rig
     filter_: KalmanFilter | None = None
     last_t = last_fix = 0.0
     t_s, positions, covariances = [], [], []
