@@ -27,6 +27,7 @@ from groundstation.simulation.session_folder import (
     write_table,
     write_tables,
 )
+from groundstation.simulation.silhouette_archive import write_silhouettes
 from groundstation.simulation.simulate import SimulatedFlight
 from groundstation.sources.visibility_table import FrameVisibility, write_visibility
 
@@ -73,7 +74,7 @@ def write_rendered_session(
         columns = ["index", *(f"{n}_t_s" for n in flight.rig.names)]
         write_table(folder / "frames.csv", columns, _frame_rows(flight, frames))
         filmed = _film(folder, flight, cameras, frames, recordings, progress)
-        np.savez_compressed(folder / "masks.npz", allow_pickle=False, **filmed.masks)
+        write_silhouettes(folder / "masks.npz", filmed.masks)
         write_visibility(folder, filmed.visibility)
     except (OSError, cv2.error) as fault:
         raise folder_fault(folder, OSError(str(fault))) from fault

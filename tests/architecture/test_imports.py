@@ -39,6 +39,7 @@ SIMULATION_EDGE = (
     "render_flight",
     "rendered_session_folder",
     "session_folder",
+    "silhouette_archive",
     "simulated_receiver",
     "simulated_station",
     "simulated_station_file",
