@@ -43,8 +43,9 @@ class BodyPainter:
         """Lay all bodies over the light (h, w); return how the target alone has changed it, where measured."""
         seen: list[tuple[float, Body, BodyExposure]] = []
         for body in (self.target, *self._world.traffic):
-            exposure = self._raster.exposed(body, t_s, head, self._optics.exposure_at(t_s))
-            if exposure is None or (body is not self.target and not self._raster.may_be_seen(body, exposure)):
+            expose = self._raster.exposed if body is self.target else self._raster.exposed_in_view
+            exposure = expose(body, t_s, head, self._optics.exposure_at(t_s))
+            if exposure is None:
                 continue
             if body.casts_shadow:
                 self._lay_shadow(body, exposure, light)
@@ -83,8 +84,8 @@ class BodyPainter:
         # the head as at the picture's stamp
         head = seen.head.after(t_s - seen.t_s)
         for body in self._world.traffic:
-            other = self._raster.exposed(body, t_s, head, seen.exposure_s)
-            if other is None or not self._raster.may_be_seen(body, other) or self._away(body, other) >= away:
+            other = self._raster.exposed_in_view(body, t_s, head, seen.exposure_s)
+            if other is None or self._away(body, other) >= away:
                 continue
             sharp = self.silhouette(body, other)
             both = None if sharp is None else overlap(mask, corner, sharp.cover, sharp.corner)

@@ -29,6 +29,9 @@ _SUNLIT_WHITE_LEVEL = 205.0
 # how far behind the skin's surface a lamp may lie and still be seen
 _LAMP_DEPTH_M = 0.15
 _WHOLE_SIDE_PX = 400.0
+# how far off the axis the corners of a picture are at most, in angles of a lens without distortion, and how far what
+# passes near may move until its row is exposed
+_VIEW_SHARE, _SHUTTER_RAD = 1.3, 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,6 +79,7 @@ class BodyRaster:
         self._blur_px = blur_px
         self._focal = float(station.lens.focal_px.max())
         w, h = station.lens.image_size_px
+        self._half_view_rad = _VIEW_SHARE * math.atan(0.5 * math.hypot(w, h) / self._focal) + _SHUTTER_RAD
         self._margin = 3 + math.ceil(3.0 * blur_px)
         room = max(_MAX_SAMPLES, (w + 2 * self._margin) * (h + 2 * self._margin))
         self._near, self._owner = np.empty(room, np.float32), np.empty(room, np.int32)
@@ -113,14 +117,23 @@ class BodyRaster:
             rate_px_s=motion / exposure_s,
         )
 
-    def may_be_seen(self, body: Body, seen: BodyExposure) -> bool:
-        """Tell whether any part of a body can be in the picture, by its place, reach and motion."""
-        pixel = seen.pixel_px
-        eye = self._geometry.camera_pose(seen.head.pan_rad, seen.head.tilt_rad).position_runway_m
-        away = max(float(np.linalg.norm(body.place(seen.t_s) - eye)), 1e-6)
+    def exposed_in_view(self, body: Body, t_s: float, head: HeadMotion, exposure_s: float) -> BodyExposure | None:
+        """Return what `exposed` does, or None where by its place, reach and motion no part is in the picture."""
+        place = body.place(t_s)
+        pose = self._geometry.camera_pose(head.pan_rad, head.tilt_rad)
+        line = place - pose.position_runway_m
+        away = max(float(np.linalg.norm(line)), 1e-6)
+        ahead = float(line @ pose.runway_from_camera[:, 2]) / away
+        # most traffic is far outside of the picture: that is known without the row at which it would be exposed
+        if ahead <= math.cos(min(self._half_view_rad + 1.3 * body.reach_m / away, 0.5 * math.pi)):
+            return None
+        seen = self.exposed(body, t_s, head, exposure_s)
+        if seen is None:
+            return None
         reach = 1.3 * self._focal * body.reach_m / away + self._margin + float(np.abs(seen.motion_px).max())
         w, h = self._geometry.image_size_px
-        return bool(-reach < pixel[0] < w + reach and -reach < pixel[1] < h + reach)
+        inside = -reach < seen.pixel_px[0] < w + reach and -reach < seen.pixel_px[1] < h + reach
+        return seen if inside else None
 
     def instants(self, body: Body, seen: BodyExposure) -> tuple[float, ...]:
         """Return after which times, s, from its moment a body is drawn: several where it turns or grows."""

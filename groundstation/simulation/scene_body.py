@@ -65,16 +65,12 @@ class AircraftBody:
     airframe: Airframe
     position: Callable[[float], FloatArray]
     pose: Callable[[float], AircraftPose]
+    casts_shadow: bool = True
 
     @property
     def reach_m(self) -> float:
         """How far its corners are from its nose at most, m."""
         return float(np.linalg.norm(self.airframe.corners_body_m, axis=-1).max())
-
-    @property
-    def casts_shadow(self) -> bool:
-        """Always."""
-        return True
 
     def place(self, t_s: float) -> FloatArray:
         """Return its nose (3,) m."""

@@ -10,10 +10,11 @@ from groundstation.simulation.airframes.build import build_airframe
 from groundstation.simulation.airframes.draw import draw_airframe
 from groundstation.simulation.airframes.kinds import AirframeFamily
 from groundstation.simulation.drawn_cameras import CameraSpec, draw_camera
-from groundstation.simulation.drawn_flights import draw_flight
+from groundstation.simulation.drawn_flights import build_flight, draw_flight
 from groundstation.simulation.drawn_stations import draw_stations
 from groundstation.simulation.scenery import SceneryName, SkyName, draw_scenery
 from groundstation.simulation.specification_table import rounded
+from groundstation.simulation.traffic import draw_traffic
 from groundstation.simulation.world.world import World
 from groundstation.simulation.world.world_sets import WorldSet, set_of
 
@@ -25,7 +26,7 @@ WITHHELD_SKIES = (SkyName.DUSK, SkyName.BROKEN)
 KindT = TypeVar("KindT", bound=StrEnum)
 DURATION_S = 20.0
 FRAME_HZ = 10.0
-_AIRFRAME, _FLIGHT, _SCENERY, _STATIONS, _CAMERAS = range(401, 406)
+_AIRFRAME, _FLIGHT, _SCENERY, _STATIONS, _CAMERAS, _TRAFFIC = range(401, 407)
 # how often the stations of a site have cameras of different kinds
 _MIXED_CAMERAS = 0.2
 
@@ -47,13 +48,23 @@ def draw_world(seed: int, *, duration_s: float = DURATION_S, frame_hz: float = F
     built = build_airframe(airframe)
     flight = rounded(draw_flight(stream(_FLIGHT), built.span_m, built.rest_height_m, duration_s))
     stations = rounded(draw_stations(stream(_STATIONS), duration_s=duration_s, span_m=built.span_m))
-    scenery = draw_scenery(stream(_SCENERY), allowed(SceneryName, WITHHELD_SCENERIES), allowed(SkyName, WITHHELD_SKIES))
+    sceneries, skies = allowed(SceneryName, WITHHELD_SCENERIES), allowed(SkyName, WITHHELD_SKIES)
+    scenery = rounded(draw_scenery(stream(_SCENERY), sceneries, skies))
+    traffic = draw_traffic(
+        stream(_TRAFFIC),
+        flown=build_flight(flight, seed),
+        eyes_m=[np.array(station.position_m) for station in stations.stations],
+        scenery=scenery,
+        duration_s=duration_s,
+        families=allowed(AirframeFamily, WITHHELD_FAMILIES),
+    )
     return World(
         seed=seed,
         frame_hz=frame_hz,
         airframe=airframe,
         flight=flight,
-        scenery=rounded(scenery),
+        scenery=scenery,
+        traffic=rounded(traffic),
         stations=stations,
         cameras=_cameras(stream(_CAMERAS), len(stations.stations), frame_hz=frame_hz, duration_s=duration_s),
     )

@@ -15,6 +15,7 @@ from groundstation.simulation.rendered_session_folder import checked_frames, wri
 from groundstation.simulation.scenery import fine_range_around, surroundings_of
 from groundstation.simulation.session_folder import make_session_folder
 from groundstation.simulation.simulate import simulate
+from groundstation.simulation.traffic import traffic_bodies, with_roads
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.simulation.world.world import World
 from groundstation.simulation.world.world_file import FILE_NAME, world_text
@@ -68,7 +69,8 @@ def _rendered_cameras(world: World, built: BuiltStations, flown: Trajectory) -> 
     scene = RenderedScene(
         trajectory=flown,
         airframe=build_airframe(world.airframe),
-        scenery=world.scenery,
+        scenery=with_roads(world.scenery, world.traffic),
+        traffic=traffic_bodies(world.traffic),
     )
     start, end = flown.span_s
     path = flown.position(np.arange(start, end, _PATH_STEP_S))
@@ -77,7 +79,7 @@ def _rendered_cameras(world: World, built: BuiltStations, flown: Trajectory) -> 
         eye = station.geometry().camera_pose(0.0, 0.0).position_runway_m
         diagonal_rad = float(np.hypot(*camera.image_size_px)) / camera.focal_px
         fine = fine_range_around(path, eye, _MARGIN_OF_VIEW * 0.5 * diagonal_rad)
-        around = surroundings_of(world.scenery, eye, camera.focal_px, not camera.colour, fine)
+        around = surroundings_of(scene.scenery, eye, camera.focal_px, not camera.colour, fine)
         rendered[station.name] = RenderedCamera(
             scene, station, camera.optics(), seed=world.seed, number=number, around=around
         )

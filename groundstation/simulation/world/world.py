@@ -9,6 +9,7 @@ from groundstation.simulation.drawn_flights import FlightSpec
 from groundstation.simulation.drawn_stations import StationsSpec
 from groundstation.simulation.parameter_checks import require, require_positive
 from groundstation.simulation.scenery import Scenery
+from groundstation.simulation.traffic import TrafficSpec, traffic_kind
 
 # spans by which results are grouped, m
 _SPAN_CLASSES = ((1.8, "below 1.8 m"), (3.0, "1.8 to 3 m"), (4.5, "3 to 4.5 m"))
@@ -26,6 +27,7 @@ class World:
     seed : of what is drawn while the session is made: noise, gusts, encoder errors, lost frames.
     frame_hz : pairs per s.
     airframe, flight, scenery : what there is to see.
+    traffic : what else moves.
     stations : where they stand, their heads, clocks and calibration; ``cameras`` one for each, in this order.
     """
 
@@ -34,6 +36,7 @@ class World:
     airframe: AirframeSpec
     flight: FlightSpec
     scenery: Scenery = field(default_factory=Scenery)
+    traffic: TrafficSpec = field(default_factory=TrafficSpec)
     stations: StationsSpec
     cameras: tuple[CameraSpec, ...]
 
@@ -56,6 +59,7 @@ def _factors(world: World) -> Iterator[tuple[str, str]]:
     yield "flight", world.flight.kind.value
     yield "scenery", "unnamed" if scenery.drawn_scenery is None else scenery.drawn_scenery.value
     yield "sky", "unnamed" if scenery.drawn_sky is None else scenery.drawn_sky.value
+    yield "traffic", traffic_kind(world.traffic)
     visual_range = _VISUAL_RANGE_PER_EXTINCTION * scenery.haze.extinction_m
     yield "visual range", _class(visual_range, _HAZE_CLASSES, "above 8 km")
     yield "stations", str(len(world.stations.stations))

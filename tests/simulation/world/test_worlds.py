@@ -1,6 +1,7 @@
 """Worlds drawn from a seed: their file gives them back, sets keep their kinds, and a session is rendered from one."""
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from groundstation.errors import ConfigError
 from groundstation.session import load_session
 from groundstation.simulation.drawn_cameras import CameraSpec
 from groundstation.simulation.picture_writer import PictureFormat
+from groundstation.simulation.traffic import TrafficSpec
 from groundstation.simulation.world.draw_world import (
     WITHHELD_FAMILIES,
     WITHHELD_SCENERIES,
@@ -22,10 +24,13 @@ from groundstation.simulation.world.world_sets import WorldSet, seed_of
 from groundstation.sources.visibility_table import read_visibility
 
 NUMBERS = range(25)
+# birds and cars
+MIXED = 21
 
 
-def drawn(world_set: WorldSet) -> list[World]:
-    return [draw_world(seed_of(world_set, k)) for k in NUMBERS]
+@lru_cache
+def drawn(world_set: WorldSet) -> tuple[World, ...]:
+    return tuple(draw_world(seed_of(world_set, k)) for k in NUMBERS)
 
 
 @pytest.mark.parametrize("world_set", list(WorldSet))
@@ -61,13 +66,14 @@ def small(seed: int) -> World:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    # the container of masks.npz holds the time of writing
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*.*") if p.name != "masks.npz"}
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*.*")}
 
 
 def test_a_rendered_world_is_a_session_and_the_same_from_its_file(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
-    filmed = render_world(small(3), first)
+    world = small(MIXED)
+    assert world_factors(world)["traffic"] == "mixed"
+    filmed = render_world(world, first)
     render_world(load_world(first / FILE_NAME), second)
     assert contents(first) == contents(second)
     session = load_session(first)
@@ -75,6 +81,16 @@ def test_a_rendered_world_is_a_session_and_the_same_from_its_file(tmp_path: Path
     assert visibility is not None
     assert len(visibility) == filmed.pairs * len(session.rig.names)
     assert all(0.0 <= row.share_seen <= 1.0 for row in visibility.values())
+
+
+def test_a_world_of_a_file_without_traffic_has_none(tmp_path: Path) -> None:
+    path = tmp_path / FILE_NAME
+    world = draw_world(MIXED)
+    text = world_text(replace(world, traffic=TrafficSpec()))
+    path.write_text(text.replace("[traffic]\nbirds = []\nflocks = []\naircraft = []\nroads = []\n", ""))
+    assert "traffic" not in path.read_text()
+    assert load_world(path) == replace(world, traffic=TrafficSpec())
+    assert world_factors(load_world(path))["traffic"] == "none"
 
 
 def test_a_wrong_world_names_file_and_key(tmp_path: Path) -> None:
