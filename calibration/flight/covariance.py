@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from calibration.flight.fit import FlightFit, FlightSolution, find_solution
 from calibration.flight.paths import PathResiduals
 from calibration.flight.problem import ANTENNA, FlightProblem, left_jacobian
 from calibration.information import inverse, unit_diagonal
 from groundstation.arrays import FloatArray
+from groundstation.geometry.chi_square import chi_square_quantile
 
 # errors that last are seen as blocks of time that do not average out
 _BLOCK_S = 1.0
@@ -122,5 +122,5 @@ def correlated_error_factor(
     ratio = seen.sum(axis=0) / total
     # of a sum of squares of unequal size (Satterthwaite 1946)
     freedom = total**2 / np.maximum((expected**2).sum(axis=0), 1e-300)
-    limit = chi2.ppf(_CHANCE ** (1.0 / p), freedom) / freedom
+    limit = chi_square_quantile(_CHANCE ** (1.0 / p), freedom) / freedom
     return np.asarray(np.where(ratio > limit, np.sqrt(np.maximum(ratio, 1.0)), 1.0))

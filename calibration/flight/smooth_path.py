@@ -26,10 +26,10 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.sparse import csr_matrix, diags
-from scipy.stats import chi2
 
 from calibration.flight.banded_inverse import banded_inverse
 from groundstation.arrays import FloatArray
+from groundstation.geometry.chi_square import chi_square_quantile
 
 CUBIC = 3
 # of the differences that may be white, the smoother first
@@ -175,7 +175,7 @@ class Evidence:
         noise = float(np.sqrt(self._residual(penalty, ratio)[0] / max(self._samples - self.order, 1)))
         # what is stated is knowledge: what chance finds above it, too, raises nothing
         freedom = self._samples - self.order
-        raised = noise >= stated * float(np.sqrt(chi2.ppf(_CHANCE, freedom) / freedom)) if freedom > 0 else False
+        raised = freedom > 0 and noise >= stated * float(np.sqrt(chi_square_quantile(_CHANCE, freedom) / freedom))
         return (ratio, noise) if raised else (most_probable(stated), stated)
 
     def standardised_differences(self, weight: FloatArray, ratio: float, noise: float) -> FloatArray:

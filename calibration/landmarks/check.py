@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import chi2, ncx2
+from scipy.stats import ncx2
 
 from calibration.information import inverse_with_floor
 from calibration.landmarks.angles import LandmarkObservations, gather_observations
@@ -20,6 +20,7 @@ from calibration.rig_reach import moved_by_m
 from calibration.robust_fit import OUTLIER_SIGMA
 from calibration.sightings import Landmark, LandmarkSighting, require_consistent
 from groundstation.arrays import FloatArray
+from groundstation.geometry.chi_square import chi_square_quantile
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.rig.rig import Rig, Station
 
@@ -226,7 +227,7 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Station
     by_looks = own.T @ by_looks @ own
     turned = own.T @ fit.change[places]
     covariance = own.T @ fit.covariance[np.ix_(places, places)] @ own
-    threshold = float(chi2.ppf(1.0 - false_alarm, 3))
+    threshold = float(chi_square_quantile(1.0 - false_alarm, 3))
     distance = float(brentq(lambda d: ncx2.sf(threshold, 3, d) - POWER, 1e-3, 1e3))
     return StationMovement(
         station=station.name,

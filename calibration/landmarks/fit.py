@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from calibration.information import inverse_with_floor
 from calibration.landmarks.problem import LandmarkProblem
 from calibration.landmarks.rejection import LandmarkFitError, find_outlier, single_sightings
 from calibration.landmarks.solver import linearised, solve_kept, white_residuals
 from groundstation.arrays import FloatArray, MaskArray
+from groundstation.geometry.chi_square import chi_square_quantile
 
 _MOST_REJECTIONS = 60
 # a fit is worse than its noise allows, and its sigmas are raised, if chance does it this rarely
@@ -83,7 +83,7 @@ def _finished(
     solution = linearised(problem, unknowns, kept)
     information = solution.information
     chi_square, freedom = solution.chi_square, len(solution.residual) - len(unknowns)
-    misfit = freedom > 0 and chi_square > chi2.ppf(1.0 - _MISFIT_PROBABILITY, freedom)
+    misfit = freedom > 0 and chi_square > chi_square_quantile(1.0 - _MISFIT_PROBABILITY, freedom)
     raised = float(np.sqrt(chi_square / freedom)) if misfit else 1.0
     return LandmarkFit(
         problem=problem,

@@ -13,12 +13,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-from scipy.stats import chi2
 
 from calibration.errors import IntrinsicsError
 from calibration.lens.corners import BoardView
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
+from groundstation.geometry.chi_square import chi_square_quantile
 
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-12)
 # what may be held at zero, and OpenCV's flag for it
@@ -309,7 +309,7 @@ def _raised(covariance: FloatArray, seen: FloatArray, views: int, columns: list[
     size = axes.T @ unit @ axes
     ratio = np.diag(axes.T @ seen @ axes) / np.maximum(np.diag(size), _NO_INFORMATION)
     freedom = max(views - 1, 1)
-    limit = chi2.ppf(_CHANCE ** (1.0 / len(ratio)), freedom) / freedom
+    limit = chi_square_quantile(_CHANCE ** (1.0 / len(ratio)), freedom) / freedom
     # a variance told by so few views is uncertain itself: Student's t with that freedom is wider; that of the corners'
     # own noise is told by all of them
     wider = freedom / (freedom - 2.0) if freedom > _LEAST_FREEDOM else 1.0

@@ -7,16 +7,16 @@ long: the innovation variance grows meanwhile, so that they would pass the gate 
 """
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import DGPS_CLOCK
 from groundstation.estimation.state_model import StateLayout
+from groundstation.geometry.chi_square import chi_square_quantile
 
 # a shift along the flight by so many sigmas is a step: one white innovation in 370, and inflation costs little
 _STEP_SIGMAS = 3.0
 # across the flight the position has to agree with the prediction
-_ACROSS_GATE = float(chi2.ppf(0.9995, 2))
+_ACROSS_GATE = float(chi_square_quantile(0.9995, 2))
 
 
 class DgpsClockLag:

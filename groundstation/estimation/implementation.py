@@ -9,8 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from groundstation.estimation.config import EstimationConfig, FilterImplementation
-from groundstation.estimation.filterpy_imm import FilterpyImm
-from groundstation.estimation.filterpy_smoother import rts_step
 from groundstation.estimation.imm import ImmFilter
 from groundstation.estimation.smoother_history import SmoothAcross, smooth_across
 from groundstation.estimation.state_model import StateLayout
@@ -27,14 +25,15 @@ class FilterArithmetic:
     smooth_across: SmoothAcross
 
 
-_ARITHMETIC = {
-    FilterImplementation.COMPILED: FilterArithmetic(imm=ImmFilter, encoder=EncoderUpdate, smooth_across=smooth_across),
-    FilterImplementation.FILTERPY: FilterArithmetic(
-        imm=FilterpyImm, encoder=PlainEncoderUpdate, smooth_across=rts_step
-    ),
-}
+_COMPILED = FilterArithmetic(imm=ImmFilter, encoder=EncoderUpdate, smooth_across=smooth_across)
 
 
 def filter_arithmetic(implementation: FilterImplementation) -> FilterArithmetic:
     """Return the arithmetic of an implementation."""
-    return _ARITHMETIC[implementation]
+    if implementation is FilterImplementation.COMPILED:
+        return _COMPILED
+    # filterpy brings scipy.stats, 0.4 s of a core that a station's processes start without
+    from groundstation.estimation.filterpy_imm import FilterpyImm
+    from groundstation.estimation.filterpy_smoother import rts_step
+
+    return FilterArithmetic(imm=FilterpyImm, encoder=PlainEncoderUpdate, smooth_across=rts_step)

@@ -14,7 +14,6 @@ from collections.abc import Mapping
 import numpy as np
 from numba import njit
 from scipy.optimize import least_squares
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.bearing_only_prior import BearingOnlyPrior
@@ -24,6 +23,7 @@ from groundstation.estimation.triangulation import midpoint
 from groundstation.estimation.updates.measurements import TargetPixel
 from groundstation.estimation.updates.pixel_model import PixelModel, PixelPrediction
 from groundstation.estimation.updates.update import PredictedState, TargetReset, Update
+from groundstation.geometry.chi_square import chi_square_quantile
 from groundstation.geometry.station import LensError, StationGeometry
 from groundstation.messages import Innovation
 
@@ -56,7 +56,7 @@ class RangeInitialiser:
         gate_probability: float,
     ) -> None:
         self._layout, self._pixels, self._stations = layout, pixels, stations
-        self._gate = float(chi2.ppf(gate_probability, 1))
+        self._gate = float(chi_square_quantile(gate_probability, 1))
 
     def __call__(self, state: PredictedState, pixel: TargetPixel) -> Update | None:
         """Return the target at the intersection of the two rays, None where no re-initialisation applies.

@@ -2,7 +2,6 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.evaluate import Evaluation
@@ -15,6 +14,7 @@ from groundstation.evaluation.figure_style import (
     stride,
 )
 from groundstation.evaluation.metrics import Comparison
+from groundstation.geometry.chi_square import chi_square_quantile
 
 _WINDOW_S = 2.0
 _POSITION_DOF = 3.0
@@ -82,7 +82,7 @@ def _chi_square(figure: Figure, e: Evaluation, t_s: FloatArray, values: FloatArr
     sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (values, dof)]
     total, freedom = (s[hi] - s[lo] for s in sums)
     step = stride(len(t_s))
-    band = chi2.ppf(np.array([[0.025], [0.975]]), freedom[::step]) / freedom[::step]
+    band = chi_square_quantile(np.array([[0.025], [0.975]]), freedom[::step]) / freedom[::step]
     shade_phases(ax, e.run.phases, label=False)
     ax.fill_between(t_s[::step], band[0], band[1], color="#999999", alpha=0.3, lw=0, label="95 % band")
     ax.plot(t_s[::step], (values / dof)[::step], ".", ms=2, color=EKF, alpha=0.35)

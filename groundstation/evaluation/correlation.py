@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.metrics import CONFIDENCE, ChiSquareMean
+from groundstation.geometry.chi_square import chi_square_quantile
 
 _LARGEST = 0.999
 
@@ -41,6 +41,6 @@ def correlated_chi_square(runs: Sequence[FloatArray]) -> ChiSquareMean | None:
     if count == 0:
         return None
     dof = effective_count(count, lag_one(runs)) * runs[0].shape[1]
-    low, high = chi2.ppf([(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], dof) / dof
+    low, high = chi_square_quantile([(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], dof) / dof
     mean = float(np.mean(np.concatenate([run.ravel() for run in runs]) ** 2))
     return ChiSquareMean(mean=mean, low=float(low), high=float(high), count=count)

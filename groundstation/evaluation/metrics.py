@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.position_series import BoolArray
+from groundstation.geometry.chi_square import chi_square_quantile
 
 CONFIDENCE = 0.95
 
@@ -163,5 +163,5 @@ def chi_square_mean(values: FloatArray, dof: FloatArray) -> ChiSquareMean | None
     total = float(np.sum(dof))
     if len(values) == 0 or total <= 0:
         return None
-    low, high = chi2.ppf([(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], total) / total
+    low, high = chi_square_quantile([(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], total) / total
     return ChiSquareMean(mean=float(values.sum() / total), low=float(low), high=float(high), count=len(values))

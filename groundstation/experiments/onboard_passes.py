@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.experiments import detection_plots as plots
@@ -13,6 +12,7 @@ from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.onboard_pose import DIFFERENCES, FlightErrors, follow
 from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.experiments.truth_session import TruthSession
+from groundstation.geometry.chi_square import chi_square_quantile
 from groundstation.onboard.pose.inertial_filter import ATTITUDE, POSITION, VELOCITY
 from groundstation.onboard.pose.simulated_approach import default_setup
 from groundstation.onboard.pose.simulated_passes import RacetrackPattern, fly_passes
@@ -35,7 +35,7 @@ def passes(recorded: TruthSession) -> Findings:
     for k in range(flights):
         approach, spans = fly_passes(setup, course, np.random.default_rng([_SEED, k]))
         done.append((follow(setup, approach), _seen_spans(approach.t_s[sorted(approach.seen)], spans)))
-    band = chi2.ppf([0.025, 0.975], 6 * flights) / flights
+    band = chi_square_quantile([0.025, 0.975], 6 * flights) / flights
     table = ResultTable(
         name="runway_passes",
         title="Several lengthwise passes in one flight",

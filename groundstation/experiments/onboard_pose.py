@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.experiments.experiment import Findings
 from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.experiments.truth_session import TruthSession
+from groundstation.geometry.chi_square import chi_square_quantile
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z
 from groundstation.onboard.edges.pose import intrinsic_matrix
 from groundstation.onboard.pose.coplanarity_solver import FOUR_SIDES, SIX_PAIRS, solve_coplanarity
@@ -131,7 +131,7 @@ def inertial(recorded: TruthSession) -> Findings:
     setup = default_setup(0.5)
     done = [follow(setup, fly(setup, np.random.default_rng([_SEED, k]))) for k in range(flights)]
     rows: list[list[Cell]] = []
-    band = chi2.ppf([0.025, 0.975], 6 * flights) / flights
+    band = chi_square_quantile([0.025, 0.975], 6 * flights) / flights
     lost = setup.lost_s
     for name, low, high in (
         ("seen", SETTLED_S, lost[0]),

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
+from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.integrity.solution_separation import PixelResidual, ResidualStack, SeparationTest, StationWindow
 
 # jumps within one epoch are simultaneous
@@ -99,7 +99,7 @@ class IntegrityMonitor:
         self._judged_s = -math.inf
         per_hour = 3600.0 / config.window_s * _INDEPENDENT_PER_WINDOW * max(len(self._windows), 1)
         tail = min(config.false_alarms_per_hour / per_hour, 0.5)
-        self._limits = {dof: float(chi2.isf(tail, dof)) for dof in (1, 2)}
+        self._limits = {dof: float(chi_square_limit(tail, dof)) for dof in (1, 2)}
 
     def verdict(self, station: str) -> StationVerdict:
         """Return the current verdict on a station."""

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
@@ -16,6 +15,7 @@ from groundstation.estimation.state_model import StateLayout
 from groundstation.estimation.updates.measurements import TargetPixel
 from groundstation.estimation.updates.pixel_model import PixelPrediction
 from groundstation.estimation.updates.update import LinearCorrection, PredictedState, Update
+from groundstation.geometry.chi_square import chi_square_quantile
 from groundstation.geometry.mahalanobis import mahalanobis_squared
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Innovation
@@ -51,7 +51,7 @@ class PixelUpdate:
         self._linearisation, self._motion = linearisation, motion
         self._pixels = linearisation.pixels
         self._range_initialiser = RangeInitialiser(layout, self._pixels, stations, config.gate_probability)
-        self._gate = float(chi2.ppf(config.gate_probability, 2))
+        self._gate = float(chi_square_quantile(config.gate_probability, 2))
         self._learns_clocks = config.calibration is CalibrationUse.ESTIMATE
 
     def __call__(self, state: PredictedState, measured: TargetPixel) -> Update | None:

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
@@ -22,6 +21,7 @@ from groundstation.estimation.updates.update import (
     Update,
     VarianceInflation,
 )
+from groundstation.geometry.chi_square import chi_square_quantile
 from groundstation.messages import Innovation
 
 # error of a velocity estimated without a reference, due to calibration errors: share of the speed, and a constant
@@ -75,7 +75,7 @@ class ReferencePositionUpdate:
         self._clock = DgpsClockLag(layout)
         self._clock_variance_s2 = config.reference_clock_sigma_s**2
         self._known_clock_variance_s2 = (_KNOWN_SHARE * config.reference_clock_sigma_s) ** 2
-        self._gate = float(chi2.ppf(config.gate_probability, 3))
+        self._gate = float(chi_square_quantile(config.gate_probability, 3))
         known = [layout.parameters[name] for name in DGPS_ANTENNA if name in layout.parameters]
         self._antenna = known if len(known) == len(DGPS_ANTENNA) else None
 

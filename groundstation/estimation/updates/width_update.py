@@ -14,7 +14,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from numba import njit
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
@@ -29,6 +28,7 @@ from groundstation.estimation.updates.update import (
     Update,
     VarianceInflation,
 )
+from groundstation.geometry.chi_square import chi_square_quantile
 from groundstation.geometry.kernels import MIN_DEPTH_M
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Innovation
@@ -83,7 +83,7 @@ class WidthUpdate:
         self._layout = layout
         self._models = {name: WidthModel(layout, geometry) for name, geometry in stations.items()}
         self._R = np.array([[config.width_sigma_log**2]])
-        self._gate = float(chi2.ppf(config.gate_probability, 1))
+        self._gate = float(chi_square_quantile(config.gate_probability, 1))
         self._span_only = np.zeros(layout.size, np.bool_)
         self._span = layout.parameters.get(LOG_SPAN)
         if self._span is not None:

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.correlation import effective_count, lag_one
+from groundstation.geometry.chi_square import chi_square_limit
 
 # over a whole flight
 FALSE_ALARM = 0.01
@@ -79,7 +79,7 @@ def compare_positions(
         mean_m=difference.mean(axis=0),
         mean_sigma_m=np.sqrt(np.diagonal(total, axis1=1, axis2=2).mean(axis=0) / (dof / 3.0)),
         ratio=float((white**2).mean()),
-        limit=float(chi2.isf(FALSE_ALARM, dof) / dof),
+        limit=float(chi_square_limit(FALSE_ALARM, dof) / dof),
         fused_m=fused,
         fused_covariance_m2=0.5 * (fused_covariance + np.swapaxes(fused_covariance, 1, 2)),
     )

@@ -8,9 +8,9 @@ import enum
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
+from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.geometry.rotation import matrix_from_wxyz, wxyz_from_matrix
 from groundstation.onboard.pose.inertial_kernel import STATE_SIZE, SquaredNoises, predict, turned
 
@@ -28,7 +28,7 @@ STATE = {
     "rate_bias": (RATE_BIAS, "rad/s, body"),
 }
 GATE_CHANCE = 1e-3
-_GATE = float(chi2.isf(GATE_CHANCE, 6))
+_GATE = float(chi_square_limit(GATE_CHANCE, 6))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,10 +4,10 @@ import enum
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray, IntArray
 from groundstation.geometry.camera import Lens
+from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.geometry.dual_quaternion import left_matrix, normalised, quaternion_conjugate
 from groundstation.onboard.pose.camera_kernel import (
     dual_of,
@@ -203,7 +203,7 @@ def pose_covariance(
 
 def misfit_gate(dof: int) -> float:
     """Return the chi-square that a right solution exceeds once in a million."""
-    return float(chi2.isf(MISFIT_CHANCE, max(dof, 1)))
+    return float(chi_square_limit(MISFIT_CHANCE, max(dof, 1)))
 
 
 def attitude_rows(known: KnownAttitude | None) -> FloatArray:

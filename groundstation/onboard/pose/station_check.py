@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, parameter_indices
+from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.pose.inertial_filter import rotation_vector
 from groundstation.onboard.pose.pose_solver import PointCorrespondences, PoseStatus, RunwayPose, solve_pose
@@ -70,7 +70,7 @@ def check_station(
         covariance = covariance + _survey_in_pixels(station, pan_rad, tilt_rad, corners_m, corner_sigma_m)
     seen = PointCorrespondences(points_m=corners_m, pixels=pixels, covariance_px2=covariance, lens=station.lens)
     pose = solve_pose(seen)
-    threshold = float(chi2.isf(FALSE_ALARM, 6))
+    threshold = float(chi_square_limit(FALSE_ALARM, 6))
     if pose is None:
         zero = np.zeros((6, 6))
         return StationCheck(
