@@ -69,7 +69,7 @@ class CsvTable:
         return SessionError(f"{self.path.name}: line {line}", got=got, wanted=wanted)
 
     def number(self, row: Row, column: str) -> float:
-        """Return a finite number; raises `SessionError` for anything else, an empty cell too."""
+        """Return a finite number; raises `SessionError` for anything else, including an empty cell."""
         value = self.optional_number(row, column)
         if value is None:
             raise self.fault(row.line, got=f"an empty {column}", wanted="a finite number")
@@ -109,7 +109,7 @@ class CsvTable:
     def _lines(self) -> Iterator[tuple[int, list[str]]]:
         line = 0
         try:
-            # bytes that are no UTF-8 stay in their cell, so that the complaint names their row
+            # bytes that are not UTF-8 stay in their cell, so that the error message names their row
             with self.path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as stream:
                 reader = csv.reader(_bounded(stream, self.path), strict=True)
                 for cells in reader:

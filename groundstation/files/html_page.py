@@ -160,7 +160,7 @@ def page_table(
 ) -> str:
     """Return a table; each row is its class and its cells, which are HTML.
 
-    ``stacked`` says whether it becomes cards on a phone; by default all do that have more than three columns.
+    ``stacked`` selects cards on a phone; by default tables with more than three columns are stacked.
     """
     stack = len(columns) > MAX_UNSTACKED if stacked is None else stacked
     axes = any(c.axes for c in columns)
@@ -182,7 +182,7 @@ def _head(column: Column) -> str:
 
 
 def _cell(number: int, column: Column, cell: str, stack: bool, axes: bool) -> str:
-    """Return one cell; on a phone it says its column, but for the first, which is the card's title."""
+    """Return one cell; on a phone it shows its column's name, except for the first, which is the card's title."""
     heads = f"<span class='axes narrow'>{_XYZ}</span>" if stack and axes and not number else ""
     kinds = [name for name, on in (("text", column.text), ("empty", not cell)) if on]
     label = ""

@@ -1,6 +1,6 @@
-"""The size that a coded picture claims, told from its header before a decoder makes room for it.
+"""The size in the header of a coded picture, checked before a decoder allocates memory for it.
 
-A decoder believes a header: 100 kB of PNG can ask for a gigabyte. Only the kinds that are told apart here are decoded.
+Decoders trust the header: 100 kB of PNG can request a gigabyte. Only the formats recognised here are decoded.
 """
 
 import re
@@ -11,7 +11,7 @@ from groundstation.files.png_file import PNG_SIGNATURE, png_size_px
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 # in colour 78 MB: with four copies in work it stays below the 512 MB that a file may cost; 6000 × 4000 px go in
 MAX_PICTURE_PX = 26_000_000
-# each scan of a progressive JPEG goes over all of the picture; encoders write about ten
+# each scan of a progressive JPEG covers the whole picture; encoders write about ten
 _MAX_SCANS = 100
 _MAX_JPEG_SEGMENTS = 10_000
 # baseline, extended and progressive, by Huffman's or arithmetic code; lossless and hierarchical ones are not read
@@ -24,10 +24,10 @@ _PNM = re.compile(rb"P[2356](?:\s|#[^\n]*+\n)++(\d{1,9})(?:\s|#[^\n]*+\n)++(\d{1
 
 
 def coded_size_px(data: bytes) -> tuple[int, int] | None:
-    """Return width and height that a PNG, JPEG, BMP, TIFF, WebP or PNM says to have; None where it is none of them.
+    """Return width and height in the header of a PNG, JPEG, BMP, TIFF, WebP or PNM; None for other files.
 
-    A picture that is cut short in a way that shows in its structure is none, nor is one whose decoding would take
-    far longer than its size says.
+    It is also None for a picture that is truncated in its structure, and for one whose decoding would take
+    far longer than its size suggests.
     """
     try:
         if data.startswith(PNG_SIGNATURE):
@@ -64,7 +64,7 @@ def _jpeg(data: bytes) -> tuple[int, int] | None:
         if marker != 0xFF:
             return None
         if kind == 0xFF:
-            # fill bytes may stand before any marker
+            # fill bytes may precede any marker
             at += 1
             continue
         if kind in _JPEG_BARE:

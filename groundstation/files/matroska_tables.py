@@ -1,7 +1,7 @@
-"""Whether a Matroska file holds its tables once, told before a decoder keeps each copy of them.
+"""Whether a Matroska file contains each of its tables once, checked before a decoder stores every copy.
 
-A file has one table of tracks, one of tags and a few more. FFmpeg, which looks for the next element after bytes that
-are none, keeps all that it meets: 240 kB with 943 copies cost it 336 MB (found by `benchmarks/reader_fuzz.py`).
+A file has one table of tracks, one of tags and a few more. FFmpeg, which searches for the next element after invalid
+bytes, stores every table it finds: 240 kB with 943 copies used 336 MB (found by `benchmarks/reader_fuzz.py`).
 """
 
 import mmap
@@ -18,7 +18,7 @@ _SEARCHED_BYTES = 1 << 28
 
 
 def repeats_tables(path: Path) -> bool:
-    """Return whether a file is Matroska or WebM and holds any of its tables over and over, in its first 256 MB."""
+    """Return whether a file is Matroska or WebM and repeats any of its tables many times, in its first 256 MB."""
     try:
         with path.open("rb") as file:
             if file.read(len(_EBML)) != _EBML:
@@ -26,7 +26,7 @@ def repeats_tables(path: Path) -> bool:
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 return any(_occurs_often(content, name) for name in _TABLES)
     except (OSError, ValueError):
-        # opening it says why it cannot be read
+        # opening the file reports why it cannot be read
         return False
 
 

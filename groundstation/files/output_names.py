@@ -1,14 +1,14 @@
-"""Names that data brings along, as names of files: every writer that makes a path of one asks here.
+"""Names from data as names of files: every writer that makes a path of such a name checks it here.
 
-A file or a folder that is written has a name of ours, or one of data (a station's, an attachment's, a run's, a
-picture's). The latter is one plain component below the output on every system, or it is refused.
+The name of a file or folder to write is fixed or comes from data (a station's, an attachment's, a run's, a
+picture's). A name from data is one path component below the output on every system, or it is refused.
 """
 
 from pathlib import Path
 
 from groundstation.errors import InputError, printable
 
-# NAME_MAX of the common file systems is 255; what is left is for suffixes and numbers that a writer adds
+# NAME_MAX of the common file systems is 255; the rest is for suffixes and numbers that a writer adds
 MAX_NAME_BYTES = 200
 # https://learn.microsoft.com/windows/win32/fileio/naming-a-file: separators, streams, wildcards, redirection
 _REFUSED_CHARACTERS = frozenset('/\\:*?"<>|')
@@ -44,8 +44,8 @@ def name_fault(name: str) -> str | None:
 def below(folder: Path, name: str) -> Path:
     """Return the path of ``name`` directly below ``folder``.
 
-    Raises `InputError` unless the name is one plain component, and where a symbolic link stands there: what is written
-    through it would lie elsewhere.
+    Raises `InputError` unless the name is one path component, and for a symbolic link of that name: writing through it
+    would change a file elsewhere.
     """
     fault = name_fault(name)
     if fault is not None:

@@ -29,14 +29,14 @@ class Output:
 
 
 def refuse_overwriting(read: Iterable[Path | None], written: Iterable[Output]) -> None:
-    """Raise `InputError` where what is written would replace what is read, or two outputs are one file.
+    """Raise `InputError` if an output would replace an input, or two outputs are one file.
 
-    Of a folder that is read all its own files count, and the pictures in its folders. A folder to write to may hold
-    what is read, if nothing is written under that name; it may not be a folder that is read. None is nothing to read.
+    For an input folder all its own files count, and the pictures in its folders. An output folder may contain inputs
+    if nothing is written under their names; it must not be an input folder. None stands for no input.
     """
     given = [path for path in read if path is not None]
     outputs = list(written)
-    # most outputs do not exist yet: then there is nothing to look for
+    # most outputs do not exist yet and need no further check
     replaced = [(output, found) for output in outputs for found in _replaced(output)]
     sources = {identity for path in given for identity in _sources(path)} if replaced else set[_Identity]()
     for output, path in replaced:
@@ -50,7 +50,7 @@ def refuse_overwriting(read: Iterable[Path | None], written: Iterable[Output]) -
 
 
 def refuse_existing(files: Iterable[Path]) -> None:
-    """Raise `InputError` where a file to write is there already."""
+    """Raise `InputError` if a file to write already exists."""
     for path in files:
         if path.exists():
             raise InputError(str(path), got="a file that is there already", wanted="another --out")
@@ -79,7 +79,7 @@ def _replaced(output: Output) -> Iterator[Path]:
 
 
 def _sources(path: Path) -> Iterator[_Identity]:
-    """Yield what the disk knows the files by that are read where a path is given."""
+    """Yield the identities on the disk of the files that are read where a path is given."""
     if not path.is_dir():
         yield from _known(path)
         return
@@ -99,7 +99,7 @@ def _known(path: Path) -> Iterator[_Identity]:
 
 
 def _identity(path: Path) -> _Identity | None:
-    """Return device and number of a regular file; None for anything else, or nothing."""
+    """Return device and inode number of a regular file; None for other or missing files."""
     try:
         status = path.stat()
     except OSError:

@@ -1,4 +1,4 @@
-"""Whether bytes are a whole PNG, told from its chunks before a decoder makes room for what they claim."""
+"""Whether bytes are a complete PNG, by its chunks, checked before a decoder allocates memory for their sizes."""
 
 import struct
 
@@ -7,10 +7,10 @@ _MAX_CHUNKS = 100_000
 
 
 def png_size_px(data: bytes) -> tuple[int, int] | None:
-    """Return width and height of a PNG, or None where the bytes are none or end before it does.
+    """Return width and height of a PNG, or None where the bytes are not a PNG or are truncated.
 
-    Only the chunks' places are looked at (PNG specification, third edition, §5), not what is in them: a decoder asked
-    for a chunk that is longer than its file first makes room for all of it, and may give half a picture.
+    Only the positions of the chunks are read (PNG specification, third edition, §5), not their contents: for a chunk
+    longer than its file a decoder first allocates its whole length, and may return half a picture.
     """
     if not data.startswith(PNG_SIGNATURE) or data[12:16] != b"IHDR" or len(data) < 33:
         return None

@@ -1,7 +1,7 @@
-"""How much may come out of a recording: packed, a small file can hold a thousand times its own size.
+"""Limits of the data decoded from a recording: compressed, a small file can hold a thousand times its own size.
 
-Each limit is a constant and a share of the file's size, so that a long flight is read whole, and what is made to fill a
-memory or to take hours is refused. Shares are some times what any recording of ours needs (docs/formats.md).
+Each limit is a constant plus a multiple of the file's size, so that a long flight is read whole and a file that would
+fill the memory or take hours is refused. The multiples exceed the needs of any recording (docs/formats.md).
 """
 
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from groundstation.errors import RecordingError
 
 _MIB = 2**20
-# LZ4 packs no better than 255 to 1, and a black picture comes near it
+# LZ4 compresses at most 255 to 1, and a black picture nearly reaches that
 _UNPACKED_BYTES, _UNPACKED_RATIO = 64 * _MIB, 256
 # a reading that repeats, packed with its head, takes about 30
 _RECORDS, _BYTES_A_RECORD = 50_000, 12
-# schemas and channels: ours are 20 kB once
+# schemas and channels: those of this program take 20 kB once
 _ANNOUNCED_BYTES, _ANNOUNCED_RATIO = 4 * _MIB, 0.25
 # lines of JSON pack 6 to 1
 _LINE_BYTES, _LINE_RATIO = 16 * _MIB, 16
@@ -25,9 +25,9 @@ MAX_LINE_BYTES = 65_536
 
 @dataclass(slots=True)
 class ReadBudget:
-    """What one reading of a file of ``file_bytes`` has used of its limits; ``where`` names the file.
+    """The use of the limits in one reading of a file of ``file_bytes``; ``where`` names the file.
 
-    Each method counts something in before it is made room for, and raises `RecordingError` beyond the limit.
+    Each method counts an item before memory is allocated for it, and raises `RecordingError` beyond the limit.
     """
 
     where: str

@@ -1,4 +1,4 @@
-"""Small text files that may lie in a folder or inside another file; a `pathlib.Path` is one of them."""
+"""Small text files in a folder or inside another file; a `pathlib.Path` is one of them."""
 
 from collections.abc import Mapping
 from io import BytesIO, TextIOWrapper
@@ -20,7 +20,7 @@ class TextFile(Protocol):
         """Open it for reading."""
 
     def read_bytes(self) -> bytes:
-        """Return what is in it."""
+        """Return its content."""
 
 
 def absence(file: TextFile) -> str:
@@ -29,7 +29,7 @@ def absence(file: TextFile) -> str:
 
 
 class TextFolder(Protocol):
-    """Where a session's files lie, by their names."""
+    """A container of a session's files, by their names."""
 
     def __truediv__(self, name: str, /) -> TextFile:
         """Return the file of a name."""
@@ -50,7 +50,7 @@ class AttachedFiles:
 
 
 class AttachedFile:
-    """One of them; ``content`` is None where there is none of that name."""
+    """One attached file; ``content`` is None if there is no file of that name."""
 
     def __init__(self, name: str, place: str, content: bytes | None) -> None:
         self._name = name
@@ -66,7 +66,7 @@ class AttachedFile:
         return self._name
 
     def is_file(self) -> bool:
-        """Return whether it is there."""
+        """Return whether it exists."""
         return self._content is not None
 
     def open(self, *, encoding: str, errors: str = "strict", newline: str | None = None) -> TextIO:
@@ -74,7 +74,7 @@ class AttachedFile:
         return TextIOWrapper(BytesIO(self.read_bytes()), encoding=encoding, errors=errors, newline=newline)
 
     def read_bytes(self) -> bytes:
-        """Return what is in it; raises `FileNotFoundError`."""
+        """Return its content; raises `FileNotFoundError`."""
         if self._content is None:
             raise FileNotFoundError(2, "no such file", str(self))
         return self._content

@@ -14,8 +14,8 @@ from groundstation.errors import InputError, printable
 from groundstation.files.text_file import TextFile, absence
 
 MAX_TOML_BYTES = 4_000_000
-# tomllib keeps every beginning of a key: its room and time grow with the square of a key's parts, and none of our files
-# has more than four
+# tomllib stores every prefix of a key: memory and time grow with the square of a key's parts; keys of this program
+# have at most four
 MAX_KEY_PARTS = 16
 # strings and remarks, whole or cut off by the end: nothing in them is a key
 _QUIET_PARTS = re.compile(
@@ -27,7 +27,7 @@ _BETWEEN_KEYS = re.compile(r"[=,\[\]{}\n]")
 
 
 def shown(text: str, most: int = 60) -> str:
-    """Return what a file says as it fits into one line of an error: nothing unprintable, cut at ``most``."""
+    """Return a text from a file in a form for one line of an error: printable, cut at ``most`` characters."""
     clean = printable(text[: most + 1])
     return clean if len(clean) <= most else clean[: most - 1] + "…"
 
@@ -91,7 +91,7 @@ def finite_number(value: object) -> float | None:
 
 
 class TomlTable:
-    """One TOML table with its place in the file, so that each complaint names file and key."""
+    """One TOML table with its place in the file, so that each error message names file and key."""
 
     def __init__(self, values: Mapping[str, Any], where: str, error: type[InputError]) -> None:
         if not isinstance(values, Mapping):
@@ -169,7 +169,7 @@ class TomlTable:
     def vector(
         self, key: str, length: int, default: tuple[float, ...] | None = None, *, names: str = ""
     ) -> NDArray[np.float64]:
-        """Return ``length`` finite numbers as float64; ``names``, as in [fx, fy], says which."""
+        """Return ``length`` finite numbers as float64; ``names``, as in [fx, fy], is for the error message."""
         if key not in self.values and default is not None:
             return np.array(default, dtype=np.float64)
         wanted = f"{length} finite numbers" + (f", {names}" if names else "")

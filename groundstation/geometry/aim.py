@@ -23,7 +23,7 @@ class Aim:
 
 
 def aim_at(geometry: StationGeometry, point_runway_m: FloatArray) -> Aim | None:
-    """Return the angles that put a runway point (3,) on the principal point, or None where there are none.
+    """Return the angles that put a runway point (3,) on the principal point, or None if no angles do.
 
     Newton's method on the projection, from the direction of the point seen from the PTU.
     """

@@ -1,8 +1,8 @@
 """A station's calibration as a vector of parameters: their names and order, their effect on a pixel, a change of them.
 
 Rotations are small-angle vectors θ in the left-hand frame of their name: runway_from_base becomes
-exp([θ]×) · runway_from_base with θ in the runway frame, head_from_camera likewise with θ in the head frame.
-Everything else is added. The radius at which the lens polynomial is held is no parameter: a change keeps it.
+exp([θ]×) · runway_from_base with θ in the runway frame, head_from_camera in the same way with θ in the head frame.
+All others are added. The radius beyond which the lens polynomial is constant is not a parameter: a change keeps it.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _PACKED = ((slice(3, 6), slice(9, 12)), (slice(9, 12), slice(21, 24)), (slice(12
 
 
 class CalibrationError(GroundstationError):
-    """A calibration parameter has an unknown name, or a changed station is none."""
+    """A calibration parameter has an unknown name, or a changed station is invalid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,7 +69,7 @@ def project_with_calibration(
 ) -> CalibratedProjection | None:
     """Return pixel and derivatives for a runway point (3,), or None if it is not in front of the camera.
 
-    The pixel may lie outside the image.
+    The pixel may be outside the image.
     """
     pixel, jacobian, calibration = np.empty(2), np.empty((2, 5)), np.empty((2, CALIBRATION_SIZE))
     point = np.asarray(point_runway_m, dtype=np.float64)

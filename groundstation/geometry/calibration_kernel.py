@@ -71,7 +71,7 @@ def project_calibration(
             by_head[k] = 0.0
             for r in range(3):
                 by_head[k] += by_point[r] * runway_from_head[r, k]
-        # turning a frame by θ moves what it carries by −θ × arm; ∂/∂θ of g · (arm × θ) is g × arm
+        # rotating a frame by θ moves its content by −θ × arm; ∂/∂θ of g · (arm × θ) is g × arm
         _cross(by_point, d, calibration[row, 0:3])
         _cross(by_head, arm, calibration[row, 6:9])
         for k in range(3):

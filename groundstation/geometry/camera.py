@@ -23,7 +23,7 @@ class Lens:
 
     @property
     def radius_limit(self) -> float:
-        """Return the largest r² (normalised image plane) at which the polynomial is trusted and still grows."""
+        """Return the largest r² (normalised image plane) up to which the polynomial is used and still increases."""
         w, h = self.image_size_px
         corners = np.array([[-0.5, -0.5], [w - 0.5, -0.5], [-0.5, h - 0.5], [w - 0.5, h - 0.5]])
         normalised = (corners - self.principal_point_px) / self.focal_px

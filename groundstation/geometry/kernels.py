@@ -44,9 +44,9 @@ class DistortedPoint(NamedTuple):
 def distort(k: FloatArray, x: float, y: float) -> DistortedPoint:
     """Return a normalised point distorted by OpenCV's k1 k2 p1 p2 k3 model, and its derivatives.
 
-    ``k`` is (6,): the five coefficients and the r² limit. Beyond the limit the radial factor stays what it
-    is there, and the tangential terms vanish smoothly with it: a polynomial fitted inside the image may turn
-    back outside it and put a far-away point into the picture.
+    ``k`` is (6,): the five coefficients and the r² limit. Beyond the limit the radial factor is constant, and the
+    tangential terms vanish smoothly with it: a polynomial fitted inside the image may fold back outside it and map a
+    distant point into the picture.
     """
     k1, k2, p1, p2, k3, limit = k
     r2 = x * x + y * y

@@ -14,7 +14,7 @@ Rows = TypeVar("Rows", float, FloatArray)
 
 
 def row_share(row_px: Rows, height_px: int) -> Rows:
-    """Return where a row lies below the middle of the picture, as a share of its height (rows -½ to h - ½: -½ to ½)."""
+    """Return a row's offset from the middle of the picture, as a share of its height (rows -½ to h - ½: -½ to ½)."""
     return (row_px + 0.5) / height_px - 0.5
 
 

@@ -1,4 +1,4 @@
-"""A pan-tilt station: which pixel a runway point falls on, and which ray a pixel looks along.
+"""A pan-tilt station: the pixel of a runway point, and the ray of a pixel.
 
 Frames, signs and the lens model are those of docs/conventions.md.
 """
@@ -41,7 +41,7 @@ class Ray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraPose:
-    """Where a camera is and looks: its centre (3,) in m, runway frame, and ``runway_from_camera`` (3, 3).
+    """Pose of a camera: its centre (3,) in m, runway frame, and ``runway_from_camera`` (3, 3).
 
     The camera frame is OpenCV's: x right, y down, z along the optical axis.
     """
@@ -98,9 +98,9 @@ class StationGeometry:
         return float(np.arctan2(self.packed[SIN_LEAN], self.packed[COS_LEAN]))
 
     def project(self, point_runway_m: FloatArray, pan_rad: float, tilt_rad: float) -> Projection | None:
-        """Return where a runway point (3,) falls, or None if it is not in front of the camera.
+        """Return the pixel of a runway point (3,), or None if it is not in front of the camera.
 
-        The pixel may lie outside the image.
+        The pixel may be outside the image.
         """
         pixel, jacobian = np.empty(2), np.empty((2, 5))
         depth = kernels.project(self.packed, point_runway_m, pan_rad, tilt_rad, pixel, jacobian)
@@ -130,7 +130,7 @@ class StationGeometry:
         return rotation_z(pan_rad) @ rotation_y(self.lean_rad) @ rotation_x(tilt_rad)
 
     def contains(self, pixel: FloatArray, margin_px: float = 0.0) -> bool:
-        """Return whether a pixel (2,) lies in the image, at least ``margin_px`` from its border."""
+        """Return whether a pixel (2,) is in the image, at least ``margin_px`` from its border."""
         w, h = self.image_size_px
         inside_u = -0.5 + margin_px <= pixel[0] <= w - 0.5 - margin_px
         return bool(inside_u and -0.5 + margin_px <= pixel[1] <= h - 0.5 - margin_px)

@@ -25,7 +25,7 @@ _SLOPE_RAD = 1e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detour:
-    """Where to turn next: ``angles_rad`` (2,) pan and tilt; ``reaches`` is that this is where one wants to go."""
+    """The next waypoint: ``angles_rad`` (2,) pan and tilt; ``reaches`` is whether it is the goal."""
 
     angles_rad: FloatArray
     reaches: bool
@@ -97,7 +97,7 @@ class DetourPlanner:
         return np.asarray(self._nodes[free[np.argmin(np.sum((self._nodes[free] - near) ** 2, axis=1))]])
 
     def _round(self, t_s: float, zones: ClosedZones, here: FloatArray, goal: FloatArray) -> FloatArray:
-        """Return the last node of the shortest way that lies in a straight line; ``here`` where there is no way."""
+        """Return the last node of the shortest path that is reached in a straight line; ``here`` without a path."""
         end = int(np.argmin(np.sum((self._nodes - self._free_node(zones, goal)) ** 2, axis=1)))
         if self._tree is None or self._tree[1] != end or not 0.0 <= t_s - self._tree[0] < _KEPT_S:
             self._tree = (t_s, end, self._ways_to(zones, end))
@@ -113,7 +113,7 @@ class DetourPlanner:
         return here
 
     def _ways_to(self, zones: ClosedZones, end: int) -> FloatArray:
-        """Return for each node the next one on its way to ``end``, negative where there is none."""
+        """Return for each node the next one on its path to ``end``, negative where there is none."""
         free = self._free(zones)
         number = np.arange(len(self._nodes)).reshape(self._shape)
         pairs = []

@@ -1,6 +1,6 @@
-"""Where a lens must not look: around the Sun, and into sectors of a head's angles that the user has closed.
+"""Keep-out zones of a lens: around the Sun, and in sectors of a head's angles that the user has closed.
 
-A zone is known by its clearance: how far the lens is outside it, rad, negative inside. A turn of the head by
+A zone is described by its clearance: the lens's distance outside it, rad, negative inside. A turn of the head by
 (δpan, δtilt) changes no clearance by more than |δpan| + |δtilt|, since neither axis moves the optical axis by more
 than its own angle.
 """
@@ -22,7 +22,7 @@ _SUN_SET_RAD = math.radians(-1.0)
 # cells of a box that are smaller than this are taken for points
 _LEAST_CELL_RAD = math.radians(0.01)
 _STEP_RAD = math.radians(0.5)
-# of rounding and of the ways between two points that were looked at, which are straight in angles and not on the sphere
+# rounding, and the paths between two checked points, which are straight in angles and not on the sphere
 _TOLERANCE_RAD = math.radians(0.002)
 _ROUNDING_RAD = 1e-9
 
@@ -45,9 +45,9 @@ class Sector:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensAxis:
-    """How a head carries its lens: ``base_from_runway`` (3, 3), the optical axis (3,) in the head, the lean, rad.
+    """Mounting of a lens on a head: ``base_from_runway`` (3, 3), the optical axis (3,) in the head, the lean, rad.
 
-    Without slots, for what is kept once it has been computed.
+    It has no slots, for cached properties.
     """
 
     base_from_runway: FloatArray
@@ -76,7 +76,7 @@ class LensAxis:
 
     @cached_property
     def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The optical axis in a base that does not pan: what stays, what goes with the tilt's cosine and its sine."""
+        """The optical axis in a base that does not pan: its constant part and its parts with the tilt's cosine and sine."""
         lean = rotation_y(self.lean_rad)
         # Rx(tilt) a = (ax, 0, 0) + cos(tilt) (0, ay, az) + sin(tilt) (0, −az, ay)
         level = lean @ np.array([self.axis_head[0], 0.0, 0.0])
@@ -120,7 +120,7 @@ class KeepOut:
         return replace(self, utc_zero_s=self.utc_zero_s + zero_s)
 
     def zones(self, t_s: float) -> "ClosedZones":
-        """Return what is closed at one time."""
+        """Return the closed zones at one time."""
         direction = None
         if self.sun is not None:
             direction = self.sun.sun.direction_runway(self.utc_zero_s + t_s)
@@ -131,7 +131,7 @@ class KeepOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosedZones:
-    """What is closed to a lens at one time; ``sun_runway`` (3,) is None while the Sun is down or not avoided."""
+    """The zones closed to a lens at one time; ``sun_runway`` (3,) is None while the Sun is down or not avoided."""
 
     keep_out: KeepOut
     sun_runway: FloatArray | None
@@ -142,7 +142,7 @@ class ClosedZones:
         return self.sun_runway is None and not self.keep_out.sectors
 
     def clearance(self, pan_rad: FloatArray, tilt_rad: FloatArray) -> FloatArray:
-        """Return how far the lens is outside all zones at angles (…), rad; infinite where there are none."""
+        """Return the lens's distance outside all zones at angles (…), rad; infinite without zones."""
         out = [sector.clearance(pan_rad, tilt_rad) for sector in self.keep_out.sectors]
         if self.sun_runway is not None and self.keep_out.sun is not None:
             off = self.keep_out.lens.angle_to(self.sun_runway, pan_rad, tilt_rad)
@@ -169,9 +169,9 @@ class ClosedZones:
         return min(found)[1] if found else "nothing"
 
     def box_is_clear(self, begin: tuple[float, float], end: tuple[float, float], margin_rad: float) -> bool:
-        """Return whether a head may go from angles to others, each axis at a speed of its own: by any way between.
+        """Return whether a head may move from angles to others, each axis at its own speed: by any path between.
 
-        Where it begins inside a zone, or nearer than the margin, no part of any way may lead further in.
+        If it starts inside a zone, or nearer than the margin, no part of any path may lead further in.
         """
         if self.is_empty:
             return True
@@ -200,7 +200,7 @@ class ClosedZones:
             centres = np.concatenate([centres - shift, centres + shift])
 
     def _leads_out(self, begin: tuple[float, float], end: tuple[float, float], margin_rad: float) -> bool:
-        """Return whether what is inside never gets deeper along either axis, and what is outside stays so."""
+        """Return whether an inside point never gets deeper along either axis, and an outside one stays outside."""
         counts = [min(max(math.ceil(abs(b - a) / _STEP_RAD), 1), 240) + 1 for a, b in zip(begin, end, strict=True)]
         pan, tilt = (np.linspace(a, b, n) for a, b, n in zip(begin, end, counts, strict=True))
         depth = np.minimum(self.clearance(pan[:, None], tilt[None, :]) - margin_rad, 0.0)
@@ -210,9 +210,9 @@ class ClosedZones:
         return bool(never_deeper and _ends_no_deeper(depth.ravel()))
 
     def way_is_clear(self, way_rad: FloatArray, margin_rad: float) -> bool:
-        """Return whether a head may go along points (n, 2) that lie close together, from the first on.
+        """Return whether a head may move along closely spaced points (n, 2), from the first on.
 
-        Where it begins inside a zone, or nearer than the margin, it may not get deeper.
+        If it starts inside a zone, or nearer than the margin, it may not get deeper.
         """
         if self.is_empty:
             return True

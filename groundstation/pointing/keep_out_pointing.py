@@ -1,7 +1,7 @@
-"""Turning a head round zones that its lens is kept out of: rates that come near none, and where to wait.
+"""Pointing around keep-out zones of a lens: rates that approach none, and waiting positions.
 
-What the unit would refuse (`groundstation.live.keep_out_unit`) is not asked for here: the margin is wider, and rates
-towards a zone are those from which the head still stops before it.
+Commands that the unit would refuse (`groundstation.live.keep_out_unit`) are avoided: the margin is wider, and rates
+towards a zone are limited to those from which the head still stops before it.
 """
 
 import math
@@ -12,10 +12,10 @@ from groundstation.arrays import FloatArray
 from groundstation.pointing.detour import Detour, DetourPlanner, slope_of
 from groundstation.pointing.keep_out import ClosedZones, KeepOut, rates_are_clear
 
-# kept by the plan, and by the rates that it may ask for; the unit's own margin is smaller than both
+# margin of the planned path and of the rates; the unit's own margin is smaller than both
 PLAN_MARGIN_RAD = math.radians(1.0)
 _RATE_MARGIN_RAD = math.radians(0.6)
-# besides the unit's lease a rate is held so long at most before the head brakes: its look and a late reading
+# in addition to the unit's lease, the longest time at a rate before the head brakes: its period and a late reading
 _LATE_S = 0.4
 _UNKNOWN_BRAKES_RAD_S2 = math.radians(30.0)
 _SHARES = (1.0, 0.6, 0.3, 0.1)
@@ -23,13 +23,13 @@ _STEP_SHARES = (*_SHARES, 0.03, 0.01)
 
 
 class KeepOutPilot:
-    """One head's.
+    """Keep-out rules of one head.
 
     Parameters
     ----------
     keep_out : at session times.
-    lows_rad, highs_rad, brakes_rad_s2 : (2,) of pan and tilt; what the unit does not tell is infinite.
-    lease_s : the unit holds a rate for so long after the last command.
+    lows_rad, highs_rad, brakes_rad_s2 : (2,) of pan and tilt; infinite where the unit does not report them.
+    lease_s : the time for which the unit holds a rate after the last command.
     """
 
     def __init__(
@@ -50,11 +50,11 @@ class KeepOutPilot:
         self._told = np.zeros(2)
 
     def zones(self, t_s: float) -> ClosedZones:
-        """Return what is closed at a session time."""
+        """Return the closed zones at a session time."""
         return self._keep_out.zones(t_s)
 
     def allows(self, t_s: float, angles_rad: tuple[float, float]) -> bool:
-        """Return whether the head may look at (pan, tilt) then."""
+        """Return whether the head may point at (pan, tilt) at that time."""
         return self.zones(t_s).at(angles_rad) >= PLAN_MARGIN_RAD
 
     def next(self, t_s: float, here_rad: FloatArray, wanted_rad: FloatArray) -> Detour:

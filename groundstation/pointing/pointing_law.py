@@ -1,9 +1,9 @@
-"""Turning a station's PTU: where it has to look by the time a command takes effect, and how fast.
+"""Pointing of a station's PTU: the angles at the time a command takes effect, and the rates.
 
-A command that is given now moves the head ``latency_s`` later. So the target is predicted to then, the head as well, by
-what it was told since its newest reading, and the rate is the target's own (feed-forward) plus a share of what the
-head will be off. It is held inside the head's rate, acceleration and limits here: a driver refuses, it does not clip.
-Both axes go by themselves.
+A command issued now moves the head ``latency_s`` later. The target is therefore predicted to that time, and the head by
+the rates commanded since its newest reading; the rate is the target's own (feed-forward) plus a share of the predicted
+error. It is limited to the PTU's rate, acceleration and limits here, because a driver refuses and does not clip.
+The two axes are independent.
 """
 
 import math
@@ -23,11 +23,11 @@ from groundstation.pointing.keep_out import KeepOut
 from groundstation.pointing.keep_out_pointing import KeepOutPilot
 
 _GAIN_TIMES_LATENCY = 0.3
-# a driver refuses a rate from which the axis could not stop before its limit if the command to stop came so late
+# a driver refuses a rate from which the axis could not stop before its limit if the stop command came so late
 _STOPS_AFTER_S = 0.1
 # a head that is held before a closed zone creeps no slower than that: the Sun moves at 0.004 °/s
 _STANDS_RAD_S = math.radians(0.1)
-# a unit that tells no lease of its own: the default watchdog of the drivers, or the motion guard
+# a unit that reports no lease: the default watchdog of the drivers, or the motion guard
 LEASE_S = 0.5
 
 
@@ -44,7 +44,7 @@ class AxisLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadLimits:
-    """What the two axes of a head may do; it holds a rate for ``lease_s`` after the last command, at most."""
+    """Limits of the two axes of a PTU; it holds a rate for at most ``lease_s`` after the last command."""
 
     pan: AxisLimits
     tilt: AxisLimits
@@ -53,16 +53,16 @@ class HeadLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointingConfig:
-    """Tuning of the turning.
+    """Tuning of the pointing law.
 
     Attributes
     ----------
-    gain_per_s : how much of an error in angle is turned back in a second.
-    rate_share, acceleration_share : how much of what the head can do is used.
-    margin_deg : how far from its limits an axis is stopped.
-    rate_step_s : over so long the target's rate of angle is taken.
-    stale_s : without a reading for so long the head is not turned.
-    latency_s : from a command that has been acknowledged to the head's turning; what the line takes is measured.
+    gain_per_s : share of an angular error that is corrected in a second.
+    rate_share, acceleration_share : share of the PTU's maximum rate and acceleration that is used.
+    margin_deg : distance from its limits at which an axis is stopped.
+    rate_step_s : interval of the difference that gives the target's angular rate.
+    stale_s : age of the newest reading beyond which the head is not turned.
+    latency_s : from an acknowledged command to the head's motion; the line's delay is measured.
     """
 
     gain_per_s: float = 4.0
@@ -104,11 +104,11 @@ class AxisPilot:
         return math.inf if self._reading is None else now_s - self._reading[0]
 
     def expected(self, t_s: float, latency_s: float) -> float | None:
-        """Return the angle at ``t_s``, by the newest reading and what the axis was told; None without a reading."""
+        """Return the angle at ``t_s``, from the newest reading and the commanded rates; None without a reading."""
         if self._reading is None:
             return None
         read_s, angle = self._reading
-        # the rate of the reading's own time and those told since; what was replaced before it adds nothing
+        # the rate at the reading's own time and the later ones; a replaced rate adds nothing
         since = sum(1 for _ in takewhile(lambda told: told[0] + latency_s > read_s, reversed(self._told)))
         held = list(islice(self._told, max(len(self._told) - 1 - since, 0), None))
         ends = [*(at + latency_s for at, _ in held[1:]), t_s]
@@ -117,7 +117,7 @@ class AxisPilot:
         return angle
 
     def rate_to(self, now_s: float, wanted_rad: float, wanted_rate_rad_s: float, latency_s: float) -> float:
-        """Return the rate to tell now, so that the axis is at ``wanted_rad``, and turns so, ``latency_s`` from now."""
+        """Return the rate to command now to put the axis at ``wanted_rad``, with its rate, ``latency_s`` from now."""
         angle = self.expected(now_s + latency_s, latency_s)
         if angle is None or self.age_s(now_s) > self._config.stale_s:
             return self._tell(now_s, 0.0)
@@ -125,7 +125,7 @@ class AxisPilot:
         # as the head counts: not through its back
         off = wanted_rad - angle
         brakes = config.acceleration_share * limits.acceleration_rad_s2
-        # what is told faster than it takes effect overshoots
+        # a command rate faster than its effect overshoots
         gain = min(config.gain_per_s, _GAIN_TIMES_LATENCY / latency_s) if latency_s > 0 else config.gain_per_s
         back = min(gain * abs(off), math.sqrt(2.0 * brakes * abs(off)) if off else 0.0)
         rate = wanted_rate_rad_s + math.copysign(back, off)
@@ -138,7 +138,7 @@ class AxisPilot:
         return self._tell(now_s, self._kept_inside(angle, rate, brakes))
 
     def tell_instead(self, rate_rad_s: float, now_s: float, latency_s: float) -> float:
-        """Replace the rate that was told last by another, as far as the axis may turn so; returns that."""
+        """Replace the last commanded rate by another, within the axis's limits; returns that."""
         angle = self.expected(now_s + latency_s, latency_s)
         fastest = self._config.rate_share * self._limits.fastest_rad_s
         brakes = self._config.acceleration_share * self._limits.acceleration_rad_s2
@@ -148,7 +148,7 @@ class AxisPilot:
         return rate
 
     def clipped(self, angle_rad: float) -> float:
-        """Return an angle that the axis may be told to go to."""
+        """Return an angle within the range that may be commanded."""
         margin = math.radians(self._config.margin_deg)
         return min(max(angle_rad, self._limits.low_rad + margin), self._limits.high_rad - margin)
 
@@ -169,7 +169,7 @@ class AxisPilot:
 
     def _tell(self, now_s: float, rate: float) -> float:
         self._told.append((now_s, rate))
-        # what lies before the newest reading is in it
+        # rates before the newest reading are included in it
         oldest_s = now_s - 10.0 * self._config.stale_s
         while len(self._told) > 2 and self._told[1][0] < oldest_s:
             self._told.popleft()
@@ -185,7 +185,7 @@ def _fastest_within(room_rad: float, brakes_rad_s2: float) -> float:
 
 
 class HeadPilot:
-    """One station's head: follows a target, goes to angles, holds; round what its lens is kept out of, if anything.
+    """Controls one station's PTU: follows a target, moves to angles, holds; around its lens's keep-out zones, if any.
 
     ``keep_out`` is at session times.
     """
@@ -218,10 +218,10 @@ class HeadPilot:
     def follow(
         self, now_s: float, target: Callable[[float], FloatArray | None], purpose: Purpose = Purpose.TRACK
     ) -> PointingCommand:
-        """Return the command that keeps a moving point in the middle of the image.
+        """Return the command that keeps a moving point at the principal point.
 
-        ``target`` gives the point (3,) at a session time, runway frame; where it gives none, or one that the station
-        cannot look at, the head is held still.
+        ``target`` returns the point (3,) at a session time, runway frame; where it returns none, or one outside the
+        station's range, the head is held still.
         """
         act_s = now_s + self.latency_s
         here, there = target(act_s), target(act_s + self._config.rate_step_s)
@@ -285,7 +285,7 @@ class HeadPilot:
         tilt_rate = self._tilt.rate_to(now_s, tilt, tilt_rate, self.latency_s)
         if self.keep_out is not None and here is not None:
             pan_rate, tilt_rate = self._kept_out(self.keep_out, now_s, here, (pan_rate, tilt_rate))
-            # a unit that takes positions alone has not turned at the rates that it was told
+            # a unit that accepts positions only has not turned at the commanded rates
             read = np.array([self._pan.newest_rad, self._tilt.newest_rad])
             step = self.keep_out.step_towards(now_s + self.latency_s, read, np.array([pan, tilt]))
             pan, tilt = float(step[0]), float(step[1])

@@ -1,7 +1,7 @@
-"""Where all stations look while there is no target: a point in the air that sweeps what has to be searched.
+"""The aim of all stations without a target: a point in the air that sweeps the search volume.
 
-All cameras look at one place at a time, since it takes two of them to find a target. After a loss that is where the
-target must have gone, swept as wide as it may have strayed; without one, the sector in which aircraft arrive.
+All cameras observe one place at a time, because detection needs two of them. After a loss that is the predicted
+position of the target, swept over its uncertainty; without one, the sector in which aircraft arrive.
 """
 
 import math
@@ -14,22 +14,22 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Kinematics
 
-# a sweep is looked ahead in so many steps of a quarter of a view's dwell
+# steps of a quarter of a view's dwell in which a sweep is evaluated ahead
 _SKIPPED = 120
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchConfig:
-    """What is searched, and how fast.
+    """The searched volume, and the speed of the search.
 
     Attributes
     ----------
     azimuth_deg, elevation_deg : (low, high) of the sector, seen from the runway's origin; azimuth to the right of +y.
-    range_m : how far out the cameras' views are made to meet.
-    dwell_s : how long a place stays in view, at least.
-    lost_s : for so long after a loss it is searched where the target must have gone.
-    sigmas : how far from there.
-    acceleration_psd_m2_s3 : what a lost aircraft may do, per axis.
+    range_m : range at which the cameras' views meet.
+    dwell_s : least time for which a place stays in view.
+    lost_s : duration of the search at the predicted position after a loss.
+    sigmas : extent of that search.
+    acceleration_psd_m2_s3 : manoeuvres of a lost aircraft, per axis.
     """
 
     azimuth_deg: tuple[float, float] = (-5.0, 5.0)
@@ -48,11 +48,11 @@ class SearchConfig:
 
 
 class SearchPattern:
-    """The point that all stations look at, as a function of time."""
+    """The common aim of all stations, as a function of time."""
 
     def __init__(self, stations: Mapping[str, StationGeometry], config: SearchConfig) -> None:
         self._config = config
-        # half of what the narrowest camera sees, as tangents
+        # half of the narrowest camera's field of view, as tangents
         self._view = np.min([0.5 * np.array(g.image_size_px) / g.lens.focal_px for g in stations.values()], axis=0)
         self._lost: tuple[float, Kinematics] | None = None
 
@@ -65,15 +65,15 @@ class SearchPattern:
         return self._lost is not None and 0.0 <= t_s - self._lost[0] <= self._config.lost_s
 
     def ahead_s(self, t_s: float, allowed: Callable[[FloatArray], bool]) -> float:
-        """Return how far the sweep has to be ahead so that a point (3,) that may be looked at comes; 0 if none does.
+        """Return the time by which the sweep is advanced to reach a permitted point (3,); 0 if there is none.
 
-        So what must not be looked at costs no time: all stations go on where it ends.
+        A closed region thus costs no time: all stations continue where it ends.
         """
         step_s = 0.25 * self._config.dwell_s
         return next((k * step_s for k in range(_SKIPPED) if allowed(self.point(t_s + k * step_s))), 0.0)
 
     def point(self, t_s: float) -> FloatArray:
-        """Return the point (3,) to look at, runway frame."""
+        """Return the aim (3,), runway frame."""
         if self._lost is not None and self.after_loss(t_s):
             return self._around(t_s, *self._lost)
         config = self._config
@@ -83,7 +83,7 @@ class SearchPattern:
         return self._swept(t_s, middle, half)
 
     def _around(self, t_s: float, lost_s: float, kinematics: Kinematics) -> FloatArray:
-        """Return the place to look at, ``t_s`` after a loss, by the motion that was known then."""
+        """Return the aim ``t_s`` after a loss, by the motion at the loss."""
         dt = t_s - lost_s
         P, psd = kinematics.covariance, self._config.acceleration_psd_m2_s3
         middle = kinematics.position_runway_m + dt * kinematics.velocity_runway_m_s
@@ -104,9 +104,9 @@ class SearchPattern:
 
 
 def _serpentine(t_s: float, reach: FloatArray, speed: FloatArray, rows: int) -> tuple[float, float]:
-    """Return where a sweep of ±``reach`` (2,) is at a time: along one row, up to the next, back along that, …
+    """Return the point of a sweep of ±``reach`` (2,) at a time: along one row, up to the next, back along that, …
 
-    Rows are as many as one view's height each covers; from the top it goes down again the same way.
+    The rows are one view's height apart; from the top the sweep returns downwards in the same way.
     """
     along_s, up_s = 2.0 * reach[0] / speed[0], 2.0 * reach[1] / speed[1] / max(rows - 1, 1)
     lap_s = along_s + up_s

@@ -1,8 +1,8 @@
-"""A recorded session on disk: what its tables say, which pictures there are, and the two references.
+"""A recorded session on disk: its tables, its pictures, and the two references.
 
 `load_session` reads session.toml and rig.toml and checks the rest as far as that is cheap; frames, PTU rows
-and detections are streamed by `groundstation.sources.folder_source`. `load_dgps` and `load_truth` are apart from it,
-since a broken reference must not keep a recording from being tracked.
+and detections are streamed by `groundstation.sources.folder_source`. `load_dgps` and `load_truth` are separate,
+because a faulty reference must not prevent tracking.
 """
 
 from groundstation.session.folder import BackgroundPhase, GeoOrigin, RecordingInfo, Session, TargetModel

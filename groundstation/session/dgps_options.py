@@ -1,4 +1,4 @@
-"""The [dgps] table of session.toml: what a log of positions leaves open, and which moment is zero of its clock."""
+"""The [dgps] table of session.toml: information missing from a log of positions, and the zero of its clock."""
 
 import datetime
 from dataclasses import dataclass, field

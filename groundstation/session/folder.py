@@ -21,7 +21,7 @@ from groundstation.session.media import Medium, check_medium, find_media
 CLOCKED_TABLES = ("frames", "detections", "ptu", "dgps", "truth")
 _TABLES = ("clocks", "target", "initial", "origin", "phase", "dgps")
 _MAX_PHASES = 10_000
-# the recorder's own notes are few; to look for a misspelt one costs a comparison with each that is known
+# the recorder's own notes are few; searching for misspelt keys costs a comparison with each known key
 _MAX_ENTRIES = 1_000
 
 
@@ -44,7 +44,7 @@ class BackgroundPhase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GeoOrigin:
-    """Where the session's frame lies on Earth; height above the ellipsoid, azimuth of +y clockwise from true north."""
+    """Pose of the session's frame on Earth; height above the ellipsoid, azimuth of +y from true north."""
 
     lat_deg: float
     lon_deg: float
@@ -73,16 +73,16 @@ class Session:
 
     Attributes
     ----------
-    folder : where its tables lie: a folder, or the files that a recording carries.
-    rig : the calibrated stations; clocks that the rig file leaves open are those of [clocks].
+    folder : container of its tables: a folder, or the files attached to a recording.
+    rig : the calibrated stations; clocks missing from the rig file are those of [clocks].
     frame : "runway" or "east-north-up".
     date, licence, notes : text of the file; empty if absent.
     initial, origin : None where the file does not give them.
     clocks : the [clocks] table, by station or table name.
-    dgps : how a log of positions is read, where there is one instead of dgps.csv.
+    dgps : options for reading a log of positions, where there is one instead of dgps.csv.
     media : each station's pictures; empty for a session of detections only.
     left_out : stations of the folder's own rig that are missing from the rig in use; their rows are skipped.
-    recorded : of a recording, how it was made; None for a folder.
+    recorded : information on the recording; None for a folder.
     """
 
     name: str
@@ -114,11 +114,11 @@ class Session:
         return any(name in self.clocks for name in cameras)
 
     def camera_clock(self, station: Station) -> ClockModel:
-        """Return how a camera's stamps map to session time: from the rig, else from [clocks], else equal."""
+        """Return the map from a camera's stamps to session time: from the rig, else [clocks], else equal."""
         return ClockModel() if station.camera_clock is None else station.camera_clock
 
     def ptu_clock(self, station: Station) -> ClockModel:
-        """Return how PTU stamps map to session time: from the rig, else from [clocks] of ``ptu``, else equal."""
+        """Return the map from PTU stamps to session time: from the rig, else [clocks] of ``ptu``, else equal."""
         return station.ptu_clock
 
 
@@ -225,9 +225,9 @@ def _clocks(table: TomlTable, stations: set[str]) -> dict[str, ClockModel]:
 
 
 def _with_clocks(rig: Rig, clocks: dict[str, ClockModel], pictures: str) -> Rig:
-    """Return the rig with the clocks that it leaves open taken from [clocks]; what the rig file says stays.
+    """Return the rig with its missing clocks taken from [clocks]; clocks in the rig file take precedence.
 
-    A PTU of which neither speaks shares its station's clock, as the files of a session without [clocks] do.
+    A PTU with neither shares its station's clock, as in a session without [clocks].
     """
     stations = []
     for station in rig.stations:
@@ -276,7 +276,7 @@ def parse_origin(table: TomlTable, frame: str) -> GeoOrigin:
         lat_deg=table.number("lat_deg", minimum=-90.0, maximum=90.0),
         lon_deg=table.number("lon_deg", minimum=-360.0, maximum=360.0),
         height_m=table.number("height_m"),
-        # y is north where the frame says so; a runway's direction must be told
+        # y is north in the frame east-north-up; a runway's direction must be given
         y_axis_azimuth_deg=table.number("y_axis_azimuth_deg", None if frame == "runway" else 0.0),
     )
 

@@ -14,7 +14,7 @@ from groundstation.rig.rig import Rig
 
 # two of these for one station are ambiguous, which is an error
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".webm", ".wmv")
-# files of a station's name that FFmpeg might take for pictures, and that are none
+# files of a station's name that FFmpeg might open as pictures, but that are not pictures
 _OTHER_SUFFIXES = (".csv", ".toml", ".txt", ".json", ".npz", ".md", ".srt", ".xml", ".html", ".log")
 # a day at 100 Hz, and far from filling the memory with names
 _MAX_FILES = 10_000_000
@@ -56,7 +56,7 @@ def find_media(folder: Path, rig: Rig) -> dict[str, Medium]:
 
 
 def _medium(folder: Path, name: str) -> Medium | None:
-    """Return a station's video, or else its folder of pictures."""
+    """Return a station's video, otherwise its folder of pictures."""
     files = [f for f in sorted(folder.glob(f"{name}.*")) if f.stem == name and f.is_file()]
     videos = [f for f in files if f.suffix.lower() in VIDEO_SUFFIXES]
     if len(videos) > 1:
@@ -73,13 +73,13 @@ def _medium(folder: Path, name: str) -> Medium | None:
 
 
 def open_video(path: Path) -> cv2.VideoCapture:
-    """Open a video for decoding in one thread; `isOpened` tells success."""
+    """Open a video for decoding in one thread; `isOpened` reports success."""
     if repeats_tables(path):
         return cv2.VideoCapture()
     # FFmpeg alone: OpenCV's other readers would take a name with digits for a series of images. The cameras
     # already decode side by side; more threads each would only hold more frames in memory.
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
-    # as its header says, before any room is made for a picture
+    # size in its header, before memory is allocated for a picture
     if capture.get(cv2.CAP_PROP_FRAME_WIDTH) * capture.get(cv2.CAP_PROP_FRAME_HEIGHT) > MAX_PICTURE_PX:
         capture.release()
     return capture
@@ -116,7 +116,7 @@ def read_image(path: Path) -> object:
         encoded = path.read_bytes()
     except OSError:
         return None
-    # a JPEG cut short is decoded without complaint, the rest grey; only its end marker tells
+    # a truncated JPEG is decoded without an error, the rest grey; only its end marker shows it
     if path.suffix.lower() in (".jpg", ".jpeg") and encoded.find(b"\xff\xd9", len(encoded) // 2) < 0:
         return None
     if not is_decodable(encoded):

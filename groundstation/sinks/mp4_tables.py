@@ -1,6 +1,6 @@
-"""Whether the boxes of an MP4 file can be true: a reader that believes a damaged one may never come to an end.
+"""Consistency of the boxes of an MP4 file: a reader that trusts a damaged one may not terminate.
 
-ISO/IEC 14496-12: boxes inside boxes (4.2), and in section 8.6 and 8.7 the tables `stts` and `ctts`, runs of samples,
+ISO/IEC 14496-12: nested boxes (4.2), and in section 8.6 and 8.7 the tables `stts` and `ctts`, runs of samples,
 `stsc`, samples per chunk, `stsz`, the samples' sizes, `stco` and `co64`, the chunks.
 """
 
@@ -86,9 +86,9 @@ def _check(kind: bytes, body: bytes, file_bytes: int, depth: int) -> None:
 
 
 def _boxes(body: bytes, holder: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Yield kind and content of the boxes in one.
+    """Yield kind and content of the boxes in a box.
 
-    Zeros after the last box are a box of no length to Rerun's reader, at which it stays for ever; so are fewer than
+    Zeros after the last box are a box of length zero to Rerun's reader, which then does not advance; so are fewer than
     eight of them inside a track. QuickTime ends its user data with four, which the reader reports as an error.
     """
     place = 0

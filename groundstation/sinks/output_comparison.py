@@ -51,7 +51,7 @@ class OutputComparisonSink:
         self._first: int | None = None
 
     def recorded(self, answer: bytes) -> None:
-        """Take a recorded answer, a line of JSON; one that is damaged differs from all others."""
+        """Add a recorded output, a line of JSON; a damaged one differs from all others."""
         try:
             values = json.loads(answer)
             key = int(values["epoch"]) if "epoch" in values else repr(float(values["t_s"]))
@@ -62,7 +62,7 @@ class OutputComparisonSink:
         self._meet(self._recorded, self._answered, key, line(values))
 
     def write(self, report: StepReport) -> None:
-        """Take what was answered now."""
+        """Add the current output."""
         for estimate in report.estimates:
             self._meet(self._answered, self._recorded, int(estimate.epoch), line(estimate_values(estimate)))
         for state in report.states:
@@ -72,7 +72,7 @@ class OutputComparisonSink:
         """Nothing is held open."""
 
     def result(self) -> OutputComparison:
-        """Return what came of it."""
+        """Return the result of the comparison."""
         alone = len(self._recorded) + len(self._answered) + self._dropped
         return OutputComparison(
             compared=self._compared,

@@ -62,7 +62,7 @@ def _pieces(contour_px: NDArray[np.float32]) -> list[NDArray[np.int32]]:
 
 
 def _write(picture: ImageArray, text: str) -> None:
-    """Write a line at the top left, on a plate of its own: legible on any background and after compression."""
+    """Write a line at the top left on a plate, legible on any background and after compression."""
     scale = max(0.55, picture.shape[1] / 1400)
     stroke = max(round(1.4 * scale), 1)
     (w, h), below = cv2.getTextSize(text, _FONT, scale, stroke)
@@ -83,7 +83,7 @@ class OverlayVideo:
 
     def __init__(self, path: Path, size_px: tuple[int, int], rate_hz: float) -> None:
         try:
-            # OpenCV does not say why it cannot write
+            # OpenCV does not report why it cannot write
             path.open("wb").close()
         except OSError as fault:
             raise InputError(str(path), got=str(fault.strerror), wanted="a video that can be written") from fault

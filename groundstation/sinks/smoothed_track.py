@@ -13,7 +13,7 @@ from groundstation.sinks.track_files import write_track
 
 
 class SmoothedTrackSink:
-    """Requests the smoothed state at every time with an estimate; pairs without one have none.
+    """Requests the smoothed state at every time with an estimate; pairs without one are skipped.
 
     ``want`` is called with these times, `found` with the smoothed states.
     """

@@ -76,7 +76,7 @@ class TrackFilesSink:
                 self._tum.write(pose)
             self._flush(estimate.t_s)
         for state in report.states:
-            # where no pair comes, either, the last rows do not wait for one
+            # without further pairs, too, the last rows are flushed
             self._flush(state.t_s)
 
     def _flush(self, t_s: float) -> None:
@@ -107,7 +107,7 @@ def _open(stack: ExitStack, path: Path) -> TextIO:
 
 
 def _line(cells: Iterable[str]) -> str:
-    """Join the cells of one row; none of ours needs quoting (station names have no commas)."""
+    """Join the cells of one row; no cell needs quoting (station names have no commas)."""
     return ",".join(cells) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""ArduPilot's onboard log (.bin): the GPS and GPA messages, read by pymavlink's DFReader, with times of our own.
+"""ArduPilot's onboard log (.bin): the GPS and GPA messages, read by pymavlink's DFReader, with the receiver's times.
 
 GPS has week and milliseconds of the receiver; pymavlink's conversion to UTC is not used.
 """
@@ -32,7 +32,7 @@ _LEAST_BYTES = {"GPS": 20, "GPA": 20}
 
 
 def read_dataflash(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
-    """Read the positions of an onboard log. Raises `LogError` where it is none."""
+    """Read the positions of an onboard log. Raises `LogError` where it is not one."""
     open_log = _opener()
     if path.stat().st_size > _MAX_BYTES:
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of log")
@@ -55,7 +55,7 @@ def read_dataflash(path: Path, options: LogOptions, remarks: ReadingNotes) -> li
 
 
 class _Complaints(io.TextIOBase):
-    """Counts what pymavlink says about stretches that it cannot read, one for each byte of some; keeps none of it."""
+    """Counts pymavlink's messages about unreadable sections, of which some have one per byte; stores none."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -68,7 +68,7 @@ class _Complaints(io.TextIOBase):
 
 
 def _opener() -> Any:
-    """Return pymavlink's reader, without its compiled index: that writes to the terminal past us, on damaged logs."""
+    """Return pymavlink's reader without its compiled index, which writes to the terminal on damaged logs."""
     try:
         from pymavlink.DFReader import DFReader_binary
     except ImportError as error:
@@ -96,9 +96,9 @@ def _opener() -> Any:
 
 
 class _Formats(dict[int, Any]):
-    """Descriptions of messages by type; one whose messages are shorter than can be is not taken.
+    """Descriptions of messages by type; one with an impossibly short message is not used.
 
-    With a damaged length of nothing the same message would be read for ever.
+    With a damaged length of zero the same message would be read without end.
     """
 
     def __setitem__(self, kind: int, description: Any) -> None:

@@ -1,4 +1,4 @@
-"""What every reader of a log returns: fixes, what was left out, and the options that settle what a log leaves open."""
+"""Results of every log reader: fixes, omitted entries, and the options for information missing from a log."""
 
 import datetime
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ class FixQuality(StrEnum):
     SIMULATED = "simulated"
 
 
-# east, north, up in m, one sigma: what receivers of each kind reach under open sky, where the log does not say
+# east, north, up in m, one sigma: accuracy of each fix type under open sky, where the log does not state it
 DEFAULT_SIGMA_M: dict[FixQuality, tuple[float, float, float]] = {
     FixQuality.FIX: (0.02, 0.02, 0.04),
     FixQuality.FLOAT: (0.4, 0.4, 0.8),
@@ -44,15 +44,15 @@ DEFAULT_SIGMA_M: dict[FixQuality, tuple[float, float, float]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogOptions:
-    """What a log may leave open.
+    """Information that a log may lack.
 
     Attributes
     ----------
     date : UTC date of the first fix, for a log without dates, or one whose receiver has the wrong 1024 weeks.
-    height : "ellipsoid" or "sea level", for a log that does not say which its heights are.
+    height : "ellipsoid" or "sea level", for a log that does not state the datum of its heights.
     geoid_separation_m : ellipsoid height of sea level, for a log that has heights above sea level only.
     base_deg_m : latitude, longitude, ellipsoid height of the base, for a log of baselines.
-    instance : which receiver, where an autopilot logs several; None for the first that has fixes.
+    instance : the receiver, where an autopilot logs several; None for the first that has fixes.
     """
 
     date: datetime.date | None = None
@@ -64,10 +64,10 @@ class LogOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogFix:
-    """One position as a reader found it.
+    """One position as decoded by a reader.
 
     ``day`` and ``second`` are civil time of ``scale``; height is above the ellipsoid; ``sigma_enu_m`` east, north, up
-    and ``covariance_en_m2`` that of east with north, None and 0 where the log does not say.
+    and ``covariance_en_m2`` that of east with north, None and 0 where the log does not state it.
     """
 
     day: int
@@ -83,14 +83,14 @@ class LogFix:
 
 @dataclass(slots=True)
 class ReadingNotes:
-    """What a reader left out or took for granted: counted by reason, with the place of the first."""
+    """Omissions and assumptions of a reader: counted by reason, with the place of the first."""
 
     name: str
     counts: dict[str, tuple[int, str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     def count(self, reason: str, where: str = "", number: int = 1) -> None:
-        """Count one more of what was left out."""
+        """Count one more omission."""
         before, first = self.counts.get(reason, (0, where))
         self.counts[reason] = (before + number, first)
 
@@ -113,16 +113,16 @@ class ReadingNotes:
 
 
 class Heights:
-    """Ellipsoid heights of what a log has; one above sea level needs the geoid's separation, from it or the user."""
+    """Ellipsoid heights of a log; one above sea level needs the geoid's separation, from the log or the user."""
 
     def __init__(self, path: Path, options: LogOptions) -> None:
         self._path = path
         self._given = options.geoid_separation_m
 
     def ellipsoid(self, sea_level_m: float, separation_m: float | None, hint: str = "") -> float:
-        """Return the ellipsoid height; raises `LogError` where nothing tells the separation."""
+        """Return the ellipsoid height; raises `LogError` where the separation is not given."""
         separation = separation_m
-        # a writer that knows no geoid leaves the separation out, or 0
+        # a writer without a geoid model omits the separation, or writes 0
         if self._given is not None and separation_m in (None, 0.0):
             separation = self._given
         if separation is None:
@@ -145,7 +145,7 @@ def plausible(fix: LogFix) -> bool:
 
 
 def usable_sigma(east_m: float, north_m: float, up_m: float) -> tuple[float, float, float] | None:
-    """Return three sigmas, None where one of them is none."""
+    """Return three sigmas, None if one of them is missing."""
     sigmas = (east_m, north_m, up_m)
     return sigmas if all(0.0 < s <= MAX_SIGMA_M for s in sigmas) else None
 

@@ -61,7 +61,7 @@ def day_number(year: int, month: int, day: int) -> int:
 
 
 def date_of(day: int) -> date:
-    """Return the date of a day number, as near as the calendar goes."""
+    """Return the date of a day number, within the calendar's range."""
     return _EPOCH + timedelta(days=min(max(day, -700_000), 2_900_000))
 
 
@@ -99,7 +99,7 @@ def utc_text(gps_s: float) -> str:
 
 
 def gps_from_text(text: str) -> float | None:
-    """Return the GPS time of an ISO 8601 date and time, UTC unless it says an offset; None if it is none."""
+    """Return the GPS time of an ISO 8601 date and time, UTC without an offset; None if it is not one."""
     match = _UTC.fullmatch(text.strip())
     if match is None:
         return None

@@ -1,6 +1,6 @@
 """NMEA 0183: positions of GGA, dates of RMC and ZDA, sigmas of GST, decoded by pynmeagps.
 
-A line counts only with its checksum: pynmeagps answers None to a line without one, which a cut line has lost.
+A line counts only with its checksum: pynmeagps returns None for a line without one, which a truncated line has lost.
 """
 
 import re
@@ -54,7 +54,7 @@ class GgaFix:
 
 @dataclass(slots=True)
 class ParsedSentences:
-    """What the lines held: dates as day and second of it, sigmas by second of the day."""
+    """Content of the lines: dates as day and second of it, sigmas by second of the day."""
 
     fixes: list[GgaFix] = field(default_factory=list)
     dates: list[tuple[int, float]] = field(default_factory=list)
@@ -77,7 +77,7 @@ def read_nmea(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[Lo
 
 
 class NmeaSentences:
-    """Sorts lines into what is ``found``, and counts in the remarks what is no sentence that can be used."""
+    """Sorts lines into ``found``, and counts in the notes the text that is not a usable sentence."""
 
     def __init__(self, heights: Heights, remarks: ReadingNotes) -> None:
         self.found = ParsedSentences()
@@ -86,7 +86,7 @@ class NmeaSentences:
 
     def take(self, line: str, where: str) -> None:
         """Take one line. Raises `LogError` for a position whose height has no reference."""
-        # binary messages may stand before a sentence in the same line
+        # binary messages may precede a sentence in the same line
         start = line.rfind("$")
         sentence = line[max(start, 0) :]
         if start < 0 or not _SENTENCE.fullmatch(sentence):
@@ -105,7 +105,7 @@ class NmeaSentences:
 
 
 def _parser() -> Any:
-    """Return a function from a sentence to a message, None where it is none."""
+    """Return a function from a sentence to a message, None if it is not one."""
     try:
         from pynmeagps import NMEAReader
         from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError
@@ -122,7 +122,7 @@ def _parser() -> Any:
 
 
 def _count_other(line: str, sentence: str, remarks: ReadingNotes, where: str) -> None:
-    """Count what is no sentence of ours: other sentences are meant to be there, the rest is not."""
+    """Count text that is not a sentence read here: other sentences are expected, the rest is not."""
     if not line.strip() or (
         _ANY.match(sentence) and "*" in sentence and sentence[3:6] not in ("GGA", "RMC", "ZDA", "GST")
     ):
@@ -198,7 +198,7 @@ def _take_gga(
 
 
 def _say(found: ParsedSentences, remarks: ReadingNotes, given: bool) -> None:
-    """Note what the user should know of the whole log."""
+    """Note facts about the whole log for the user."""
     if found.fixes and found.decimals < _FINE_DECIMALS:
         step = _DEGREE_M / 60 * 10.0**-found.decimals
         remarks.note(f"positions are written in steps of {step:.2g} m: minutes have {found.decimals} decimals")
@@ -222,7 +222,7 @@ def dated(name: str, found: ParsedSentences, options: LogOptions, remarks: Readi
     for count, fix in enumerate(found.fixes):
         if dates:
             day, before = _nearest(dates, fix.dates_before[which], fix.second)
-        # the date is that of `before`; midnight may lie between the two
+        # the date is that of `before`; midnight may be between the two
         away = fix.second - before
         day, before = day + (-1 if away > DAY_S / 2 else 1 if away < -DAY_S / 2 else 0), fix.second
         sigma = found.sigmas.get((count // 1000, fix.second)) or found.sigmas.get(((count + 1) // 1000, fix.second))

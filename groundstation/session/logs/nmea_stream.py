@@ -1,4 +1,4 @@
-"""NMEA as it comes off a line: the log's reader (`groundstation.session.logs.nmea`), one position at a time."""
+"""NMEA from a line: the log's reader (`groundstation.session.logs.nmea`), one position at a time."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,13 +15,13 @@ _MOST_SIGMAS = 2
 class NmeaStream:
     """Bytes in, positions out.
 
-    A position is complete once its sigmas have come (GST of the same second), once the next position comes, or once
-    the line is quiet (`quiet`), whatever is first.
+    A position is complete once its sigmas (GST of the same second) have arrived, once the next position arrives, or once
+    the line is quiet (`quiet`), whichever is first.
 
     Parameters
     ----------
     name : of the line, for errors.
-    options : what the receiver leaves open; the date is the receiver's own, else that of the listening computer.
+    options : information that the receiver lacks; the date is the receiver's own, otherwise that of the host.
     """
 
     def __init__(self, name: str, options: LogOptions) -> None:
@@ -33,8 +33,8 @@ class NmeaStream:
     def feed(self, data: bytes, utc_s: float) -> list[LogFix]:
         """Return the positions that are complete now; ``utc_s`` is Unix time, good to some hours.
 
-        Raises `LogError` for heights above sea level where nothing tells the geoid's separation; what came with them is
-        lost, and the next call goes on.
+        Raises `LogError` for heights above sea level without a geoid separation; the position is then
+        lost, and the next call continues.
         """
         *lines, self._rest = (self._rest + data).split(b"\n")
         # what never ends is no sentence
@@ -52,7 +52,7 @@ class NmeaStream:
         return fixes
 
     def quiet(self, utc_s: float) -> list[LogFix]:
-        """Return what has been waiting for its sigmas: no more will come of this moment."""
+        """Return the position that waits for its sigmas, when no more data of its second are expected."""
         return self._complete(utc_s, list(self._sentences.found.fixes))
 
     def _complete(self, utc_s: float, fixes: list[GgaFix]) -> list[LogFix]:
@@ -60,7 +60,7 @@ class NmeaStream:
         if not fixes:
             return []
         day, second = civil_from_unix(utc_s)
-        # the date of the listener, moved where midnight lies between the two clocks
+        # the date of the host, moved where midnight is between the two clocks
         day += round((second - fixes[0].second) / DAY_S)
         date = self._options.date or date_of(day)
         part = ParsedSentences(fixes=fixes, dates=found.dates, zda_dates=found.zda_dates, sigmas=found.sigmas)
@@ -71,7 +71,7 @@ class NmeaStream:
 
     @staticmethod
     def _forget(found: ParsedSentences) -> None:
-        """Keep the newest dates and sigmas only: a line goes on for a day."""
+        """Keep the newest dates and sigmas only, because a line may run for a day."""
         if len(found.dates) > 1 or len(found.zda_dates) > 1:
             found.dates, found.zda_dates = found.dates[-1:], found.zda_dates[-1:]
             for fix in found.fixes:

@@ -67,7 +67,7 @@ class _Column:
 
 
 def has_positions(columns: tuple[str, ...]) -> bool:
-    """Return whether a table's header speaks of latitudes."""
+    """Return whether a table's header has latitudes."""
     return any(_plain(name).rpartition("_")[0] in _NAMES["lat"] or _plain(name) in _NAMES["lat"] for name in columns)
 
 

@@ -1,4 +1,4 @@
-"""Any log of positions, told by its content: read, put in order of time, what cannot be right left out and counted."""
+"""Any log of positions, recognised by its content: read, sorted by time, implausible entries left out and counted."""
 
 import bisect
 import datetime
@@ -33,7 +33,7 @@ LOG_SUFFIXES: dict[str, Reader] = {
     ".csv": read_positions,
 }
 _HEAD_BYTES = 65_536
-# one flight field: what is farther from the middle of the log than this is no position of it
+# one flight field: a position farther than this from the middle of the log is not plausible
 MAX_EXTENT_M = 50_000.0
 _FIRST_YEAR = 2000
 
@@ -59,10 +59,10 @@ class GnssLog:
 
 
 def read_log(path: Path, options: LogOptions | None = None) -> GnssLog:
-    """Read a log of any format that is known.
+    """Read a log of any known format.
 
-    Raises `LogError` (or `MissingExtraError`) in one line: no such file, no known format, nothing in it that can be
-    used, or something that only the user can tell.
+    Raises `LogError` (or `MissingExtraError`) in one line: a missing file, an unknown format, no usable content,
+    or missing information that the user has to give.
     """
     options = options or LogOptions()
     check_file(path)
@@ -151,7 +151,7 @@ def _log(path: Path, fixes: list[LogFix], remarks: ReadingNotes) -> GnssLog:
 
 
 def _note_sigmas(fixes: list[LogFix], remarks: ReadingNotes) -> None:
-    """Say where sigmas come from if not from the log."""
+    """Note where sigmas come from if not from the log."""
     without = [f.quality for f in fixes if f.sigma_enu_m is None]
     if without:
         kinds = ", ".join(f"{q} {DEFAULT_SIGMA_M[q][0]:g}/{DEFAULT_SIGMA_M[q][2]:g} m" for q in sorted(set(without)))

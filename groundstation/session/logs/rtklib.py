@@ -60,7 +60,7 @@ class _Row:
 
 
 def read_pos(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
-    """Read a solution file. Raises `LogError` where its header says something that is not read, or there is no row."""
+    """Read a solution file. Raises `LogError` where its header is not supported, or it has no row."""
     layout = PosLayout()
     fixes: list[LogFix] = []
     reader = _PosReader(path, options, remarks)
@@ -159,7 +159,7 @@ class _PosReader:
                 wanted = "a '% ref pos' line, or the base's place: base in [dgps] of session.toml, or --base"
                 raise LogError(where, got="a baseline from a base at an unknown place", wanted=wanted)
             baseline = np.array([values[f"{axis}-baseline"] for axis in "enu"])
-            # farther than any two places on Earth; products of far larger numbers are none
+            # farther than any two places on Earth; products of far larger numbers are not finite
             if not np.all(np.abs(baseline) < _MAX_BASELINE_M):
                 raise _BadRowError("row that is no place on Earth")
             ecef = ecef_from_enu(baseline, base)

@@ -23,7 +23,7 @@ _EARTH_M = 1e5
 
 @dataclass(frozen=True, slots=True)
 class PosLayout:
-    """What has been read of a header so far: names after the time, how many cells each takes, time, heights, base."""
+    """Layout from the header so far: names after the time, the number of cells of each, time, heights, base."""
 
     columns: tuple[str, ...] = ()
     parts: tuple[int, ...] = ()

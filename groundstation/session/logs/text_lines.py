@@ -21,7 +21,7 @@ def check_file(path: Path) -> None:
 
 
 def text_lines(path: Path, remarks: ReadingNotes) -> Iterator[tuple[int, str, bool]]:
-    """Yield number, text and whether its end is there of each line; a line too long for a log is counted and passed."""
+    """Yield number, text and whether its end is present of each line; one too long for a log is counted and skipped."""
     try:
         with path.open("rb") as stream:
             number, skipping = 0, False

@@ -1,7 +1,7 @@
 """A ground station's MAVLink log (.tlog): GPS_RAW_INT or GPS2_RAW, with UTC by SYSTEM_TIME; decoded by pymavlink.
 
-A position carries the time since boot; SYSTEM_TIME tells what UTC that is. The ground computer's own stamps are when a
-message arrived, over a radio that may delay it. They are used only where there is nothing else, with a note.
+A position has the time since boot; SYSTEM_TIME relates it to UTC. The ground computer's own stamps are the arrival
+times over a radio that may delay a message. They are used only without SYSTEM_TIME, with a note.
 """
 
 import math
@@ -61,7 +61,7 @@ def read_tlog(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[Lo
 
 
 def packets(content: bytes, remarks: ReadingNotes) -> Iterator[tuple[int, bytes]]:
-    """Yield stamp in µs and bytes of each packet that is read here; looks for the next one where something is wrong."""
+    """Yield stamp in µs and bytes of each packet that is read here; after an invalid one it searches for the next."""
     place, lost = 0, False
     while place + 16 <= len(content):
         magic, length = content[place + 8], content[place + 9]

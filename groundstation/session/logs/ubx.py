@@ -1,6 +1,6 @@
-"""u-blox UBX: NAV-PVT, sharpened by NAV-HPPOSLLH, or NAV-RELPOSNED from a base at a known place; decoded by pyubx2.
+"""u-blox UBX: NAV-PVT, refined by NAV-HPPOSLLH, or NAV-RELPOSNED from a known base; decoded by pyubx2.
 
-Frames are found here, by their sync bytes, length and checksum, since NMEA and RTCM may stand between them.
+Frames are found here, by their sync bytes, length and checksum, because NMEA and RTCM may be between them.
 """
 
 import math
@@ -26,7 +26,7 @@ from groundstation.session.logs.gps_time import DAY_S, TimeScale, day_number
 _SYNC = b"\xb5\x62"
 _PVT, _HPPOSLLH, _RELPOSNED = b"\x01\x07", b"\x01\x14", b"\x01\x3c"
 _MAX_BYTES = 1_000_000_000
-# of the three messages in all their versions; what is shorter or longer is none of them, and is not decoded
+# lengths of the three messages in all their versions; messages of other lengths are not decoded
 _LENGTHS = {_PVT: (84, 92), _HPPOSLLH: (36,), _RELPOSNED: (40, 64)}
 _HEAD_BYTES, _END_BYTES, _MAX_PAYLOAD = 6, 2, 0xFFFF
 # so much is summed at a time
@@ -36,7 +36,7 @@ _PER_CM = 1e-2
 
 
 def read_ubx(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[LogFix]:
-    """Read a log of UBX messages. Raises `LogError` where it has no NAV-PVT, which alone tells date and quality."""
+    """Read a log of UBX messages. Raises `LogError` where it has no NAV-PVT, which alone has date and quality."""
     parse = _parser()
     if path.stat().st_size > _MAX_BYTES:
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of UBX")
@@ -72,7 +72,7 @@ def read_ubx(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[Log
 
 
 def ubx_frames(content: bytes, remarks: ReadingNotes) -> Iterator[tuple[int, bytes]]:
-    """Yield place and bytes of each whole frame; what has a wrong checksum, or is cut, is counted and passed."""
+    """Yield place and bytes of each whole frame; one with a wrong checksum, or truncated, is counted and skipped."""
     sums = _Sums(content)
     place = content.find(_SYNC)
     while place >= 0:

@@ -22,7 +22,7 @@ from groundstation.session.logs.fixes import (
 )
 from groundstation.session.logs.gps_time import TimeScale, civil_from_unix
 
-# what the autopilot flew by first: drivers wrote it themselves before sensor_gps was there
+# the autopilot's primary source first: drivers wrote it themselves before sensor_gps was introduced
 TOPICS = ("vehicle_gps_position", "sensor_gps")
 _QUALITY = {3: FixQuality.SINGLE, 4: FixQuality.DGPS, 5: FixQuality.FLOAT, 6: FixQuality.FIX}
 _OLD_DEGREE = 1e-7
@@ -30,7 +30,7 @@ _PER_MM = 1e-3
 _MAX_BYTES = 2_000_000_000
 # of all topics of a log, arrays taken apart: PX4's have some ten thousand
 _MAX_FIELDS = 200_000
-# how much more than the file may be read of it: pyulog goes back over a damaged stretch byte by byte
+# limit of the bytes read, in file sizes: pyulog reads a damaged section again byte by byte
 _READ_BYTES, _READ_RATIO = 1 << 24, 16
 
 
@@ -44,7 +44,7 @@ def read_ulog(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[Lo
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of ULog")
     reported = io.StringIO()
     try:
-        # a file of ours: pyulog leaves its own open where it stumbles
+        # opened here: pyulog leaves its own file open after an error
         with path.open("rb") as stream, contextlib.redirect_stdout(reported), contextlib.redirect_stderr(reported):
             size = path.stat().st_size
             log = _bounded(ULog)(_ForwardReader(stream, size), list(TOPICS), disable_str_exceptions=True)
@@ -60,11 +60,11 @@ def read_ulog(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[Lo
 
 
 class _OversizedLogError(Exception):
-    """A log that asks for far more than there is in it."""
+    """A log that requests far more than its size."""
 
 
 def _bounded(log_class: Any) -> Any:
-    """Return pyulog's class, without what a format of a few bytes may ask of it: arrays in arrays, flattened."""
+    """Return pyulog's class, restricted against nested arrays that expand a few bytes to a large format."""
     fields = 0
 
     class Added(log_class._MessageAddLogged):  # type: ignore[misc]
@@ -82,10 +82,10 @@ def _bounded(log_class: Any) -> Any:
 
 
 class _ForwardReader:
-    """A file whose place moves on by all that was asked for, past its end too; it is not read over and over.
+    """A file whose position advances by all requested bytes, beyond its end too, so that nothing is read repeatedly.
 
-    pyulog goes back by a message's whole length after reading what there was of it: where a damaged length reaches past
-    the end it would come to the same place, or an earlier one, for ever.
+    pyulog seeks back by a message's whole length after reading the available part of it: where a damaged length reaches
+    beyond the end it would return to the same place, or an earlier one, without end.
     """
 
     def __init__(self, stream: BinaryIO, size: int) -> None:
@@ -94,7 +94,7 @@ class _ForwardReader:
         self.seek, self.tell, self.close = stream.seek, stream.tell, stream.close
 
     def read(self, size: int = -1) -> bytes:
-        """Return up to ``size`` bytes; what is missing of them is passed over."""
+        """Return up to ``size`` bytes; missing ones are skipped."""
         data = self._stream.read(size)
         self._left -= len(data)
         if self._left < 0:
@@ -177,7 +177,7 @@ def _column(data: dict[str, Any], name: str, n: int) -> FloatArray:
     if values is None or np.shape(values) != (n,):
         return np.full(n, np.nan)
     try:
-        # a damaged log's numbers may be none
+        # a damaged log's numbers may not be finite
         with np.errstate(invalid="ignore"):
             return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
