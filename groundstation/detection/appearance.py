@@ -37,8 +37,8 @@ def features_of_regions(
 ) -> FloatArray:
     """Return the (5,) features of some regions of an image (h, w, 3).
 
-    ``labels`` (h, w) say where the ``members`` (n,) are, ``box`` holds them, and ``area`` is how many px
-    they have.
+    ``labels`` (h, w) mark the ``members`` (n,), ``box`` contains them, and ``area`` is their number of
+    px.
     """
     # one place more than the largest member's, for all labels beyond
     other = members.max() + 1
@@ -72,7 +72,7 @@ def _distance(seen: FloatArray, mean: FloatArray, variance: FloatArray, slack: f
 
 @njit(cache=True, nogil=True)
 def _learnt(mean: FloatArray, variance: FloatArray, seen: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
-    """Return running mean and variance after one more look."""
+    """Return running mean and variance after one more sample."""
     new_mean, new_variance = np.empty_like(mean), np.empty_like(variance)
     for k in range(seen.size):
         error = seen[k] - mean[k]

@@ -2,8 +2,8 @@
 
 The camera turns about a point close to its centre, so over the region of interest the scene moves as a whole:
 one shift, found on the scene's own texture with the target left out, brings an old frame under the new one.
-Frames are kept at moments between which the target moved against the scene, so that what one of them hides
-another one shows. Where no kept frame knows the scene, the caller falls back on the spatial background.
+Frames are kept at times between which the target moved against the scene, so that an area hidden in one of them
+is visible in another. Where no kept frame covers the scene, the caller falls back on the spatial background.
 """
 
 import math
@@ -40,7 +40,7 @@ _MOVED_PER_SPAN = 0.25
 _MAX_AGE = 60  # frames without a new one
 _MAX_SHIFT_SIGMA_PX = 0.1
 _MAX_MISFIT = 6.0  # grey levels, mean over the textured pixels
-_GOOD_FIT = 8.0  # grey levels: no need to look at older frames
+_GOOD_FIT = 8.0  # grey levels: older frames are not needed
 _UNKNOWN = 1e9
 
 
@@ -74,7 +74,7 @@ def _unlike(b: np.float32, g: np.float32, r: np.float32) -> np.float32:
 
 @njit(cache=True, nogil=True)
 def _open(misfit: Float32Array, first: int, last: int) -> tuple[int, int]:
-    """Return the part x0, x1 of a row, between two columns, that no frame fits well yet; x0 = x1 if there is none."""
+    """Return the part x0, x1 of a row, between two columns, that no frame fits well yet; x0 = x1 without one."""
     while first < last and misfit[first] < _GOOD_FIT:
         first += 1
     while last > first and misfit[last - 1] < _GOOD_FIT:
@@ -94,12 +94,12 @@ def _row_difference(
     apart: Float32Array,
     steep: Float32Row,
 ) -> None:
-    """Write the difference of a part of a window's row from a frame, and what misplacement may cause of it.
+    """Write the difference of a part of a window's row from a frame, and its possible part due to misplacement.
 
     ``rows`` are the row in the window and in the frame, ``columns`` the first and last of the window, which lie
     ``shift_x`` farther right in the frame; ``weights`` interpolate between its pixels. ``apart`` (3, w) and ``steep``
-    (w,) are written from their first element on. Each channel is gone through on its own, so that the compiler works on
-    many pixels at a time.
+    (w,) are written from their first element on. Each channel is processed separately, so that the compiler vectorises
+    the loop.
     """
     (i, y), (a, b) = rows, columns
     w00, w01, w10, w11 = weights
@@ -127,7 +127,7 @@ def _keep_better(
 ) -> None:
     """Write the difference of n pixels of a row where no frame fits well yet and this one, by ``unfit``, fits better.
 
-    The rows of ``residual``, ``edge`` and ``worst``, the misfit, all (n,), hold what the frames before this one gave.
+    The rows of ``residual``, ``edge`` and ``worst``, the misfit, all (n,), contain the values of the frames before.
     """
     grey, blue_red, magenta = residual
     for j in range(n):
@@ -154,9 +154,9 @@ def _subtract_background(
 ) -> bool:
     """Write the difference of a window (h, w) from a kept frame where no frame fits well yet and this one fits better.
 
-    ``offset`` (x, y) is the window's place in the frame, which is interpolated; ``within`` the part of the window to
-    work on, ``hole`` what the target hides of the frame, in the frame's pixels. Returns whether a part is still without
-    a frame that fits well. What one frame shows of a passing bird is not background, hence each pixel takes the first
+    ``offset`` (x, y) is the window's position in the frame, which is interpolated; ``within`` the part of the window to
+    process, ``hole`` the area hidden by the target, in the frame's pixels. Returns whether a part is still without
+    a frame that fits well. A passing bird in one frame is not background, hence each pixel uses the first
     frame that fits it well, or the one that fits best.
     """
     h, w = frame[0].shape
@@ -296,7 +296,7 @@ class BackgroundModel:
         return Difference(residual=residual, edge=edge, known=_clear_unknown(misfit, residual, edge))
 
     def _registered_part(self, k: int, corner: tuple[int, int]) -> tuple[_FramePart, Box[int], tuple[float, float]]:
-        """Return a kept part, what the target hides of it, and the shift to it from a part at ``corner``."""
+        """Return a kept part, the area that the target hides in it, and the shift to it from a part at ``corner``."""
         kept, (sx, sy) = self._frames[k], self._shifts[k]
         x, y = kept.corner
         return kept, shift(self._hidden[k], -x, -y), (float(sx) + corner[0] - x, float(sy) + corner[1] - y)
@@ -323,7 +323,7 @@ class BackgroundModel:
         return True
 
     def remember(self, picture: Picture, around: Box[int], target: Box[int], span_px: float) -> None:
-        """Keep what is ``around`` if the target, within ``target``, has moved against the scene since the last time."""
+        """Store the area ``around`` if the target, within ``target``, has moved against the scene since then."""
         self._age += 1
         if self._order:
             newest = self._order[0]

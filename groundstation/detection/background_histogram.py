@@ -44,7 +44,7 @@ def _bins_of(residual: Float32Array, per_level: NDArray[np.float32]) -> Bins:
 
 @njit(cache=True, nogil=True)
 def _palette(bins: Bins, keep_out: Box[int]) -> Float32Array:
-    """Return the smoothed share of each colour bin among the pixels (h, w) outside a box that lies inside them."""
+    """Return the smoothed share of each colour bin among the pixels (h, w) outside a box inside them."""
     x0, y0, x1, y1 = keep_out
     shape = (_BINS[0], _BINS[1], _BINS[2])
     count = np.zeros(shape[0] * shape[1] * shape[2], np.int32)
@@ -78,12 +78,12 @@ def _palette(bins: Bins, keep_out: Box[int]) -> Float32Array:
 def _discount(bins: Bins, share: Float32Array, contrast: Float32Array) -> None:
     """Scale the contrast of each pixel (h, w) down where its colour is common in the surroundings."""
     low, high = math.log(_COMMON), math.log(_RARE)
-    # of a bin only when a pixel asks for it, and once: few of all are asked for
+    # computed once per bin, on the first request, because few bins of all are requested
     factor = np.full(share.size, np.float32(-1))
     shares, strong = share.ravel(), np.empty(contrast.shape[1], np.uint32)
     for i in range(contrast.shape[0]):
         row, own = contrast[i], bins[i]
-        # which pixels count is found without a branch, which would be guessed wrong time and again
+        # the counted pixels are found without a branch, which would often be mispredicted
         n = 0
         for j in range(row.size):
             strong[n] = j

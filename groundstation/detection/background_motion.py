@@ -29,7 +29,7 @@ _MIDDLE = 1.0 / 3.0  # age of the second old frame, as a share of the first's
 class _KeptFrame:
     """An earlier frame: ``grey`` (h, w), its rotation if known, and the homography from it to the newest frame.
 
-    ``known`` is ``grey`` without zeros: in a warped picture 0 stands for what it does not show.
+    ``known`` is ``grey`` without zeros: in a warped picture 0 marks pixels outside it.
     """
 
     t_s: float
@@ -108,7 +108,7 @@ class SceneModel:
         return result
 
     def _carry_over(self, grey: ImageArray) -> None:
-        """Follow the motion of the picture where no angles tell it; forget everything where it is not found."""
+        """Follow the motion of the picture where no angles are given; clear the memory where it is not found."""
         if not self._kept or self._last is None or all(self._turned(k) is not None for k in self._kept):
             return
         step = image_motion(self._last.grey, grey)
@@ -246,7 +246,7 @@ def _in_sigmas(
 
 @njit(cache=True, nogil=True)
 def _agreed(first: Float32Array, seen_first: ImageArray, second: Float32Array, seen_second: ImageArray) -> Float32Array:
-    """Return the smaller of two significances of one sign, else 0; what one does not see, the other decides."""
+    """Return the smaller of two significances of one sign, otherwise 0; without a value in one, the other is used."""
     out = np.empty_like(first)
     nothing = np.float32(0)
     for i in range(first.shape[0]):
@@ -254,7 +254,7 @@ def _agreed(first: Float32Array, seen_first: ImageArray, second: Float32Array, s
         seen_one, seen_other = seen_first[i], seen_second[i]
         for j in range(one.size):
             a, b = one[j], other[j]
-            # what is above 0 in both, or below 0 in both
+            # above 0 in both, or below 0 in both
             agreed = max(min(a, b), nothing) + min(max(a, b), nothing)
             either = a if seen_other[j] == 0 else agreed
             to[j] = b if seen_one[j] == 0 else either

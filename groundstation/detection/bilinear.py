@@ -38,7 +38,7 @@ def widen(row: Float32Array, across: Places, out: Float32Array) -> None:
 
 @njit(cache=True, nogil=True)
 def widened(cells: Float32Array, w: int) -> Float32Array:
-    """Return cells (rows, columns) that lie over all of a picture with rows as wide as that is, (rows, w)."""
+    """Return cells (rows, columns) over all of a picture with rows as wide as that, (rows, w)."""
     rows, columns = cells.shape
     across = places_between(w, columns, columns / w)
     wide = np.empty((rows, w), np.float32)

@@ -26,7 +26,7 @@ _REACH_PX, _MAX_MATCHED_PX, _MATCH = 24, 64, 0.6  # working px, and the correlat
 _GROWTH, _MOTION_GROWTH = 2.0, 4.0  # how much fragments may enlarge the main piece
 _TOUCHING = 0.05  # gap between pieces that touch, as a share of the larger one's size
 _WHOLE = 1.5  # so much larger than its part is a whole
-_PART = 0.15  # mass of a fragment that may be a thing of its own, as a share of the whole
+_PART = 0.15  # mass of a fragment that may be a separate object, as a share of the whole
 _CLEAR = 0.7  # share of sky around something whose silhouette is all its own
 
 
@@ -37,17 +37,17 @@ class AcquisitionConfig:
     Attributes
     ----------
     working_width_px : images wider than this are searched in a reduced copy.
-    levels, reduction : how many scales, and how much smaller each is than the one before.
-    low_sigma, high_sigma : what stands out is a region beyond the first that somewhere passes the second.
+    levels, reduction : number of scales, and the reduction from each to the next.
+    low_sigma, high_sigma : a spot is a region beyond the first that somewhere exceeds the second.
     motion_low_sigma, motion_high_sigma : the same for the difference from the static scene.
-    memory_s, spacing_s : how far back, and at what spacing frames are kept to see motion.
-    alignment_px : how far, in full-image px, the scene may be from where the angles put it.
+    memory_s, spacing_s : age and spacing of the frames that are kept to detect motion.
+    alignment_px : largest misplacement of the scene from its position by the angles, in full-image px.
     join_reach, motion_join_reach : fragments closer than this share of the larger one's size are one candidate;
-        the second for what is seen by its motion.
-    ground_weight : what the score of something static that does not hang in the sky is worth.
+        the second for regions found by motion.
+    ground_weight : weight of the score of a static region that is not surrounded by sky.
     max_candidates : at most this many are returned.
     max_size : the largest candidate, as a share of the frame's width.
-    max_elongation : longer and thinner things are lines, not aircraft.
+    max_elongation : longer and thinner regions are lines, not aircraft.
     """
 
     working_width_px: int = 640
@@ -165,7 +165,7 @@ class CandidateFinder:
             return []
         weighted = [self._weighted(s, sky) for s in spots if self._plausible(s)]
         single = _distinct(sorted(weighted, key=lambda s: -s.contrast))
-        # a large aircraft comes in pieces that touch, but so does a small one before a cloud: offer both readings
+        # a large aircraft consists of pieces that touch, but so does a small one before a cloud: both are returned
         hanging = [s for s in weighted if s.sky >= _CLEAR]
         whole = [w for w in joined(hanging, _TOUCHING, 0.0, _GROWTH) if w not in hanging]
         return sorted(whole + single, key=lambda s: -s.contrast)
@@ -206,8 +206,8 @@ class CandidateFinder:
         spots = find_spots(change.significance, c.motion_low_sigma, c.motion_high_sigma, self._scale)
         pieces = [s for s in spots if self._plausible(s)]
         near = _NEAR_PX * self._scale
-        # of a thing that hardly moves only the edges show, far from each other; but two things that pass close to
-        # each other look the same: offer the whole, its main piece, and what is left without that
+        # for an object that hardly moves only the edges show, far apart; two objects that pass close to each other
+        # have the same appearance: the whole, its main piece, and the remainder are returned
         whole = joined(joined(pieces, c.join_reach, near, _GROWTH), c.motion_join_reach, near, _MOTION_GROWTH)
         for w in list(whole):
             parts = [p for p in pieces if p != w and _inside(p, w)]
@@ -246,7 +246,7 @@ class CandidateFinder:
     def _combined(
         self, still: list[CandidateRegion], grey: ImageArray, change: BackgroundChange | None
     ) -> tuple[Candidate, ...]:
-        """Return all as candidates, best first; what is seen both ways counts once.
+        """Return all as candidates, best first; regions found both ways count once.
 
         Against the sky the contrast shows the whole silhouette, against the ground only the motion is its own.
         """
@@ -280,12 +280,12 @@ class CandidateFinder:
 
 
 def _inside(a: CandidateRegion, b: CandidateRegion) -> bool:
-    """Return whether the centre of ``a`` lies in the box of ``b``."""
+    """Return whether the centre of ``a`` is in the box of ``b``."""
     return b.box.x0 <= a.centre[0] <= b.box.x1 and b.box.y0 <= a.centre[1] <= b.box.y1
 
 
 def _distinct(spots: list[CandidateRegion]) -> list[CandidateRegion]:
-    """Drop every spot whose centre lies in a better one's box, unless it is the whole of which that is a part."""
+    """Drop every spot whose centre is in a better one's box, unless it is the whole of which that is a part."""
     kept: list[CandidateRegion] = []
     for s in spots:
         if not any(_inside(s, k) and s.size <= _WHOLE * k.size for k in kept):

@@ -23,7 +23,7 @@ from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, limited_step
 _FLAT_ORACLE = 1e-12  # added to |∇φ|² so that a flat φ can still move: next to nothing
 _LEAST_INSIDE = 0.5  # of the level that the target is expected to reach
 _ASLEEP = 0.01  # one that need not be followed up
-_LOW, _FAR = 1.0, 0.3  # what is lower, or moves faster, may soon change sides
+_LOW, _FAR = 1.0, 0.3  # lower or faster pixels may soon change sides
 
 
 @njit(cache=True, nogil=True)
@@ -209,13 +209,13 @@ def evolve(
     stop_after: int,
     visits_per_px: float = 1e9,
 ) -> int:
-    """Evolve φ in place, held within ±`PHI_LIMIT`, touching only pixels that move and their neighbours.
+    """Evolve φ in place, limited to ±`PHI_LIMIT`, touching only pixels that move and their neighbours.
 
-    Returns the iterations done. It has come to rest when φ moves at no more than ``stop_fraction`` of the pixels
-    inside, ``stop_after`` times running. Then the contour's pixels take the side where they rest without a limit
-    (settling.py), and the whole grid is looked over with the means reached, so that no region is forgotten: the work
-    goes on wherever something would still move. Where the means take scenery for the target, most of the picture
-    moves for long; ``visits_per_px`` bounds what is spent on that, as visits to a pixel over the grid's pixels.
+    Returns the number of iterations. It has converged when φ changes at no more than ``stop_fraction`` of the pixels
+    inside, ``stop_after`` times in a row. Then the contour's pixels take the side of their steady state without a limit
+    (contour_evolution.py), and the whole grid is checked once more with the final means, so that no region is missed:
+    the evolution continues wherever a pixel would still move. Where the means take scenery for the target, most of the
+    picture moves for long; ``visits_per_px`` limits this, as visits to a pixel over the grid's pixels.
     """
     h, w = u.shape
     four = np.array(weights, np.float32)

@@ -51,7 +51,7 @@ def _inside_less_outside(
     sums, counts = np.zeros((2, 4)), np.zeros(2)
     value = np.empty(4)
     spread = np.zeros((4, 4))
-    # the means first: squares of what is far from zero would lose digits
+    # the means first: squares of values far from zero would lose digits
     for turn in range(2):
         for i in range(mask.shape[0]):
             for j in range(mask.shape[1]):

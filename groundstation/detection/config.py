@@ -18,7 +18,7 @@ class SegmentationMethod(StrEnum):
     """How the scalar image is divided into target and background."""
 
     CHAN_VESE = "chan_vese"
-    # what it is measured against: slower, less able, or both (detection/segmentation_baselines.py)
+    # baselines: slower, less capable, or both (detection/segmentation_baselines.py)
     CHAN_VESE_FULL = "chan_vese_full"
     SNAKE = "snake"
     GVF_SNAKE = "gvf_snake"
@@ -83,14 +83,14 @@ class LevelSetConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnakeConfig:
-    """Weights and numerics of the snakes (detection/snake.py); when to stop is in `LevelSetConfig`.
+    """Weights and numerics of the snakes (detection/snake.py); the stopping rule is in `LevelSetConfig`.
 
     Attributes
     ----------
     tension : α, weight of the contour's stretch; differences are taken from point to point.
-    rigidity : β, weight of its bending, likewise.
+    rigidity : β, weight of its bending, from point to point as well.
     step : artificial time τ per iteration; the strongest force moves a point by this many px. Above 0.5 the
-        gradient vector flow throws points from one side of an edge to the other.
+        gradient vector flow moves points from one side of an edge to the other and back.
     spacing_px : distance of neighbouring points, renewed as the contour grows or shrinks.
     sigma_px : the image is smoothed by a Gaussian of this sigma before its gradient is taken.
     gvf_mu : μ, how far the gradient vector flow smooths; at most 0.2, or its unit steps are unstable.
@@ -119,11 +119,11 @@ class DetectionConfig:
     Attributes
     ----------
     segmentation : the method that divides the image.
-    level_set : the Chan-Vese weights and numerics, and for every method when to stop.
+    level_set : the Chan-Vese weights and numerics, and the stopping rule of every method.
     snake : the snakes' weights and numerics.
-    channel : which scalar image is divided; "auto" takes the one with the best measured contrast.
-    learn_background : keep a few earlier frames to know what lies behind the target; "background" is the colour
-        distance from them, where they know it.
+    channel : the scalar image that is divided; "auto" selects the one with the best measured contrast.
+    learn_background : keep a few earlier frames as a model of the background; "background" is the colour
+        distance from them, where they cover it.
     equalise : equalise the histogram of the saturation channel, as the reference system does.
     target_point : the nose, or the silhouette's centroid.
     roi_basic_px : width and height added to the target's last size.
@@ -134,9 +134,9 @@ class DetectionConfig:
     size_gate_sigmas : nor one whose span differs by more than this many sigmas from the expected span.
     min_span_px : nor one smaller than this.
     ambiguity_ratio : a second candidate at least this likely, relative to the best, makes a miss.
-    max_working_span_px : larger targets are looked at in a reduced image, to bound the time.
-    appearance_rate : how fast the learnt appearance follows confident frames, per frame.
-    appearance_gate : appearance distance in sigmas beyond which a candidate is something else.
+    max_working_span_px : larger targets are processed in a reduced image, to limit the time.
+    appearance_rate : rate at which the appearance model follows confident frames, per frame.
+    appearance_gate : appearance distance in sigmas beyond which a candidate is another object.
     """
 
     segmentation: SegmentationMethod = SegmentationMethod.CHAN_VESE

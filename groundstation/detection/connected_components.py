@@ -1,4 +1,4 @@
-"""Connected regions of a picture as runs of its rows: what is inside is visited once, what is outside hardly."""
+"""Connected regions of a picture as runs of its rows: pixels inside are visited once, those outside hardly."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ LabelArray = NDArray[np.int32]
 
 @njit(cache=True, nogil=True)
 def connected_runs(inside: NDArray[Any]) -> tuple[LabelArray, LabelArray, int]:
-    """Return the rows' runs of what is above 0 in a picture (h, w), 8-connected.
+    """Return the rows' runs of values above 0 in a picture (h, w), 8-connected.
 
-    They are (n, 3): row, first column, last + 1, in the order of reading; with them the region that each belongs to,
+    They are (n, 3): row, first column, last + 1, in reading order; with them the region of each,
     (n,), counted from 1 in the order of their first pixels, and the number of regions + 1.
     """
     h, w = inside.shape

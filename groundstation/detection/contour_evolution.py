@@ -1,13 +1,13 @@
 """Steady state of the contour's remaining pixels: the side that each of them takes in the limit of the flow.
 
-Without a limit φ grows as the cube root of time wherever something drives it, since δ_ε falls as 1/φ². What stays
-alike is its shape, φ_t ∝ φ · 1/t, so that in the end (Chan & Vese's flow, see chan_vese.py)::
+Without a limit φ grows as the cube root of time wherever its data term is not zero, since δ_ε falls as 1/φ². Its
+shape is constant, φ_t ∝ φ · 1/t, so that in the end (Chan & Vese's flow, see chan_vese.py)::
 
     c φ³ = μ div(∇φ/|∇φ|) − ν − λ1 (u − c1)² + λ2 (u − c2)²
 
-with any c > 0, since the length term knows no scale. A band held at a limit has this shape but for its heights: all
-that is driven at all is equally high there, and a pixel that its data hardly hold goes by its neighbours' heights.
-So these are given the heights they would have, and the equation is solved pixel by pixel along the contour.
+with any c > 0, since the length term is scale-free. A band at its limit has this shape except for its heights: all
+driven pixels are equally high there, and a pixel with a weak data term follows its neighbours' heights.
+These therefore get their heights in the limit, and the equation is solved pixel by pixel along the contour.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ Drive = tuple[np.float32, np.float32, np.float32]
 _MU, _NU, _LAMBDA1, _LAMBDA2 = 0, 1, 2, 3  # order of the weights
 _DRIVE_AT_LIMIT = 0.25  # where c puts a φ of PHI_LIMIT: half a unit of u from the middle, with λ1 = λ2 = 1
 _LEAST = 0.2  # the height of a pixel that its data drive to the other side
-_LOOSE, _MOVES = 1.0, 0.02  # what is lower, or still moves, may yet change sides
+_LOOSE, _MOVES = 1.0, 0.02  # lower or moving pixels may still change sides
 _STILL = 0.001
 _MOST_SWEEPS = 60
 
@@ -115,7 +115,7 @@ def _solved(phi: NDArray[np.float32], i: int, j: int, drive: np.float32, mu: np.
     weight, pull = curvature_pull(phi, i, j)
     hold, aim = mu * weight, drive + mu * pull
     cube = np.float32(_DRIVE_AT_LIMIT / PHI_LIMIT**3)
-    # rising everywhere: two of Newton's steps, and the next sweep goes on from there
+    # monotonic: two of Newton's steps, and the next sweep continues from there
     for _ in range(2):
         square = cube * centre * centre
         centre = (np.float32(2) * square * centre + aim) / (np.float32(3) * square + hold)
@@ -189,11 +189,11 @@ def evolve_contour(
     lists: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_], NDArray[np.bool_]],
     fixed: bool = False,
 ) -> tuple[int, float, int]:
-    """Put the contour's pixels on the side where they rest; returns the pixels inside, their sum of u, the visits.
+    """Put the contour's pixels on their steady-state side; returns the pixels inside, their sum of u, the visits.
 
     ``weights`` are μ, ν, λ1, λ2; ``sums`` the pixels inside, the sums of u over them and over all, ``rows`` (h,) the
-    pixels inside by row (kept up to date). ``lists`` are room for two lists of pixels, who is in the list (left all
-    false), and which pixels were visited. With ``fixed``, ``u`` is itself what drives each pixel.
+    pixels inside by row (updated in place). ``lists`` are buffers for two lists of pixels, the marks of listed pixels
+    (all false at the end), and of visited ones. With ``fixed``, ``u`` itself is the data term of each pixel.
     """
     h, w = u.shape
     n, inside, total = sums

@@ -226,7 +226,7 @@ def _outline(member: NDArray[np.uint8], scale: int, corner_px: FloatArray) -> ND
 
 
 def warm_up() -> None:
-    """Compile every kernel by a few looks at a small synthetic scene that moves behind its target."""
+    """Compile every kernel by a few detections in a small synthetic scene that moves behind its target."""
     registration.warm_up()
     y, x = np.mgrid[0:96, 0:160]
     scene = (150 + 40 * ((x // 9 + y // 7) % 2)).astype(np.uint8)

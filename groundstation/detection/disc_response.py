@@ -45,10 +45,10 @@ def disc_maximum(membership: Float32Array, radius: float) -> FloatArray:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def filled_share(membership: Float32Array, disc: Float32Array) -> Float32Array:
-    """Return how much of a disc about each pixel of a picture (h, w) is filled; nothing lies outside the picture.
+    """Return the filled share of a disc about each pixel of a picture (h, w); outside the picture nothing is filled.
 
-    ``disc`` (2 r + 1, 2 r + 1) has the symmetry of one and is flat inside: the flat part of each of its rows costs one
-    difference of running sums, however long, so that only its rim is multiplied out.
+    ``disc`` (2 r + 1, 2 r + 1) is symmetric and flat inside: the flat part of each of its rows costs one
+    difference of running sums, whatever its length, so that only its rim is multiplied.
     """
     h, w = membership.shape
     r = disc.shape[0] // 2
@@ -146,7 +146,7 @@ def _highest(values: Float32Array) -> Float32Array:
 
 @njit(cache=True, nogil=True)
 def _summit(response: Float32Array, membership: Float32Array, aside: float) -> FloatArray:
-    """Return the centre (2,) of what comes close to the highest response less its flanks ``aside`` along the wing."""
+    """Return the centre (2,) of the pixels close to the highest response less its flanks ``aside`` along the wing."""
     h, w = response.shape
     angle = _wing_angle(membership)
     dx, dy = aside * math.cos(angle), aside * math.sin(angle)

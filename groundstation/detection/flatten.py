@@ -29,7 +29,7 @@ _FLAT = 6  # grey levels between neighbouring blocks that interpolation bridges
 
 
 class _BlockRoom(NamedTuple):
-    """Room for the n pixels of a block: their colours (3, n), least squared differences (n,), nearest colours (n,)."""
+    """Buffers for the n pixels of a block: colours (3, n), least squared differences (n,), nearest colours (n,)."""
 
     pixels: Float32Array
     least: Float32Row
@@ -120,10 +120,10 @@ def _less_median(colour: Planes, median: ImageArray, step: int, out: Float32Arra
 
 @njit(cache=True, nogil=True)
 def _keep_edges(colour: Planes, median: ImageArray, edges: NDArray[np.bool_], step: int, out: Float32Array) -> None:
-    """Where a block has an edge in its neighbourhood, take for each pixel the block that it resembles most.
+    """Where a block has an edge in its neighbourhood, assign to each pixel the block that it resembles most.
 
-    Each row of blocks is gone through twice: block by block for the colours that its pixels resemble, which are the
-    block's own choice, then pixel row by pixel row for what is left of them, which is one run over many blocks.
+    Each row of blocks is processed twice: block by block for the colours that its pixels resemble, which are the
+    block's own choice, then pixel row by pixel row for the remainder, which is one run over many blocks.
     """
     h, w = colour[0].shape
     size = step * step
@@ -205,8 +205,8 @@ def _resemble(
 ) -> None:
     """Write for each of some pixels (n,) the colour of those ``near`` (k, 3) that it resembles most, as one number.
 
-    The first that is hardly any different is taken. ``least`` (n,) is room for the squared differences. All are whole
-    numbers, which single precision holds and multiplies faster than integers are.
+    The first of nearly equal ones is used. ``least`` (n,) is a buffer for the squared differences. All are whole
+    numbers, which single precision represents exactly and multiplies faster than integers.
     """
     alike = np.float32(_ALIKE)
     least[:] = np.float32(1e9)
@@ -266,7 +266,7 @@ def flatten(image: ImageArray, window: float) -> Float32Array:
     Parameters
     ----------
     image : (h, w, 3) uint8 BGR.
-    window : width of the median in px; what is much smaller than it stays in the difference.
+    window : width of the median in px; structures much smaller than it stay in the difference.
 
     Returns
     -------

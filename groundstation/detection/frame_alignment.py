@@ -32,7 +32,7 @@ _MIN_TRACKED = 12
 
 
 class TurningView:
-    """Pixels of the working image as rays of the camera, to predict what a turn does to the picture."""
+    """Pixels of the working image as rays of the camera, to predict the effect of a rotation on the picture."""
 
     def __init__(self, lens: Lens, scale: float, size: tuple[int, int]) -> None:
         x, y = np.meshgrid(np.linspace(0, size[0] - 1, _GRID), np.linspace(0, size[1] - 1, _GRID))
@@ -80,7 +80,7 @@ def textured(grey: ImageArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameAlignment:
-    """``old_from_new`` (3, 3), pixels to pixels, and one sigma of what it misplaces, px."""
+    """``old_from_new`` (3, 3), pixels to pixels, and one sigma of its misplacement, px."""
 
     old_from_new: FloatArray
     misplaced_px: float
@@ -88,7 +88,7 @@ class FrameAlignment:
 
 @njit(cache=True, inline="always")
 def _misfit(row: FloatArray, old: ImageArray, H: FloatArray, sx: float, sy: float) -> tuple[bool, float]:
-    """Return whether a textured pixel lies in the old picture, and its difference in grey levels."""
+    """Return whether a textured pixel is in the old picture, and its difference in grey levels."""
     x, y = row[_X] + sx, row[_Y] + sy
     d = H[2, 0] * x + H[2, 1] * y + H[2, 2]
     u, v = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / d, (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / d
@@ -139,7 +139,7 @@ def _shift(rows: FloatArray, old: ImageArray, H: FloatArray, limit: float) -> tu
 
 @njit(cache=True)
 def _misplacements(rows: FloatArray, old: ImageArray, H: FloatArray) -> FloatArray:
-    """Return |difference| / gradient of the textured pixels that lie in the old picture, px."""
+    """Return |difference| / gradient of the textured pixels in the old picture, px."""
     out = np.empty(rows.shape[0])
     n = 0
     for k in range(rows.shape[0]):
@@ -181,6 +181,6 @@ def image_motion(old: ImageArray, new: ImageArray) -> FloatArray | None:
 
 
 def widespread(rows: FloatArray, w: int, h: int) -> bool:
-    """Return whether the textured pixels lie in enough blocks of the image."""
+    """Return whether the textured pixels are in enough blocks of the image."""
     block = (rows[:, _Y] * _BLOCKS / h).astype(np.int64) * _BLOCKS + (rows[:, _X] * _BLOCKS / w).astype(np.int64)
     return int((np.bincount(block) >= _BLOCK_TEXTURED).sum()) >= _MIN_TEXTURED_BLOCKS

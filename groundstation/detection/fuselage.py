@@ -1,7 +1,7 @@
-"""The fuselage of a silhouette turned level: its middle row by row, its ends, and where they put the nose.
+"""The fuselage of a silhouette rotated level: its middle row by row, its ends, and the nose that they imply.
 
-The nose follows from what a fuselage of usual proportions shows at each attitude: a grid of attitudes around
-the flight direction is weighed by how well it explains the outline, and the noses they imply are averaged.
+The nose follows from the appearance of a typical fuselage at each attitude: a grid of attitudes around
+the flight direction is weighted by its fit to the outline, and the implied noses are averaged.
 """
 
 import math
@@ -26,7 +26,7 @@ _WING_BEHIND = 0.27
 _WING_BEHIND_SIGMA = 0.05
 _THICKEST_BEHIND, _THICKEST_BEHIND_SIGMA = 0.3, 0.12  # the nose
 _THICKEST_BELOW, _THICKEST_SIGMA = 0.005, 0.012  # at no pitch: the cabin above, less the gear below
-_ENDS_LEGIBLE_PX = 60.0  # a span from which the outline's ends say more
+_ENDS_LEGIBLE_PX = 60.0  # a span from which the outline's ends are more informative
 _CORE = 0.032  # half width of what counts as fuselage
 _WIDEST = 0.1  # half width beyond which a row holds more than the fuselage
 _FILLED = 0.75  # of the core's width: the leg of a nose wheel fills less
@@ -90,7 +90,7 @@ def _follow(
     while 0 <= i < h:
         core = _core(level, i, middle, half)
         if core < _FILLED and last == i - step and band[0] - 3.0 <= i <= band[1] + 3.0:
-            # beyond the wing the body may lie to one side of the line followed
+            # beyond the wing the body may be to one side of the line followed
             middle = _aside(level, i, middle, half, _ASIDE * span)
             core = _core(level, i, middle, half)
         if core >= _FILLED:
@@ -257,7 +257,7 @@ def _row_weights(widths: FloatArray, scale: tuple[float, float]) -> FloatArray:
     """Return the inverse variances of the rows' middles, (n,)."""
     span, edge = scale
     weights = np.empty(widths.size)
-    # neighbouring rows err alike; a row that is too wide holds gear or struts on one of its sides
+    # errors of neighbouring rows are correlated; a row that is too wide has gear or struts on one of its sides
     alike = min(max(widths.size / 3.0, 1.0), 3.0)
     for k in range(widths.size):
         excess = max(widths[k] - _USUAL_WIDTH * span - 1.0, 0.0)

@@ -35,11 +35,11 @@ class ImageConditioner:
 
     Parameters
     ----------
-    image_size_px : (w, h) of every picture that comes.
+    image_size_px : (w, h) of every input picture.
 
     Attributes
     ----------
-    scale : pixels of the working picture per pixel of the picture that comes.
+    scale : pixels of the working picture per pixel of the input picture.
     size_px : (w, h) of the working picture.
     """
 

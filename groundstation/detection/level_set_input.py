@@ -1,9 +1,9 @@
 """From pixels to one scalar image: background flattened, contrast in sigmas, scaled to [0, 1].
 
 The background is a large median of each colour: it follows shaded skies, hills and straight edges such as the
-horizon, and leaves what is smaller than its window. What remains is judged by the local background's own
-spread, so that paint and trees count as noise where there are many of them. The reference system's choice,
-the equalised saturation, stays available.
+horizon, and leaves structures smaller than its window. The difference is divided by the local background's own
+spread, so that paint and trees count as noise where there are many of them. The reference system's channel,
+the equalised saturation, is available as an option.
 """
 
 import math
@@ -28,7 +28,7 @@ _MIN_WINDOW_PX = 15
 _MAX_WINDOW_PX = 151
 WINDOW_PER_SPAN = 0.6  # of a target seen end-on
 _UNKNOWN_SPAN_PX = 80.0
-_NOISE_FLOOR = 0.6  # grey levels: quantisation and what a codec smooths away
+_NOISE_FLOOR = 0.6  # grey levels: quantisation and smoothing by a codec
 _CLUTTER_CLIP = 60.0
 _COLOUR_CLIP = 8.0
 _LEARNT_CLIP = 12.0
@@ -42,11 +42,11 @@ _TAIL = 2.0  # sigmas that noise alone reaches at the shares in question
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExpectedTarget:
-    """Where the target is expected in the window.
+    """Expected position of the target in the window.
 
-    ``box`` holds it, ``columns`` (box.w,) and ``rows`` (box.h,) float32 say how likely it
-    reaches there, 1 in the middle; ``span_px`` is its expected span and ``thick_px`` a width that its thick parts
-    fill by less than half, None if not known.
+    ``box`` contains it, ``columns`` (box.w,) and ``rows`` (box.h,) float32 are the likelihood that it
+    extends there, 1 in the middle; ``span_px`` is its expected span and ``thick_px`` a width that its thick parts
+    fill by less than half, None if unknown.
     """
 
     box: Box[int]
@@ -61,8 +61,8 @@ class LevelSetInput:
     """The scalar image that the level set divides.
 
     ``u`` is (h, w) float32 in [0, 1], ``contrast`` (h, w) float32 the distance from the local background in
-    its sigmas, ``level`` what the target's own number of pixels exceed near the prediction, ``reference`` the
-    contrast that became u = 1.
+    its sigmas, ``level`` the contrast that the target's own number of pixels exceed near the prediction, ``reference``
+    the contrast that became u = 1.
     """
 
     u: Float32Array
@@ -83,7 +83,7 @@ def _clutter_moments(
 ) -> FloatArray:
     """Return the (3, 3) second moments of a residual (3, h, w) outside the box, clipped to ±``clip``.
 
-    Every second pixel of every second row is enough; what is not ``known`` counts as zero.
+    Every second pixel of every second row is enough; pixels that are not ``known`` count as zero.
     """
     x0, y0, x1, y1 = keep_out
     s00, s01, s02, s11, s12, s22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -188,7 +188,7 @@ def _soften(
 
 @njit(cache=True, nogil=True)
 def _grey_gain(plane: Float32Array, keep_out: Box[int]) -> float:
-    """Return how many sigmas of what is outside the box one level of a plane (h, w) is."""
+    """Return the sigmas of the pixels outside the box in one level of a plane (h, w)."""
     return 1.0 / math.hypot(math.sqrt(_clutter_variance(plane, keep_out, _CLUTTER_CLIP)), _NOISE_FLOOR)
 
 
@@ -288,7 +288,7 @@ def _learnt_levels(
     area_px: float,
     contrast: Float32Array,
 ) -> tuple[float, float]:
-    """Write the distance from the learnt background in its sigmas, completed as `_soften` says; return its levels."""
+    """Write the distance from the background model in its sigmas, completed as in `_soften`; return its levels."""
     inverse, sigmas = _with_noise(_clutter_moments(residual, box, _LEARNT_CLIP, known))
     _distance(residual, inverse, contrast)
     _soften(contrast, edge, sigmas[0] ** 2, known, spatial)
@@ -309,14 +309,14 @@ def prepare(
     Parameters
     ----------
     image : (h, w, 3) uint8 BGR, the region of interest.
-    expected : where in it the target is expected.
-    difference : the image less the background learnt from earlier frames, None if there is none.
+    expected : the expected position of the target in it.
+    difference : the image less the background of earlier frames, None without one.
     """
     span_px, target_box = expected.span_px, expected.box
     window = median_window(expected.thick_px)
     area = 0.03 * (span_px if span_px is not None else 25.0) ** 2
     expectation = (target_box, expected.columns, expected.rows, area)
-    # of each channel its contrast, the gain that it still wants, and its levels
+    # of each channel its contrast, its remaining gain, and its levels
     options: list[tuple[Channel, Float32Array, float, float, float]] = []
     wanted = config.channel
     if wanted is Channel.SATURATION:

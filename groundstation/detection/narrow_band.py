@@ -1,6 +1,6 @@
-"""The narrow band of the level set: which pixels may still move, and where each of them goes.
+"""The narrow band of the level set: the pixels that may still change, and their new values.
 
-φ is held within ±`PHI_LIMIT`: a pixel at a limit among its like, pushed further into it, rests.
+φ is limited to ±`PHI_LIMIT`: a pixel at a limit among equal ones, driven further into it, does not change.
 """
 
 import math

@@ -1,7 +1,7 @@
 """The target point of a silhouette: the centre of the aircraft's nose, with its uncertainty.
 
-The fuselage is where a disc of its own radius fits best: thin parts (wing, tail, gear) fill little of it.
-Seen nearly head-on the best place of that disc is the nose itself; seen from the side or from below the
+The fuselage is found by the best fit of a disc of its own radius: thin parts (wing, tail, gear) fill little of it.
+Nearly head-on the best position of that disc is the nose itself; from the side or from below the
 fuselage is a strip, and the nose is its forward end.
 """
 
@@ -82,7 +82,7 @@ def find_nose(
     noise = (0.15 + _NOISE_PX_SIGMAS / max(contrast, 1.0)) ** 2
     covariance = (noise + (_SHAPE_PER_SPAN * span) ** 2) * np.eye(2)
     if forward_per_span is None:
-        # the nose may lie anywhere within the lead of an aircraft seen some 15° off its axis
+        # the nose may be anywhere within the lead of an aircraft seen some 15° off its axis
         unknown = (_UNKNOWN_HEADING * _LEAD_PER_SPAN * span) ** 2 * np.eye(2)
         new = uncorrelated_covariance(noise, unknown, contrast, 0.0)
         return NosePoint(point=thickest, covariance=covariance + unknown, noise=new)
@@ -118,8 +118,8 @@ def _near_head_on(
     expected, airborne = known
     edge = _EDGE_PX + _EDGE_PX_SIGMAS / max(contrast, 1.0)
     span = _likely_span(width, expected)
-    # where crab can be read it is left open; where it cannot, an approach in usual wind is assumed. What blurs it is
-    # the camera, not that a large silhouette is looked at in a reduced picture
+    # where crab is observable it is estimated; otherwise an approach in usual wind is assumed. The blur is that of
+    # the camera, not of the reduced picture in which a large silhouette is processed
     legible = _legible(scale * span)
     back, size, wing_seen = level_frame(membership, float(thickest[0]), span)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -167,7 +167,7 @@ def _nose_in(
     nose, covariance = locate_nose(
         rows, ends, (middle, middle_sigma), thickest_t, (along_s, along_t), sigma, (span, edge)
     )
-    # crab is read from how the fuselage's rows lie: of a small silhouette they say less than its thickest place does
+    # crab is estimated from the fuselage's rows: for a small silhouette they are less accurate than its thickest part
     s, t = legible * nose[0] + (1.0 - legible) * (body + _LEAD_PER_SPAN * along_s), nose[1]
     # as measured on rendered flights: of a small silhouette in flight the parts agree better than each of them alone
     covariance *= 1.0 + airborne * (1.0 - legible) * (_SMALL_FLYING - 1.0)
@@ -182,12 +182,12 @@ def _nose_in(
 
 
 def _legible(span_px: float) -> float:
-    """Return from 0 to 1 how far a silhouette of this span, in the camera's px, tells crab."""
+    """Return from 0 to 1 the observability of crab in a silhouette of this span, in the camera's px."""
     return min(max((span_px - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
 
 
 def _airborne(height_per_span: float | None) -> float:
-    """Return 0 for a rolling aircraft, 1 for a flying one, something between where the height does not tell."""
+    """Return 0 for a rolling aircraft, 1 for a flying one, a value between where the height is ambiguous."""
     if height_per_span is None:
         return 0.5
     share = (height_per_span - _ROLLING_PER_SPAN) / (_FLYING_PER_SPAN - _ROLLING_PER_SPAN)
@@ -195,7 +195,7 @@ def _airborne(height_per_span: float | None) -> float:
 
 
 def _likely_span(width: float, expected: tuple[float, float] | None) -> float:
-    """Return the span in px from a silhouette's width and what was expected: a lost wing makes it too narrow."""
+    """Return the span in px from a silhouette's width and its expected value: a lost wing makes it too narrow."""
     if expected is None:
         return width
     deviation = math.log(expected[0] / width)
@@ -204,7 +204,7 @@ def _likely_span(width: float, expected: tuple[float, float] | None) -> float:
 
 
 def _lead(membership: NDArray[np.float32], thickest: FloatArray, forward: FloatArray, span: float) -> float:
-    """Return how far ahead of the thickest part the nose lies, in spans: the fuselage's end where that is seen."""
+    """Return the distance of the nose ahead of the thickest part, in spans: the fuselage's end where visible."""
     length = float(np.hypot(*forward))
     half = _CORE_PER_SPAN * span
     if length < _END_ON * span or half < 1.0:
@@ -248,7 +248,7 @@ def _fuselage_axis(
         ys = (thickest[1] - t[:, None] * along[1] + s[None, :] * across[1]).astype(np.float32)
         strip = cv2.remap(membership, xs, ys, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
         mass = strip.sum(axis=1)
-        # rows across the wing, the tailplane or the gear say nothing of the fuselage's place
+        # rows across the wing, the tailplane or the gear do not show the fuselage's position
         weight = np.where(mass < _WIDEST_PER_SPAN * span, mass, 0.0)
         offset = (strip @ s) / np.maximum(mass, 1e-6)
         strength = float(weight @ (t * t))

@@ -1,7 +1,7 @@
 """Global image motion since the last frame (pan, tilt or shake of the camera), and detection of cuts.
 
 The shift is measured on small grey copies by the motion of corners, those of the target left out. An even sky
-shows nothing; then there is no answer.
+has no corners; then the result is None.
 """
 
 import cv2
@@ -14,7 +14,7 @@ REDUCTION = 4
 _CORNERS, _QUALITY, _APART_PX = 60, 0.05, 6
 _PATCH, _LEAST_TEXTURE = 5, 5.0  # px of the copy; grey levels, standard deviation
 _LEAST_CORNERS = 8
-_AGREE_PX, _AGREE_SHARE = 0.7, 0.6  # so many corners move alike, to so many px of the copy
+_AGREE_PX, _AGREE_SHARE = 0.7, 0.6  # share of the corners that agree on the motion, to so many px of the copy
 _WINDOW, _LEVELS = (11, 11), 3
 _MARGIN_PX = 3  # around the target, px of the copy
 _BIN = 8  # grey levels
@@ -32,9 +32,9 @@ def small_copy(image: ImageArray) -> ImageArray:
 
 
 def picture_shift(old: ImageArray, new: ImageArray, target_box: Box[float]) -> FloatArray | None:
-    """Return how far (2,) the scene has moved between two small copies, in px of the full image; None if unseen.
+    """Return the motion (2,) of the scene between two small copies, in px of the full image; None if unobservable.
 
-    ``target_box``, in the old full image, is left out: the target moves by itself.
+    ``target_box``, in the old full image, is left out: the target has its own motion.
     """
     h, w = old.shape
     mask = np.full((h, w), 255, np.uint8)
@@ -63,7 +63,7 @@ def picture_shift(old: ImageArray, new: ImageArray, target_box: Box[float]) -> F
 
 
 def is_cut(old: ImageArray, new: ImageArray) -> bool:
-    """Return whether two small copies show different scenes: a pan moves what is seen, a cut replaces it."""
+    """Return whether two small copies show different scenes: a pan moves the scene, a cut replaces it."""
     bins = 256 // _BIN
     before, after = (np.bincount((c // _BIN).ravel(), minlength=bins) / c.size for c in (old, new))
     changed = 0.5 * float(np.abs(after - before).sum())

@@ -11,15 +11,15 @@ from groundstation.messages import Detection, Miss, TrackStatus
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PixelTrack:
-    """What is known after one frame.
+    """State of the track after one frame.
 
     Attributes
     ----------
     t_s : the frame's time.
-    status : ``tracking`` where ``result`` is a detection, ``coasting`` where a target is expected and not seen.
-    result : what was seen in this frame, or why nothing.
-    roi : where it was looked for, None if the whole frame was searched.
-    predicted_px : (2,) where it was expected, None if nothing was.
+    status : ``tracking`` where ``result`` is a detection, ``coasting`` where a target is predicted but not detected.
+    result : the detection in this frame, or the miss with its reason.
+    roi : the searched window, None if the whole frame was searched.
+    predicted_px : (2,) the prediction, None without one.
     """
 
     t_s: float

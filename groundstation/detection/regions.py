@@ -1,7 +1,7 @@
 """From a level set to one aircraft: connected regions, their grouping, and the choice among them.
 
-A group is a strong region with the pieces that belong to it (a wing seen apart from the body). Groups are
-judged by size, place and contrast; two that explain the prediction about equally well are ambiguous.
+A group is a strong region with the pieces that belong to it (a wing separated from the body). Groups are
+scored by size, position and contrast; two that explain the prediction about equally well are ambiguous.
 """
 
 import math
@@ -27,7 +27,7 @@ _AREA, _MASS, _MASS_X, _MASS_Y, _X0, _Y0, _X1, _Y1, _PEAK, _RIM = range(10)
 class Group:
     """Regions taken for one object; pixel positions are those of the working image.
 
-    ``belongs`` (count,) says of each label whether it is a member's, ``box`` holds them, ``area`` px,
+    ``belongs`` (count,) marks the labels of members, ``box`` contains them, ``area`` px,
     ``mass`` the sum of contrast, ``centre`` (2,) the contrast-weighted centre, ``contrast`` the mean contrast in
     sigmas, ``rim`` whether a member touches the working image's edge.
     """
@@ -123,7 +123,7 @@ def soft_silhouette(
 class Regions:
     """All connected regions of one level set: ``labels`` (h, w) int32, ``table`` one row per label.
 
-    ``looks`` keeps what groups of them were found to look like.
+    ``looks`` caches the appearance features of its groups.
     """
 
     labels: LabelArray
@@ -146,11 +146,11 @@ def groups_around(
     min_peak: float,
     rim_is_open: tuple[bool, bool, bool, bool],
 ) -> list[Group]:
-    """Return the groups whose seed lies within ``reach`` px of ``near``, strongest first.
+    """Return the groups whose seed is within ``reach`` px of ``near``, strongest first.
 
-    ``span`` bounds how wide a group may grow, ``tallest`` how high, as a share of that;
-    ``rim_is_open`` says for the left, top, right and bottom edge
-    whether the scene goes on beyond it (a region there is part of something larger).
+    ``span`` limits the width of a group, ``tallest`` the height, as a share of that;
+    ``rim_is_open`` is, for the left, top, right and bottom edge,
+    whether the scene continues beyond it (a region there is part of something larger).
     """
     # of many regions the heaviest are enough
     order = np.argsort(-regions.table[1:, _MASS])[:_MAX_REGIONS] + 1
@@ -170,9 +170,9 @@ def _gather(
     limits: tuple[float, float, float],
     rim_is_open: tuple[bool, bool, bool, bool],
 ) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Return which labels belong to each group, (g, count), and each group's sums in the columns of the table.
+    """Return the labels of each group, (g, count), and each group's sums in the columns of the table.
 
-    ``near`` is where seeds are looked for and how far around it, ``limits`` the span (NaN if not known), the greatest
+    ``near`` is the centre and radius of the search for seeds, ``limits`` the span (NaN if unknown), the greatest
     height as a share of it, and the contrast that a region must reach.
     """
     h, w = shape
@@ -197,7 +197,7 @@ def _gather(
         dy = max(row[_Y0] - near_y, near_y - row[_Y1] + 1, 0.0)
         if math.hypot(dx, dy) > reach:
             continue
-        # a seed stands for itself, too: what lies close by may be another object
+        # a seed is also a group by itself: a near region may be another object
         for alone in (False, True):
             members[count, seed] = True
             if not alone:
@@ -234,7 +234,7 @@ def _grow(
     span: float,
     tallest: float,
 ) -> None:
-    """Take in the pieces that lie close enough to a seed to belong to it."""
+    """Add the pieces that are close enough to a seed to belong to it."""
     x0, y0, x1, y1 = table[seed, _X0], table[seed, _Y0], table[seed, _X1], table[seed, _Y1]
     mass = table[seed, _MASS]
     known = not math.isnan(span)
@@ -249,7 +249,7 @@ def _grow(
                 continue
             a0, b0, a1, b1 = table[k, _X0], table[k, _Y0], table[k, _X1], table[k, _Y1]
             apart = max(a0 - x1, x0 - a1, b0 - y1, y0 - b1, 0.0)
-            # a speck belongs only if it all but touches; a severed wing may lie farther off
+            # a speck belongs only if it nearly touches; a separated wing may be farther away
             if apart > max(2.0, min(gap, max(a1 - a0, b1 - b0))):
                 continue
             left, top, right, bottom = min(x0, a0), min(y0, b0), max(x1, a1), max(y1, b1)
@@ -262,7 +262,7 @@ def _grow(
 
 @njit(cache=True, nogil=True)
 def _sums(members: NDArray[np.bool_], table: FloatArray) -> FloatArray:
-    """Return what the members of each group have together, in the columns of the table."""
+    """Return the sums over the members of each group, in the columns of the table."""
     sums = np.zeros((members.shape[0], table.shape[1]))
     for g in range(members.shape[0]):
         own, first = sums[g], True

@@ -103,7 +103,7 @@ def mean_misfit(rows: FloatArray, reference: Float32Array, hidden: Box[int], sx:
 
 @njit(cache=True, nogil=True)
 def coarse(rows: FloatArray, reference: Float32Array, hidden: Box[int], sx: float, sy: float) -> tuple[float, float]:
-    """Return the best shift on a coarse raster around a guess."""
+    """Return the best shift on a coarse raster around an initial value."""
     every = max(rows.shape[0] // 300, 1)
     best, bx, by = 1e9, sx, sy
     for i in range(-_COARSE_REACH, _COARSE_REACH + 1):
@@ -157,7 +157,7 @@ def refine(
 
 @njit(cache=True, nogil=True)
 def misplacement(rows: FloatArray, reference: Float32Array, hidden: Box[int], sx: float, sy: float) -> float:
-    """Return how far, in px, the scene still lies off after the shift: how misfits grow with the gradient."""
+    """Return the scene's misplacement after the shift, px, from the misfits' growth with the gradient."""
     n, s_g, s_e, s_gg, s_ge = 0, 0.0, 0.0, 0.0, 0.0
     for k in range(rows.shape[0]):
         x, y = rows[k, _X] + sx, rows[k, _Y] + sy

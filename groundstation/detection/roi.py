@@ -17,18 +17,18 @@ def place_roi(
     image_size_px: tuple[int, int],
     last_middle_px: tuple[float, float] = (0.0, 0.0),
 ) -> Box[int] | None:
-    """Return the window to search, clipped to the image, or None if nothing of it lies inside.
+    """Return the window to search, clipped to the image, or None if it is outside.
 
     Parameters
     ----------
     predicted_px : (2,) expected target point, u and v.
     predicted_covariance_px2 : (2, 2) its covariance.
-    last_size_px : width and height of the target's last silhouette, None if not known.
-    last_middle_px : where the middle of that silhouette's box lay from the target point: an aircraft that climbs over
+    last_size_px : width and height of the target's last silhouette, None if unknown.
+    last_middle_px : middle of that silhouette's box relative to the target point: an aircraft that climbs over
         the camera hangs below its nose.
 
     The window is the target's last size plus the basic size, centred on the prediction and widened by ``roi_sigmas``
-    of it to either side. It moves, and does not grow, so that the silhouette keeps a quarter of the basic size around
+    of it to either side. It moves, without growing, so that the silhouette keeps a quarter of the basic size around
     it.
     """
     size = last_size_px if last_size_px is not None else (0.0, 0.0)

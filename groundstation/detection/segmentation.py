@@ -34,7 +34,7 @@ def _chan_vese(u: Float32Array, inside: NDArray[np.bool_], config: LevelSetConfi
     weights = (config.mu, config.nu, config.lambda1, config.lambda2)
     stop = (config.stop_fraction, config.stop_after)
     if config.local_share > 0:
-        # a first step against means of the whole window would throw away what the local ones are for
+        # a first step against means of the whole window would discard the purpose of local means
         phi = np.where(inside, np.float32(1), np.float32(-1))
         local = (config.local_share, config.local_sigma_px)
         evolve_local(u, phi, weights, local, config.eps, config.time_step, config.iterations, *stop)

@@ -77,9 +77,9 @@ def _skimage_chan_vese(
     """Run scikit-image's level set (Getreuer, IPOL 2012) from a small step of φ on the start contour.
 
     ``stepped`` starts it where the compiled one starts, after that one's first data step inside the contour.
-    From φ = ±1 no pixel would change side for some iterations, and that would count as rest. It has neither ν
+    From φ = ±1 no pixel would change side for some iterations, which would count as convergence. It has neither ν
     nor ε (0 and 1), and its δ lacks the factor 1/π, which goes into the time step. It runs one iteration at a
-    time, since its own rule for stopping looks at φ instead of at its sign.
+    time, because its own stopping rule tests φ instead of its sign.
     """
     numbers = {"mu": config.mu, "lambda1": config.lambda1, "lambda2": config.lambda2, "dt": config.time_step / np.pi}
     once = {**numbers, "tol": 0.0, "max_num_iter": 1, "extended_output": True}
@@ -106,7 +106,7 @@ def _skimage_morphological(u: Float32Array, inside: BoolArray, config: LevelSetC
 
 
 def _run(advance: Callable[[NDArray[Any]], NDArray[Any]], state: NDArray[Any], config: LevelSetConfig) -> NDArray[Any]:
-    """Repeat ``advance`` on a level set (h, w) until it comes to rest by the common rule."""
+    """Repeat ``advance`` on a level set (h, w) until it converges by the common rule."""
     quiet = 0
     for _ in range(config.iterations):
         new = advance(state)

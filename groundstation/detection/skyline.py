@@ -13,7 +13,7 @@ from groundstation.arrays import FloatArray, ImageArray, MaskArray
 CELL_PX = 8
 _MAX_STEP = 10.0  # grey levels between neighbouring cells
 _MAX_TEXTURE = 4.0  # grey levels, mean deviation from the local background
-_MAX_HOLE = 0.25  # of the picture: larger things are not objects in the sky
+_MAX_HOLE = 0.25  # share of the picture: larger regions are not objects in the sky
 _MIN_SHARE = 0.02  # of the picture: smaller patches of smoothness are not sky
 
 
@@ -28,7 +28,7 @@ def sky_cells(grey: ImageArray, texture: NDArray[np.float32], up: FloatArray | N
     """
     h, w = grey.shape
     size = (max(w // CELL_PX, 1), max(h // CELL_PX, 1))
-    # small things in the sky must not cut it into pieces
+    # small objects in the sky must not divide it
     calm = cv2.medianBlur(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), 5)
     step = cv2.morphologyEx(calm, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
     smooth = (step < _MAX_STEP) & (cv2.resize(texture, size, interpolation=cv2.INTER_LINEAR) < _MAX_TEXTURE)
@@ -44,7 +44,7 @@ def sky_cells(grey: ImageArray, texture: NDArray[np.float32], up: FloatArray | N
     sky = np.asarray(
         cv2.dilate(sky.astype(np.uint8), np.ones((3, 3), np.uint8)), np.bool_
     )  # the gradient widens borders
-    # what is not sky, does not reach the ground and is not huge hangs in the sky
+    # a region that is not sky, does not reach the ground and is not huge is an object in the sky
     ground = np.zeros_like(sky)
     ground[-1] = True
     if above is not None:
@@ -73,10 +73,10 @@ def _touching(labels: NDArray[np.int32], count: int, where: MaskArray) -> MaskAr
 
 @njit(cache=True)
 def sky_around(sky: MaskArray, x0: float, y0: float, x1: float, y1: float) -> float:
-    """Return the share of sky on the side of a box (in cells) that has least of it.
+    """Return the share of sky on the side of a box (in cells) that has the least of it.
 
-    What hangs in the sky has it on every side; what stands on the ground does not. Sides outside the picture
-    do not count; without any the answer is 0.
+    An object in the sky has sky on every side; one on the ground does not. Sides outside the picture
+    do not count; without any the result is 0.
     """
     h, w = sky.shape
     margin = max(0.3 * max(x1 - x0, y1 - y0), 1.0)

@@ -1,17 +1,17 @@
-"""Parametric active contours: the snake, and the snake drawn by a gradient vector flow.
+"""Parametric active contours: the snake, and the snake attracted by a gradient vector flow.
 
-Kass, Witkin & Terzopoulos (IJCV 1988): a closed contour x(s) falls down the energy
+Kass, Witkin & Terzopoulos (IJCV 1988): a closed contour x(s) descends the energy
 
     E = ∫ ½ (α |x'|² + β |x''|²) − e(x) ds,    e = |∇(G_σ * u)|, scaled to 1 at its maximum
 
 by x_t = α x'' − β x'''' + f(x), here semi-implicitly: (I + τ A) x_new = x + τ f(x), A the circulant matrix of
-−α D² + β D⁴, D the difference of neighbouring points, which lie ``spacing_px`` apart. The force is
+−α D² + β D⁴, D the difference of neighbouring points, ``spacing_px`` apart. The force is
 
 - snake: f = ∇e, scaled to length 1 at its maximum; it reaches a few σ from an edge;
-- GVF (Xu & Prince, IEEE TIP 1998): f = v/|v|, v the rest of v_t = μ ∇²v − |∇e|² (v − ∇e), which carries the
-  edges' pull into flat regions and into concavities.
+- GVF (Xu & Prince, IEEE TIP 1998): f = v/|v|, v the steady state of v_t = μ ∇²v − |∇e|² (v − ∇e), which extends the
+  edges' force into flat regions and into concavities.
 
-One contour stays one contour: it neither splits nor merges. That is what the level set is measured against.
+One contour stays one contour: it neither splits nor merges. The snakes are baselines of the level set.
 """
 
 import math
@@ -37,13 +37,13 @@ _FLAT = 1e-12
 def segment(
     u: Float32Array, inside: NDArray[np.bool_], config: SnakeConfig, stop: tuple[int, float, int], *, gvf: bool
 ) -> Float32Array:
-    """Return +1 inside the contour that the snake comes to rest on and −1 outside, (h, w) float32.
+    """Return +1 inside the contour at which the snake converges and −1 outside, (h, w) float32.
 
     Parameters
     ----------
     u : (h, w) float32 in [0, 1].
-    inside : (h, w), the region whose outline the contour starts from; of several the largest.
-    stop : most iterations, the fraction of the pixels inside that may change side, how often running.
+    inside : (h, w), the region whose outline is the initial contour; of several the largest.
+    stop : most iterations, the fraction of the pixels inside that may change side, number of times in a row.
     gvf : whether the force is the gradient vector flow.
     """
     phi = np.full(u.shape, -1.0, np.float32)
@@ -162,7 +162,7 @@ def resample(points: Points, spacing: float) -> Points:
 
 @njit(cache=True, nogil=True)
 def _force_at(force: Float32Array, x: float, y: float, axis: int) -> float:
-    """Return one axis of the force between pixels, bilinearly; x and y lie inside the image."""
+    """Return one axis of the force between pixels, bilinearly; x and y are inside the image."""
     h, w = force.shape[:2]
     j, i = min(int(x), w - 2), min(int(y), h - 2)
     fx, fy = x - j, y - i

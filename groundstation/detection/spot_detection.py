@@ -78,7 +78,7 @@ def contrast_map(grey: ImageArray) -> Contrast:
     """Return how a picture differs from its coarse background."""
     h, w = grey.shape
     small = cv2.resize(grey, (max(w // _GRID, 1), max(h // _GRID, 1)), interpolation=cv2.INTER_AREA)
-    # a shaded sky goes on beyond the border as it comes in
+    # a shaded sky is extrapolated beyond the border with its gradient
     pad = _MEDIAN // 2 + 1
     wide = np.pad(small.astype(np.int16), pad, mode="reflect", reflect_type="odd")
     coarse = cv2.medianBlur(np.clip(wide, 0, 255).astype(np.uint8), _MEDIAN).astype(np.float32)
@@ -176,7 +176,7 @@ def gap(a: CandidateRegion, b: CandidateRegion) -> float:
 
 
 def joined(spots: list[CandidateRegion], reach: float, least_px: float, growth: float) -> list[CandidateRegion]:
-    """Put together the fragments of one thing, strongest first.
+    """Merge the fragments of one object, strongest first.
 
     A fragment joins a piece of more mass if it lies closer than ``reach`` of that piece's size (or ``least_px``)
     and does not make it larger than ``growth`` times its size (or three times ``least_px``).

@@ -17,9 +17,9 @@ _MOST_GROWTH = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreviousSilhouette:
-    """What was found last: ``mask`` (h, w) uint8 of 0 and 1, the target point (2,) in it, its width; all in its px.
+    """The last silhouette: ``mask`` (h, w) uint8 of 0 and 1, the target point (2,) in it, its width; all in its px.
 
-    ``scale`` is how many full-image px one of these is.
+    ``scale`` is the number of full-image px in one of these.
     """
 
     mask: NDArray[np.uint8]
@@ -45,7 +45,7 @@ def _ellipse(shape: tuple[int, int], centre: FloatArray, half: tuple[float, floa
 def _moved(
     shape: tuple[int, int], mask: NDArray[np.uint8], point: FloatArray, to: FloatArray, growth: float
 ) -> MaskArray:
-    """Return a mask scaled by ``growth`` about its point, which comes to lie at ``to``; nearest neighbour."""
+    """Return a mask scaled by ``growth`` about its point, which moves to ``to``; nearest neighbour."""
     h, w = shape
     inside = np.zeros(shape, np.bool_)
     top, bottom = to[1] - growth * (point[1] + 0.5), to[1] + growth * (mask.shape[0] - point[1])
@@ -69,9 +69,9 @@ def _moved(
 
 
 def start_contour(working: WorkingImage, last: PreviousSilhouette | None) -> MaskArray:
-    """Return what the start contour encloses, (h, w) of the working image.
+    """Return the inside of the start contour, (h, w) of the working image.
 
-    The last silhouette is scaled to the expected span and widened by the prediction's sigma, so that it holds the
+    The last silhouette is scaled to the expected span and dilated by the prediction's sigma, so that it contains the
     target wherever it is likely.
     """
     shape = working.image.shape[0], working.image.shape[1]

@@ -19,7 +19,7 @@ _MAX_TENTATIVE = 12
 _MOVING_WEIGHT = 1.3
 _KNOWN_WEIGHT, _KNOWN_RATIO = 2.0, 2.0
 _LEAST_SIZE_PX = 4.0
-_ENOUGH = 60.0  # sigmas: beyond it more contrast says no more
+_ENOUGH = 60.0  # sigmas: beyond it more contrast has no effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,7 +144,7 @@ class TargetConfirmation:
             return None
         if best.seen < c.seen_share * best.frames:
             return None
-        # several readings of one thing do not compete
+        # several readings of one object do not compete
         rivals = [h for h in ranked[1:] if not overlap(h.newest.box, best.newest.box) and h.newest_s == t_s]
         lead = best.weight() / max((h.weight() for h in rivals), default=1e-9)
         if lead < c.clear_lead and t_s - best.first_s < c.undecided_s:
@@ -161,7 +161,7 @@ def _worth(c: Candidate, known_size_px: float | None) -> float:
 
 
 def _nearest(tentative: _TentativeTarget, candidates: list[Candidate], t_s: float) -> Candidate | None:
-    """Return the candidate that goes on with ``tentative`` best."""
+    """Return the candidate that continues ``tentative`` best."""
     u, v = tentative.place(t_s)
     old = max(tentative.newest.box.length, 3.0)
     reach = (_GATE_PX + _GATE_SIZES * old) * (1 + tentative.missed)

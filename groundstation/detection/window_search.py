@@ -18,9 +18,9 @@ _LEAST_SCORE = 3.0
 _BEYOND, _BEYOND_PX = 0.1, 2.0  # how far out of the box that was given a target may reach
 _CENTRED = 0.35  # how far from its middle, as a share of its size
 _STEP_PX = 32  # windows grow in such steps
-_LEAST_SIZE_PX = 8.0  # smaller sizes are all alike
+_LEAST_SIZE_PX = 8.0  # smaller sizes count as equal
 CLEAR_SCORE = 8.0  # sigmas: what stands out so much is seen as it is
-_ALONE = 2.0  # how much more conspicuous than all else a target far from its place has to be
+_ALONE = 2.0  # ratio of contrasts by which a target far from its place has to exceed all others
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,7 +76,7 @@ def _span(centre: float, half: int, limit: int) -> tuple[int, int]:
 
 
 def _within(box: Box[float], given: Box[float]) -> bool:
-    """Return whether a box lies inside another one, within a tolerance."""
+    """Return whether a box is inside another one, within a tolerance."""
     x, y = _BEYOND * given.w + _BEYOND_PX, _BEYOND * given.h + _BEYOND_PX
     return contains(Box(given.x0 - x, given.y0 - y, given.x1 + x, given.y1 + y), box)
 
@@ -86,7 +86,7 @@ def _moved(c: Candidate, x0: int, y0: int) -> Blob:
 
 
 def best_blob(similar: list[Blob], place: FloatArray, reach_px: float, all_of_them: list[Blob]) -> Blob | None:
-    """Return the blob that is most likely the target: one near the place (2,), or one that nothing else equals."""
+    """Return the blob that is most likely the target: one near the place (2,), or one without an equal."""
 
     def off(blob: Blob) -> float:
         return float(np.hypot(*(blob.centre_px - place))) / reach_px

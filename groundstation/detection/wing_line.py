@@ -29,7 +29,7 @@ def _line(membership: Float32Array, middle: float, reach: float) -> tuple[float,
     h, w = membership.shape
     u, v, weight = np.empty(w), np.empty(w), np.empty(w)
     mass, moment = np.zeros(w), np.zeros(w)
-    # row by row, as the picture lies in memory
+    # row by row, in memory order
     for i in range(h):
         for j in range(w):
             mass[j] += membership[i, j]

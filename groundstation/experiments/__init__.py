@@ -1,1 +1,1 @@
-"""The papers' experiments on our recordings: `groundstation reproduce`."""
+"""The papers' experiments on this project's recordings: `groundstation reproduce`."""

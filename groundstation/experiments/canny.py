@@ -21,7 +21,7 @@ _EVERY = 8
 
 
 def canny(recorded: TruthSession) -> Findings:
-    """Edges at σ 1, 10 and 20 of our pictures, thresholds 0.4 and 0.1 (figure 1 of the runway-edge paper)."""
+    """Edges at σ 1, 10 and 20 of these pictures, thresholds 0.4 and 0.1 (figure 1 of the runway-edge paper)."""
     pictures = _pictures(recorded)
     edges = {sigma: [canny_edges(p, sigma) for p in pictures] for sigma in SIGMAS_PX}
     rows: list[list[Cell]] = []
@@ -71,7 +71,7 @@ def canny_edges(grey: FloatArray, sigma_px: float) -> MaskArray:
 
 
 def _share(of: MaskArray, near: MaskArray) -> float:
-    """Return how much of the edges ``of`` lies by the edges ``near``, in %."""
+    """Return the share of the edges ``of`` that are close to the edges ``near``, in %."""
     about = cv2.dilate(near.astype(np.uint8), np.ones((2 * _NEAR_PX + 1, 2 * _NEAR_PX + 1), np.uint8)) > 0
     return 100.0 * float(np.count_nonzero(of & about)) / max(int(np.count_nonzero(of)), 1)
 

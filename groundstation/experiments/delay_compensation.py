@@ -1,4 +1,4 @@
-"""The ground paper's section 5.3: landing and take-off on line, 110 ms late, made up for by constant speed."""
+"""The ground paper's section 5.3: landing and take-off online, with 110 ms of latency compensated by constant speed."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -35,7 +35,7 @@ _TAKE_OFF_PIXELS = (
 
 
 def online(recorded: TruthSession) -> Findings:
-    """What is known of the aircraft where it is 110 ms after the pictures (figure 14, table 5)."""
+    """Estimates of the aircraft's position 110 ms after the pictures (figure 14, table 5)."""
     take_off = _simulated_take_off() if recorded.take_off is None else _filmed(recorded.take_off)
     flights = {"landing": _filmed(recorded), "take-off": take_off}
     rows: list[list[Cell]] = []
@@ -109,7 +109,7 @@ def _answers(
     truth_at: Callable[[FloatArray], FloatArray],
     span_s: tuple[float, float],
 ) -> dict[str, FloatArray]:
-    """Return by way the time and the error of each answer, (n, 4); the first seconds are left to settle."""
+    """Return by method the time and the error of each estimate, (n, 4), without the first seconds."""
     pipeline = Pipeline(rig, Config(), initial=start)
     found: dict[str, list[FloatArray]] = {way: [] for way in _WAYS}
 

@@ -1,4 +1,4 @@
-"""The study's pictures, in Okabe and Ito's palette with a marker of its own for each series."""
+"""Figures of the study, in Okabe and Ito's palette with a separate marker for each series."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

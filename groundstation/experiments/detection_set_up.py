@@ -1,4 +1,4 @@
-"""What the paper's detection experiments compare, and the paper's statement on each."""
+"""Methods compared in the paper's detection experiments, and the paper's statement on each."""
 
 from dataclasses import replace
 

@@ -166,7 +166,7 @@ def method_table(methods: Mapping[str, Sequence[DetectorOutcome]], paper: Mappin
 
 
 def failure_table(methods: Mapping[str, Sequence[DetectorOutcome]]) -> ResultTable:
-    """Return what went wrong near the ground, by method and reason."""
+    """Return the failures near the ground, by method and reason."""
     near = {name: [o for o in outcomes if o.background != "sky"] for name, outcomes in methods.items()}
     reasons = sorted({o.reason for outcomes in near.values() for o in outcomes if not o.found})
     rows: list[list[Cell]] = []
@@ -185,7 +185,7 @@ def failure_table(methods: Mapping[str, Sequence[DetectorOutcome]]) -> ResultTab
 
 
 def _runs(outcomes: Sequence[DetectorOutcome]) -> list[list[DetectorOutcome]]:
-    """Return what each camera found, in runs of neighbouring frames."""
+    """Return each camera's detections, in runs of neighbouring frames."""
     runs: list[list[DetectorOutcome]] = []
     for station in sorted({o.station for o in outcomes}):
         last: float | None = None
@@ -214,7 +214,7 @@ def _honest(outcomes: Sequence[DetectorOutcome]) -> list[Cell]:
 
 
 def stated_errors(outcomes: Sequence[DetectorOutcome]) -> list[ErrorsWithCovariance]:
-    """Return one flight's errors with what was stated of them, in each camera's runs of neighbouring frames."""
+    """Return one flight's errors with their stated covariance, in each camera's runs of neighbouring frames."""
     return [
         ErrorsWithCovariance(
             errors=np.array([o.error_px for o in run]),

@@ -1,6 +1,6 @@
 """Outcomes of several detectors on the same scenes, compared with the truth.
 
-Times are processor time of the one thread that looks: on an idle machine the wall's, on a busy one still true.
+Times are processor time of the detecting thread, which does not depend on other load of the machine.
 """
 
 import time
@@ -26,18 +26,18 @@ _WRONG_PX, _WRONG_WIDTHS = 10.0, 0.25
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DetectorOutcome:
-    """What one detector made of one scene.
+    """Result of one detector on one scene.
 
     Attributes
     ----------
-    reason : "found", or why not.
-    point_px, error_px : (2,) the target point and its distance from the true nose; NaN where none was found.
-    whitened : (2,) the error divided by the root of its stated covariance; NaN likewise.
-    covariance_px2, noise_px2 : (2, 2) what was stated, and what of it is new in each frame; NaN likewise.
-    overlap : intersection over union with the true silhouette; 0 where nothing was found.
-    centre_error_px : distance of the found silhouette's centre from the true one's; NaN where nothing was found.
+    reason : "found", or the reason of the miss.
+    point_px, error_px : (2,) the target point and its distance from the true nose; NaN for a miss.
+    whitened : (2,) the error divided by the root of its stated covariance; NaN for a miss.
+    covariance_px2, noise_px2 : (2, 2) the stated covariance, and its part that is new in each frame; NaN for a miss.
+    overlap : intersection over union with the true silhouette; 0 for a miss.
+    centre_error_px : distance of the detected silhouette's centre from the true one's; NaN for a miss.
     elapsed_s, segment_s : processor time of the whole detector, and of the segmentation in it.
-    holds_nose, holds_silhouette : whether the true nose and all of the true silhouette lie in the ROI.
+    holds_nose, holds_silhouette : whether the true nose and all of the true silhouette are in the ROI.
     """
 
     station: str
@@ -72,7 +72,7 @@ class DetectorOutcome:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrameTruth:
-    """What is truly in a frame: the nose (2,) px, the silhouette, and what lies behind it."""
+    """Truth of a frame: the nose (2,) px, the silhouette, and the background behind it."""
 
     nose_px: FloatArray
     silhouette: TrueSilhouette
@@ -90,7 +90,7 @@ class DetectorRunner:
         self._middles: dict[str, tuple[float, float]] = {}
 
     def look(self, scene: TruthScene) -> DetectorOutcome:
-        """Look at one scene; only the detector is timed."""
+        """Run the detector on one scene; only the detector is timed."""
         name, image = scene.frame.station, scene.frame.image.whole()
         size = (image.shape[1], image.shape[0])
         if name not in self._detectors:
@@ -117,7 +117,7 @@ class DetectorRunner:
 def judged(
     frame: Frame, truth: FrameTruth, look: tuple[Box[int], Detection | Miss], times_s: tuple[float, float] = (0.0, 0.0)
 ) -> DetectorOutcome:
-    """Return what a look at a frame is worth; ``times_s`` are those of the detector and of the segmentation in it."""
+    """Return the outcome of a detection; ``times_s`` are those of the detector and of the segmentation in it."""
     roi, result = look
     point = error = whitened = np.full(2, np.nan)
     covariance = noise = np.full((2, 2), np.nan)
@@ -171,9 +171,9 @@ def _time_segmentation(detector: Detector) -> list[float]:
 def segmentation_input(
     scene: TruthScene, config: DetectionConfig, roi: Box[int]
 ) -> tuple[Float32Array, MaskArray] | None:
-    """Return what a fresh detector gives its segmentation in this ROI: the scalar image and the start's inside.
+    """Return the segmentation's input from a new detector: the scalar image and the initial contour's inside.
 
-    None where it sees nothing to divide: on the ground a fresh one has not learnt the background yet.
+    None where it has no contrast: on the ground a new detector has no background model yet.
     """
     image = scene.frame.image.whole()
     detector = Detector(config, (image.shape[1], image.shape[0]))
@@ -189,7 +189,7 @@ def segmentation_input(
 
 
 def _holds(roi: Box[int], x: float, y: float, right: float, down: float) -> bool:
-    """Return whether the pixels from (x, y) to (x + right, y + down) lie in the ROI."""
+    """Return whether the pixels from (x, y) to (x + right, y + down) are in the ROI."""
     across = roi.x0 - 0.5 <= x and x + right <= roi.x1 - 0.5
     return bool(across and roi.y0 - 0.5 <= y and y + down <= roi.y1 - 0.5)
 

@@ -43,9 +43,9 @@ class Experiment:
     Attributes
     ----------
     name : for ``--only``; lower case, words joined by hyphens.
-    paper, numbers : where it stands there, such as "figure 10, table 1".
-    title : what it shows.
-    run : does it; what several experiments need of the recording is computed once.
+    paper, numbers : its place there, such as "figure 10, table 1".
+    title : its subject.
+    run : runs it; results that several experiments share are computed once.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The ground paper's figure 13: scenes with the prediction out of the field of view, and what is made of detections."""
+"""The ground paper's figure 13: scenes with the prediction out of the field of view, and their detections."""
 
 from dataclasses import replace
 from pathlib import Path

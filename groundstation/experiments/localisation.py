@@ -97,7 +97,7 @@ def _compared(name: str, errors: Sequence[FloatArray], paper: str) -> list[list[
 
 
 def _against_dgps(recorded: TruthSession) -> list[list[Cell]]:
-    """Return the row against what is left of the DGPS log, its clock offset found; none without a log."""
+    """Return the row against the remaining DGPS log, with its clock offset estimated; none without a log."""
     e = recorded.evaluation
     comparison = e.comparisons.get("dgps")
     if comparison is None or not comparison.both_known.any():

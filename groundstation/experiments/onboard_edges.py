@@ -51,7 +51,7 @@ Step = Callable[[NoseFrame], Found]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Tracked:
-    """One sequence: its frames, the errors (n, 4) px of each method, what each found, and frames without edges."""
+    """One sequence: its frames, the errors (n, 4) px and outcomes of each method, and frames without edges."""
 
     sequence: Sequence
     frames: list[NoseFrame]
@@ -60,7 +60,7 @@ class _Tracked:
 
 
 def edges(recorded: TruthSession) -> Findings:
-    """Edges in four lights: ours, the paper's tracker with both energies, and Hough on Canny."""
+    """Edges in four lights: this tracker, the paper's with both energies, and Hough on Canny."""
     count = round(recorded.at_most_s(FRAMES / HZ) * HZ)
     tracked = [_track(replace(s, seed=s.seed + SEED_STEP), count) for s in SEQUENCES[:4]]
     rows: list[list[Cell]] = []
@@ -169,7 +169,7 @@ def _track(sequence: Sequence, count: int) -> _Tracked:
 
 @functools.lru_cache(maxsize=4)
 def rendered(sequence: Sequence, count: int) -> list[NoseFrame]:
-    """Return the first pictures of a sequence; rendered once for all experiments that look at them."""
+    """Return the first pictures of a sequence; rendered once for all experiments that use them."""
     renderer = Renderer(replace(sequence, approach=replace(sequence.approach, frames=count)))
     return list(renderer.frames())
 

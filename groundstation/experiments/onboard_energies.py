@@ -1,7 +1,7 @@
 """The runway-edge paper's table 1 as its figures 9 and 10 were made: each descent from the last picture's edges.
 
 No filter, and no prediction of the edges. The sensors' pose, with its errors, gives the rows, the bands'
-widths and, for bands across the runway, which way they lie; where the edges are it does not tell.
+widths and, for bands across the runway, their direction; it does not give the edges' positions.
 """
 
 import math
@@ -111,7 +111,7 @@ def from_last(sequence: Sequence, first: NoseCameraPose, energy: Energy, *, acro
 
 
 def band_px(frame: NoseFrame, rows: FloatArray) -> FloatArray:
-    """Return how wide a band is at both rows (2,), along the row, by what the sensors say."""
+    """Return the width of a band at both rows (2,), along the row, by the sensors."""
     half = 0.5 * GUESS.width_m
     e, lines = line_map(frame.reported, KAPPA), np.array([1.0, 0.0, -half, half])
     inner, outer = project_lines(lines, e, rows)[0], project_lines(shifted(lines, _BAND_M), e, rows)[0]
@@ -207,9 +207,9 @@ def _approach_table(every: list[EnergyApproach]) -> ResultTable:
 
 
 def deciding(every: list[EnergyApproach], better: str, worse: str) -> list[EnergyApproach]:
-    """Return without which approaches one method is no longer the better one, those that say most for it first.
+    """Return the approaches without which one method is no longer the better one, the most influential first.
 
-    Empty where it is not the better one to begin with; all of them where it is so in each.
+    Empty where it is not the better one at all; all of them where it is so in each.
     """
     left = sorted(every, key=lambda one: float(np.mean(one.errors[worse] ** 2) - np.mean(one.errors[better] ** 2)))
     gone: list[EnergyApproach] = []
@@ -219,7 +219,7 @@ def deciding(every: list[EnergyApproach], better: str, worse: str) -> list[Energ
 
 
 def order_words(every: list[EnergyApproach], variant: str) -> str:
-    """Return whether the order of the paper's table 1 comes out with one form of the variant energy, and by what."""
+    """Return whether the order of the paper's table 1 holds with one form of the variant energy, and by which."""
     own, flat, lines = (_rms([one.errors[name] for one in every]) for name in (variant, FLAT, HOUGH))
     kept = own < flat < lines
     reported = (

@@ -1,4 +1,4 @@
-"""Runway edges drawn over what was seen: the runway cut out of a picture and enlarged, and what the colours mean."""
+"""Runway edges drawn over a picture: the runway cut out and enlarged, and the legend."""
 
 from collections.abc import Sequence
 
@@ -29,8 +29,8 @@ def draw_line(picture: ImageArray, colour: Colour, crossings: FloatArray, rows: 
 def panel(image: ImageArray, wanted: FloatArray, rows: FloatArray, drawn: Sequence[Drawn], words: str) -> ImageArray:
     """Return the runway of a picture, `PANEL_PX` large, BGR, with edges drawn in their colours.
 
-    ``wanted`` (4,) px are the true crossings of the ``rows`` (2,), about which it is cut out; ``drawn`` are crossings
-    of the same rows; ``words`` say which picture it is.
+    ``wanted`` (4,) px are the true crossings of the ``rows`` (2,), the centre of the cut-out; ``drawn`` are crossings
+    of the same rows; ``words`` is the picture's title.
     """
     (left, top), scale = _cut(image, wanted, rows)
     w, h = PANEL_PX
@@ -45,7 +45,7 @@ def panel(image: ImageArray, wanted: FloatArray, rows: FloatArray, drawn: Sequen
 
 
 def _cut(image: ImageArray, wanted: FloatArray, rows: FloatArray) -> tuple[tuple[float, float], float]:
-    """Return the upper left corner of what is cut out of a picture, px, and by how much it is enlarged."""
+    """Return the upper left corner of the cut-out, px, and its enlargement."""
     height, width = image.shape[:2]
     least, most = np.array([wanted.min(), rows[0]]), np.array([wanted.max(), rows[1]])
     first = np.maximum(least - _ROUND_PX, 0.0)

@@ -42,7 +42,7 @@ DIFFERENCES = (
 
 
 def pose_range(recorded: TruthSession) -> Findings:
-    """Range from whole-pixel corners: ours, the paper's cost over six pairs and over four sides, and OpenCV."""
+    """Range from whole-pixel corners: this solver, the paper's cost over six pairs and over four sides, and OpenCV."""
     wanted = max(round(_PICTURES * recorded.at_most_s(5.0) / 5.0), 60)
     setup = default_setup(0.0)
     rng = np.random.default_rng(_SEED)

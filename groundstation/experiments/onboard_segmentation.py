@@ -29,7 +29,7 @@ from groundstation.onboard.edges.search_band import band_widths
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Sequence
 
-# with the tracker's weight of the distance from the guess, and without
+# with the tracker's weight of the distance from the initial value, and without
 _ENERGIES = {
     "spatially variant": (Energy.AS_PRINTED, None),
     "non-variant": (Energy.NON_VARIANT, None),
@@ -101,7 +101,7 @@ def _look(sequence: Sequence, count: int) -> _LightResult:
 
 
 def _widths(sequence: Sequence, frame: NoseFrame, guess_px: FloatArray, rows_px: FloatArray) -> FloatArray:
-    """Return the bands' widths (2, 2) about a guess, px, by the sensors' pose."""
+    """Return the bands' widths (2, 2) about an initial value, px, by the sensors' pose."""
     half = 0.5 * sequence.airfield.width_m
     lines, e = np.array([1.0, 0.0, -half, half]), line_map(frame.reported, KAPPA)
     inner = project_lines(lines, e, rows_px)[0]
@@ -119,7 +119,7 @@ def _descended(one: Sequence, frame: NoseFrame, guess_px: FloatArray, energy: st
 
 
 def _carried(sequence: Sequence, frames: list[NoseFrame], energy: str) -> FloatArray:
-    """Return the crossings (n, 4) of a sequence, each begun where the one before ended, the first at the truth."""
+    """Return the crossings (n, 4) of a sequence, each started at the result before, the first at the truth."""
     most, found, last = _EVALUATIONS[-1], [], true_edges(sequence, frames[0].truth)
     for frame in frames:
         rows = true_edges(sequence, frame.truth)[1]

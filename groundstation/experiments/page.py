@@ -1,4 +1,4 @@
-"""reproduce.html: all experiments on one self-contained page, our figures next to the paper's."""
+"""reproduce.html: all experiments on one self-contained page, this project's figures next to the paper's."""
 
 from collections.abc import Sequence
 from html import escape

@@ -1,4 +1,4 @@
-"""Every experiment of the papers that our recordings allow, in the papers' order. A new one is one line here."""
+"""Every experiment of the papers that the recordings allow, in the papers' order. A new one is one line here."""
 
 from groundstation.experiments import (
     canny,

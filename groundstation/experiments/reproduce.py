@@ -22,9 +22,9 @@ _SHOWN_VERSIONS = ("groundstation", "numpy", "scipy", "opencv-python-headless")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReproduceRequest:
-    """What the user asked for; ``only`` empty does all, ``session`` None takes the bundled landing.
+    """Options of the user; ``only`` empty runs all, ``session`` None uses the bundled landing.
 
-    ``take_off`` is a rendered take-off for the experiment that has one; None simulates its pixels.
+    ``take_off`` is a rendered take-off for the experiment that needs one; None simulates its pixels.
     """
 
     out: Path
@@ -37,7 +37,7 @@ class ReproduceRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reproduced:
-    """What came of it: the experiments with their findings and their wall time in s, and the files written."""
+    """The results: the experiments with their findings and their wall time in s, and the files written."""
 
     found: tuple[tuple[Experiment, Findings], ...]
     elapsed_s: tuple[float, ...]
@@ -45,7 +45,7 @@ class Reproduced:
 
 
 def reproduce(request: ReproduceRequest, say: Callable[[str], None] = lambda words: None) -> Reproduced:
-    """Do the experiments and write page, tables and figures; ``say`` receives the progress messages.
+    """Run the experiments and write page, tables and figures; ``say`` receives the progress messages.
 
     Raises `InputError` where the session cannot be used, or a file cannot be written.
     """
@@ -107,7 +107,7 @@ def _write(folder: Path, findings: Findings) -> list[Path]:
 
 
 def _notes(request: ReproduceRequest) -> Sequence[str]:
-    """Say what part was looked at, and with which versions."""
+    """Return notes on the evaluated part and the versions."""
     notes = []
     if request.from_s is not None or request.to_s is not None:
         limits = [f"{word} {v:g} s" for word, v in (("from", request.from_s), ("to", request.to_s)) if v is not None]

@@ -1,7 +1,7 @@
 """Frames of a session with the prediction of a simulated filter and the exact truth.
 
-Instead of a filter, the truth with a seeded error predicts: the true pixel with 4 px (one sigma) of noise in u and in
-v, the true span with 10 %. Everything else of the hint is built by the pipeline's own code from the true position
+In place of a filter, the truth with a seeded error is the prediction: the true pixel with 4 px (one sigma) of noise in
+u and v, the true span with 10 %. The rest of the hint is built by the pipeline's own code from the true position
 and velocity.
 """
 
@@ -28,7 +28,7 @@ _UNKNOWN_PHASE = "unstated"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TruthScene:
-    """One frame: the picture, the hint, and the truth: nose (2,) px, silhouette, what lies behind it."""
+    """One frame: the picture, the hint, and the truth: nose (2,) px, silhouette, background behind it."""
 
     frame: Frame
     hint: DetectionHint
@@ -93,7 +93,7 @@ def _hint(
     session: Session,
     draw: FloatArray,
 ) -> DetectionHint | None:
-    """Return what the filter would expect, the truth being off by ``draw`` (3,) standard normal numbers."""
+    """Return the filter's prediction, the truth being off by ``draw`` (3,) standard normal numbers."""
     truth, velocity, row = state
     position = truth.position_runway_m[row]
     projection = tracker.geometry.project(position, angles.pan_rad, angles.tilt_rad)

@@ -65,11 +65,11 @@ class TruthSession:
             )
 
     def at_most_s(self, seconds: float) -> float:
-        """Return how long an experiment with scenes of its own may last: no longer than the part that is studied."""
+        """Return the limit of an experiment's duration with its own scenes: the length of the evaluated part."""
         return float(min(seconds, max(self.to_s - self.from_s, 0.3)))
 
     def inside(self, t_s: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-        """Return which times (n,) lie in the part that is studied."""
+        """Return which times (n,) are in the evaluated part."""
         return (t_s >= self.from_s) & (t_s <= self.to_s)
 
     def truth_at(self, t_s: FloatArray) -> FloatArray:
@@ -85,7 +85,7 @@ class TruthSession:
     # ------------------------------------------------------------------------------------- detectors
     @cached_property
     def outcomes(self) -> Mapping[str, list[DetectorOutcome]]:
-        """What each detector of `SWEEP` and of the methods made of each picture, by its name."""
+        """Outcomes of each detector of `SWEEP` and of the methods on each picture, by its name."""
         times = read_frames(self.session).epoch_times()
         numbers = np.flatnonzero(self.inside(np.nan_to_num(times, nan=np.inf)))
         chosen = {**SWEEP, **{name: METHODS[name] for name in PAPER_METHODS_HERE if name != OURS}}
@@ -98,7 +98,7 @@ class TruthSession:
 
     @cached_property
     def methods(self) -> Mapping[str, list[DetectorOutcome]]:
-        """The outcomes of the methods only, ours first."""
+        """The outcomes of the methods only, this project's first."""
         return {name: self.outcomes[PAPERS_CHOICE if name == OURS else name] for name in PAPER_METHODS_HERE}
 
     # ---------------------------------------------------------------------------------------- tracks
@@ -167,7 +167,7 @@ class TruthSession:
 
     @cached_property
     def true_pixels(self) -> dict[str, FloatArray]:
-        """The true pixels of what is visible, by station (n, 3): time, u, v."""
+        """The true pixels of visible targets, by station (n, 3): time, u, v."""
         found = {}
         for name in self.session.rig.names:
             rows = self.truth.visible[name] & self.inside(self.truth.t_s)
@@ -187,7 +187,7 @@ class TruthSession:
             raise readings.fault
 
     def follow(self, pixels: dict[str, FloatArray], config: Config) -> ResultCollector:
-        """Run the pipeline over pixels that someone else has found."""
+        """Run the pipeline over pixels of another detector."""
         collector = ResultCollector()
         first_s = min(float(rows[0, 0]) for rows in pixels.values())
         pipeline = Pipeline(self.session.rig, config, initial=self.start(first_s))

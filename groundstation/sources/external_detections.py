@@ -60,7 +60,7 @@ def detection_events(labels: dict[str, FloatArray], leader: str) -> Iterator[tup
 
 
 def _station_labels(name: str, rows: FloatArray, epochs: FloatArray) -> Iterator[tuple[float, PixelMeasurement]]:
-    """Yield one station's pixels, each in the epoch that comes at or after it."""
+    """Yield one station's pixels, each in the epoch at or after it."""
     numbers = np.minimum(np.searchsorted(epochs, rows[:, 0]), len(epochs) - 1)
     for number, (t, u, v) in zip(numbers, rows, strict=True):
         pixel = PixelMeasurement(t_s=float(t), station=name, epoch=int(number), u_px=float(u), v_px=float(v))

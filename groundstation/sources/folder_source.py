@@ -74,7 +74,7 @@ class FolderSource:
         for t_s, event in self._looks():
             yield from self._readings.until(t_s)
             if self._readings.ended_before(t_s):
-                # nothing after the fault has angles; what is before it was usable
+                # frames after the fault have no angles; those before it are usable
                 self._fault = self._readings.fault
                 break
             last = t_s

@@ -1,8 +1,8 @@
 """Memory for decoded frames, reused once a frame is no longer referenced.
 
-A picture of a few megabytes comes from the operating system page by page, and each page is cleared first: for a
-frame that lives a tenth of a second that costs as much as its colours. A frame's memory comes back by itself when
-the last array that looks into it is gone, slices included, so a referenced frame is never overwritten.
+The operating system delivers the memory of a picture of a few megabytes page by page, each cleared first: for a
+frame with a lifetime of a tenth of a second that costs as much as its decoding. A frame's memory is reused when
+the last array that refers to it is gone, slices included, so a referenced frame is never overwritten.
 """
 
 import weakref
@@ -29,7 +29,7 @@ class FramePool:
             memory = self._free.pop()
         except IndexError:
             memory = bytearray(self._shape[0] * self._shape[1] * self._shape[2])
-        # NumPy makes this array, the first to look into the memory, the base of every slice: it dies with the last
+        # NumPy makes this array, the first on the memory, the base of every slice: it is released with the last
         picture: ImageArray = np.ndarray(self._shape, np.uint8, buffer=memory)
         weakref.finalize(picture, self._free.append, memory).atexit = False
         return picture

@@ -115,7 +115,7 @@ class PictureReader:
         return SessionError(f"{self._medium.path.name}{where}", got=got, wanted=wanted)
 
     def _checked(self, decoded: object, index: int, line: int) -> DecodedFrame:
-        """Return the picture, or raise if it is missing or has another size than the rig says."""
+        """Return the picture, or raise if it is missing or its size differs from the rig's."""
         if not isinstance(decoded, np.ndarray):
             wanted = f"a picture for frames.csv line {line}"
             raise self._fault("bytes that cannot be decoded", wanted, f": frame {index}")
@@ -148,7 +148,7 @@ class PictureReader:
                     if not capture.grab():
                         raise self._ended(capture, place)
                     place += 1
-                # a video of another size than the rig's gets memory of its own, and is refused
+                # a video of another size than the rig's gets separate memory, and is refused
                 good, decoded = capture.read(self._pool.take())
                 if not good:
                     raise self._ended(capture, place)

@@ -34,7 +34,7 @@ class PtuReadings:
         self._read_s = (np.inf, -np.inf)
 
     def start(self, from_s: float, to_s: float) -> None:
-        """Go to the first reading at or after ``from_s``.
+        """Seek the first reading at or after ``from_s``.
 
         Raises `SessionError` if there is none by ``to_s``: no frame would have an angle.
         """

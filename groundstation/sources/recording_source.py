@@ -35,7 +35,7 @@ from groundstation.session.folder import RecordingInfo
 
 # PTU readings from this long before the part asked for to this long after it, so that all angles are known
 LEAD_S = 1.0
-# what may wait for a frame's pixels: more than any recorder of ours lets wait
+# limit of events that wait for a frame's pixels: more than any recorder leaves
 _MAX_WAITING = 100_000
 _MAX_WAITING_BYTES = 128 * 2**20
 
@@ -159,7 +159,7 @@ class RecordingSource:
                     if isinstance(parsed, NumberedEvent) and self._from <= parsed.event.t_s <= self._to:
                         times.append(parsed.event.t_s)
         except RecordingError as error:
-            # raised again where the events end; what is before it can be used
+            # raised again at the end of the events; those before it can be used
             fault = error
         if not times and fault is not None:
             raise fault

@@ -12,8 +12,8 @@ def reference_fixes(
 ) -> list[ReferenceFix]:
     """Return the log up to ``until_s`` of its own clock as positions of the nose, in time order.
 
-    Their stamps are the session's, as far as it is known that the log's are ``offset_s`` later. Repeated rows are left
-    out, and sigmas that the log does not give are estimated, as for the comparison.
+    Their stamps are the session's, with the known offset ``offset_s`` of the log subtracted. Repeated rows are left
+    out, and missing sigmas are estimated, as for the comparison.
     """
     series = reference_from_fixes(fixes)
     if antenna_in_body_m is not None:

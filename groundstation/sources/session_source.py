@@ -13,7 +13,7 @@ def session_source(
     to_s: float | None = None,
     on_output: Callable[[bytes], None] = lambda line: None,
 ) -> FolderSource | RecordingSource:
-    """Return the source for a folder or a recording; ``on_output`` is told the answers that a recording holds."""
+    """Return the source for a folder or a recording; ``on_output`` is called with the outputs in a recording."""
     if session.recorded is None:
         return FolderSource(session, from_s, to_s)
     return RecordingSource(session, session.recorded, from_s, to_s, on_output=on_output)

@@ -93,7 +93,7 @@ class SilhouetteArchive:
 def _member(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
     """Return one array of an archive, as numpy writes it; raises one of `_DAMAGE`.
 
-    numpy makes room for the shape that a member claims, and unpacks all that is packed: both are looked at before.
+    numpy allocates memory for the shape in a member's header, and unpacks all of it: both are checked before.
     """
     most = MAX_PICTURE_PX + _HEADER_BYTES
     with archive.open(name) as stream:

@@ -14,7 +14,7 @@ from groundstation.session.media import open_packets, open_video
 from groundstation.sources.video_seek import seek
 
 _SEEK_BEYOND = 200  # forward decoding of so few frames is as quick as a seek
-_UNKNOWN_RATE = 30.0  # a container that tells neither stamps nor a rate
+_UNKNOWN_RATE = 30.0  # a container with neither stamps nor a rate
 _MAX_RATE = 10_000.0
 _MISSING_SHARE = 0.02  # where a header's number is only estimated it may be off by so much
 _MOST_LOST = 300  # damaged frames in a row after which nothing more is expected
@@ -99,7 +99,7 @@ class VideoFile:
         self.lost += range(max(due, first), until if last is None else min(until, last + 1))
 
     def lost_line(self) -> str | None:
-        """Return one line for a person about the damaged frames, None where there are none."""
+        """Return one line for the user about the damaged frames, None without any."""
         if not self.lost:
             return None
         if len(self.lost) == 1:
@@ -135,13 +135,13 @@ class VideoFile:
 class _FrameNumbers:
     """Numbers of the decoded frames of a file with damaged ones.
 
-    A damaged frame fails once, more or less: when it is its turn in the order of coding, which is not that of showing.
-    Even stamps tell exactly which are missing; without them the frames that failed are taken to be those just before.
+    A damaged frame fails about once: at its turn in the coding order, which is not the display order.
+    Even stamps identify the missing ones; without them the failed frames are taken to be those just before.
 
     Attributes
     ----------
-    next : the number that is due.
-    held : how many frames are in the file, damaged ones counted; known once one has failed.
+    next : the next number.
+    held : number of frames in the file, with damaged ones; known once one has failed.
     """
 
     def __init__(self, path: Path, place: int, rate_hz: float) -> None:

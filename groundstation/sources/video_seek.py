@@ -1,7 +1,7 @@
-"""Going to a frame of a video by its number, exactly or not at all.
+"""Seeking a frame of a video by its number, exactly or not at all.
 
-Seeking goes by time stamps. Only where these are even from the first frame to the wanted one is a stamp as good
-as a number; a camera that dropped frames leaves gaps. The stamps are read from the container, without decoding.
+Seeking uses time stamps. Only where these are even from the first frame to the requested one is a stamp equivalent
+to a number; a camera that dropped frames leaves gaps. The stamps are read from the container, without decoding.
 """
 
 from pathlib import Path
@@ -10,7 +10,7 @@ import cv2
 
 from groundstation.session.media import open_packets
 
-# a coded frame may stand this far from its place in the order of showing (H.264 allows 16)
+# largest displacement of a coded frame in the display order (H.264 allows 16)
 _REORDERED = 32
 # grabbing forward from the key frame that a seek lands on
 _MAX_FORWARD = 2000
@@ -25,7 +25,7 @@ def seek(capture: cv2.VideoCapture, path: Path, index: int) -> bool:
     if len(stamps) <= index or not _even(stamps[: index + 1]):
         return False
     goal = stamps[index - 1]
-    # ask for a little before; where a seek lands is known only from the stamp of the frame it grabs
+    # seek slightly before; the position of a seek is known only from the stamp of the next grabbed frame
     rate = capture.get(cv2.CAP_PROP_FPS)
     capture.set(cv2.CAP_PROP_POS_FRAMES, max(0.0, min(index - 1.0, goal * rate / 1000.0) - 8.0))
     for _ in range(_MAX_FORWARD):

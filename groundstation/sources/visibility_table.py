@@ -18,14 +18,14 @@ COLUMNS = ("index", "station", "width_px", "in_view", "unhidden", "snr")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameVisibility:
-    """What one frame truly shows of the aircraft.
+    """True visibility of the aircraft in one frame.
 
     Attributes
     ----------
-    width_px : width of the whole silhouette's bounding box, what lies outside the picture included.
+    width_px : width of the whole silhouette's bounding box, including its part outside the picture.
     in_view : share of the silhouette inside the picture, 0 to 1.
-    unhidden : share of the silhouette inside the picture that nothing nearer hides, 0 to 1.
-    snr : matched-filter signal-to-noise ratio of what is in view and not hidden: root of the sum over its pixels of
+    unhidden : share of the silhouette inside the picture that no nearer object hides, 0 to 1.
+    snr : matched-filter signal-to-noise ratio of the visible part: root of the sum over its pixels of
         (change of the grey level by the aircraft / noise)².
     """
 

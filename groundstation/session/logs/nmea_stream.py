@@ -15,7 +15,7 @@ _MOST_SIGMAS = 2
 class NmeaStream:
     """Bytes in, positions out.
 
-    A position is complete once its sigmas (GST of the same second) have arrived, once the next position arrives, or once
+    A position is complete once its sigmas (GST of the same second) or the next position have arrived, or once
     the line is quiet (`quiet`), whichever is first.
 
     Parameters

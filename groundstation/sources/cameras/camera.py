@@ -1,4 +1,4 @@
-"""What every camera is to those who use it: settings, frames, events, counts; and what a make of camera has to do."""
+"""The interface of all cameras: settings, frames, events, counts; and the part that each kind implements."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -15,11 +15,11 @@ Clock = Callable[[], float]
 
 
 class CameraError(GroundstationError):
-    """A camera is not there, cannot do what was asked, or has been lost; one line that a user can act upon."""
+    """A camera is missing, does not support a request, or has been lost; one line that a user can act upon."""
 
 
 class CameraLostError(CameraError):
-    """A camera that was open does not answer any more."""
+    """An open camera no longer responds."""
 
 
 class CameraEndedError(CameraError):
@@ -36,7 +36,7 @@ class StampPoint(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraSettings:
-    """What a camera is told; None leaves a value as the camera has it.
+    """Requested settings of a camera; None leaves a value unchanged.
 
     Parameters
     ----------
@@ -58,15 +58,15 @@ class CameraSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraTiming:
-    """How a frame's arrival tells when it was exposed (docs/cameras.md).
+    """Relation between a frame's arrival and its exposure (docs/cameras.md).
 
     Parameters
     ----------
-    stamp : what the device's stamp means.
-    transfer_s, transfer_sigma_s : from the end of the exposure to the arrival when nothing is in the way; None:
-        reckoned by the kind of camera, for GenICam from the size of a picture and the link.
+    stamp : meaning of the device's stamp.
+    transfer_s, transfer_sigma_s : from the end of the exposure to the arrival without other load; None:
+        estimated by the kind of camera, for GenICam from the size of a picture and the link.
     link_mbit_s : of the network or the bus.
-    exposure_s : supposed where the camera does not tell its own.
+    exposure_s : used where the camera does not report its own.
     """
 
     stamp: StampPoint = StampPoint.START
@@ -78,15 +78,15 @@ class CameraTiming:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraSupervision:
-    """When a camera counts as lost, and how it is sought again.
+    """Conditions of the loss of a camera, and of its reopening.
 
     Parameters
     ----------
-    silent_after_s : without a frame for so long, it is reopened; longer than the longest pause between triggers.
-    frozen_after_s : pictures that are identical to the last bit for so long: reopened. Flat ones do not count.
+    silent_after_s : time without a frame after which it is reopened; longer than the longest pause between triggers.
+    frozen_after_s : time of bitwise identical pictures after which it is reopened. Uniform ones do not count.
     backoff_s, most_backoff_s : pause before the first and, doubled each time, before any later attempt.
     queue : frames that wait to be fetched; the oldest is dropped, and counted.
-    wait_at_start : go on where the camera cannot be opened at first, instead of an error.
+    wait_at_start : continue where the camera cannot be opened at first, instead of an error.
     """
 
     silent_after_s: float = 2.0
@@ -99,7 +99,7 @@ class CameraSupervision:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettingsReadBack:
-    """What the camera itself says it is set to; None where it does not tell. ``model`` is its maker and name."""
+    """Settings read back from the camera; None where it does not report them. ``model`` is its maker and name."""
 
     model: str
     serial: str | None = None
@@ -115,10 +115,10 @@ class SettingsReadBack:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GrabbedFrame:
-    """One frame as a device gave it, whole or not.
+    """One frame as delivered by a device, complete or not.
 
     ``pixels`` (h, w) raw or (h, w, 3) BGR, uint8, its own memory; None where the frame is incomplete. ``device_ns`` is
-    the device's stamp in ns, ``payload_bytes`` what went over the link.
+    the device's stamp in ns, ``payload_bytes`` the transferred bytes.
     """
 
     frame_id: int | None
@@ -140,7 +140,7 @@ class CameraDevice(ABC):
 
     @abstractmethod
     def grab(self, timeout_s: float) -> GrabbedFrame | None:
-        """Return the next frame, None where none came in time.
+        """Return the next frame, None where none arrived in time.
 
         Raises `CameraLostError`, or `CameraEndedError` at the end of a file.
         """
@@ -157,13 +157,13 @@ class CameraFrame:
     Parameters
     ----------
     t_s, sigma_s : its mid-exposure in the host's clock and one sigma, s.
-    index : the device's frame number unwrapped, else counted; ``lost`` frames are missing just before it.
-    opening : 0 until the camera is lost for the first time, and one more whenever it has come back; what is missing
-        between two openings is in no count of lost frames.
+    index : the device's frame number unwrapped, otherwise counted; ``lost`` frames are missing just before it.
+    opening : 0 until the camera is lost for the first time, and one more after each return; frames missing
+        between two openings are in no count of lost frames.
     device_ns : the device's own stamp, ns; None where it has no clock.
-    arrival_s : when the host had it, in the host's clock, s.
-    exposure_s, gain : as the camera says; None where it does not.
-    repeated : the picture is the same as the one before it, to the last bit.
+    arrival_s : arrival in the host's clock, s.
+    exposure_s, gain : as reported by the camera; None where it does not.
+    repeated : the picture is bitwise identical to the one before it.
     """
 
     camera: str
@@ -181,7 +181,7 @@ class CameraFrame:
 
 
 class CameraEventKind(StrEnum):
-    """What can befall a camera."""
+    """Kinds of camera events."""
 
     OPENED = "opened"
     LOST = "lost"
@@ -197,7 +197,7 @@ class CameraEventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraEvent:
-    """Something befell a camera at ``t_s`` of the host's clock; ``text`` says it in plain words."""
+    """An event of a camera at ``t_s`` of the host's clock; ``text`` describes it in plain words."""
 
     t_s: float
     camera: str
@@ -207,10 +207,10 @@ class CameraEvent:
 
 @dataclass(slots=True, kw_only=True)
 class CameraCounts:
-    """What became of the frames so far, and how often each event happened.
+    """Counts of the frames so far, and of each kind of event.
 
-    ``frames`` were complete and handed on; ``incomplete`` lacked packets; ``lost`` never came, by their numbers;
-    ``overtaken`` came late or twice; ``dropped`` waited too long in the queue; ``repeated`` are among the handed on.
+    ``frames`` were complete and delivered; ``incomplete`` lacked packets; ``lost`` never arrived, by their numbers;
+    ``overtaken`` arrived late or twice; ``dropped`` waited too long in the queue; ``repeated`` are among the delivered.
     """
 
     frames: int = 0
@@ -240,7 +240,7 @@ class Camera(ABC):
 
     @abstractmethod
     def read(self, timeout_s: float) -> CameraFrame | None:
-        """Return the next frame, None where none came within ``timeout_s`` or the camera has ended."""
+        """Return the next frame, None where none arrived within ``timeout_s`` or the camera has ended."""
 
     @property
     @abstractmethod
@@ -250,9 +250,9 @@ class Camera(ABC):
     @property
     @abstractmethod
     def counts(self) -> CameraCounts:
-        """Return a copy of what has been counted so far."""
+        """Return a copy of the counts so far."""
 
     @property
     @abstractmethod
     def read_back(self) -> SettingsReadBack | None:
-        """Return what the camera was last found set to; None where it never was open."""
+        """Return the settings that were read back last; None where it never was open."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 _LARGEST_16 = 0xFFFF
-# what comes this little late was overtaken on the way; further back, the camera has restarted its count
+# a number this little behind was overtaken; further back, the camera has restarted its count
 _OVERTAKEN = 16
 
 
@@ -23,7 +23,7 @@ class FrameOrder(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameNumber:
-    """``index`` never wraps nor goes back, except for an overtaken frame; ``lost`` are missing just before it."""
+    """``index`` never wraps nor decreases, except for an overtaken frame; ``lost`` are missing just before it."""
 
     index: int
     lost: int

@@ -30,9 +30,9 @@ class GenicamFeatures(Protocol):
 
 
 def apply_settings(features: GenicamFeatures, settings: CameraSettings, where: str) -> SettingsReadBack:
-    """Write settings to a camera at rest and return what it says of them afterwards.
+    """Write settings to a camera at rest and return the values read back.
 
-    Raises `CameraError` for a setting that the camera does not have, refuses, or keeps otherwise than asked.
+    Raises `CameraError` for a setting that the camera does not have, refuses, or sets to another value.
     """
     if settings.pixel_format is not None:
         _write(features, "PixelFormat", settings.pixel_format, f"{where}: pixel format")
@@ -57,7 +57,7 @@ def apply_settings(features: GenicamFeatures, settings: CameraSettings, where: s
 
 
 def read_back(features: GenicamFeatures) -> SettingsReadBack:
-    """Return what the camera says that it is set to."""
+    """Return the settings that the camera reports."""
     exposure_us = _first_number(features, _EXPOSURE)
     size = (features.number("Width"), features.number("Height"))
     corner = (features.number("OffsetX"), features.number("OffsetY"))
@@ -105,7 +105,7 @@ def _write_roi(features: GenicamFeatures, roi_px: tuple[int, int, int, int], whe
 
 
 def _write(features: GenicamFeatures, name: str, value: float | str | bool, where: str) -> None:
-    """Write one feature and compare it with what it then says."""
+    """Write one feature and compare it with the value read back."""
     is_text = isinstance(value, str)
     if (features.text(name) if is_text or isinstance(value, bool) else features.number(name)) is None:
         raise CameraError(f"{where}: got a camera without {name}; wanted {value}")

@@ -21,7 +21,7 @@ from groundstation.sources.cameras.genicam_features import apply_settings
 from groundstation.sources.cameras.missing_extra import missing_extra
 from groundstation.sources.cameras.pixel_formats import Pixels, pixels_of
 
-# where GenTL looks for producers, by the GenTL standard
+# search path for producers, by the GenTL standard
 SEARCH_VARIABLE = "GENICAM_GENTL64_PATH"
 _BUFFERS = 8
 
@@ -36,7 +36,7 @@ class GenicamCamera(CameraDevice):
     Parameters
     ----------
     name : its serial number, GenTL id or user-defined name.
-    producers : the .cti files to look in.
+    producers : the .cti files to search.
     """
 
     def __init__(self, name: str, producers: tuple[Path, ...], settings: CameraSettings) -> None:
@@ -93,7 +93,7 @@ class GenicamCamera(CameraDevice):
             _unshare(self._producers)
 
     def _count_incomplete(self, acquirer: Any) -> None:
-        """Count the frames that harvesters discards for what they lack."""
+        """Count the frames that harvesters discards as incomplete."""
         camera = self
 
         class Discarded(load_harvesters(self._where)[0].Callback):  # type: ignore[misc]
@@ -131,7 +131,7 @@ class GenicamCamera(CameraDevice):
 
 
 class DeviceNames:
-    """What a producer calls a camera: ``names`` that open it, serial first, and ``text`` that describes it."""
+    """A producer's names of a camera: ``names`` that open it, serial first, and ``text`` that describes it."""
 
     def __init__(self, properties: Mapping[str, Any]) -> None:
         names = (properties.get(k) for k in ("serial_number", "id_", "user_defined_name"))
@@ -160,7 +160,7 @@ def list_genicam(producers: tuple[Path, ...]) -> list[DeviceNames]:
 
 
 def producers_of(files: list[str], environ: Mapping[str, str]) -> tuple[Path, ...]:
-    """Return the .cti files to use: those named, else all on GenTL's search path; raises `CameraError`."""
+    """Return the .cti files to use: those named, otherwise all on GenTL's search path; raises `CameraError`."""
     if files:
         paths = [Path(f) for f in files]
         for path in paths:
@@ -177,7 +177,7 @@ def producers_of(files: list[str], environ: Mapping[str, str]) -> tuple[Path, ..
 
 def load_harvesters(where: str) -> tuple[Any, Any]:
     """Return the modules harvesters.core and genicam.gentl; raises `CameraError` that names the extra."""
-    # it writes tracebacks of faults to the terminal that are told here as events
+    # it writes tracebacks of faults to the terminal, which are events here
     logging.getLogger("harvesters").setLevel(logging.CRITICAL)
     try:
         return importlib.import_module("harvesters.core"), importlib.import_module("genicam.gentl")
@@ -186,9 +186,9 @@ def load_harvesters(where: str) -> tuple[Any, Any]:
 
 
 def _refresh(harvester: Any) -> None:
-    """List the cameras again, without touching those that run.
+    """List the cameras again, without affecting running ones.
 
-    harvesters' own update closes every camera, so it is for when there is none; else its interfaces are asked.
+    harvesters' own update closes every camera, so it needs none running; otherwise its interfaces are queried.
     """
     if not harvester.image_acquirers:
         harvester.update()
@@ -202,7 +202,7 @@ def _refresh(harvester: Any) -> None:
 
 
 def _share(producers: tuple[Path, ...]) -> Any:
-    """Return the harvester of these producers, opened by the first who asks."""
+    """Return the harvester of these producers, opened by the first call."""
     core, gentl = load_harvesters("genicam")
     with _lock:
         harvester, users = _open.get(producers, (None, 0))

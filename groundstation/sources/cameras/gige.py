@@ -86,7 +86,7 @@ class GigeCamera(CameraDevice):
         )
 
     def close(self) -> None:
-        """Stop the stream and give the camera back, as far as it still answers."""
+        """Stop the stream and release the camera, as far as it still responds."""
         if self._stream is not None:
             with contextlib.suppress(self._viva.GenicamError, OSError):
                 self._stream.__exit__(None, None, None)
@@ -114,7 +114,7 @@ class GigeCamera(CameraDevice):
 
 
 def discover_gige(*, loopback: bool) -> list[Any]:
-    """Return the GigE Vision cameras that answer: objects with ip, mac, manufacturer, model."""
+    """Return the GigE Vision cameras that respond: objects with ip, mac, manufacturer, model."""
     viva = load_viva("gige")
     try:
         return list(viva.discover(timeout_ms=_DISCOVERY_MS, all=loopback))
@@ -131,7 +131,7 @@ def load_viva(where: str) -> Any:
 
 
 def checked_address(address: str) -> str:
-    """Return an IPv4 address; raises `CameraError` where it is none."""
+    """Return an IPv4 address; raises `CameraError` where it is not one."""
     try:
         return str(ipaddress.IPv4Address(address))
     except ValueError as error:

@@ -4,13 +4,13 @@ It runs while the camera delivers frames. The offset of a PTU's clock to a camer
 `calibration/clocks/ptu_clock_fit.py`.
 
 Host time of an event is y = a + (1 + b)·x for the device's stamp x, and a frame arrives e ≥ 0 later: network, bus,
-driver and scheduler only ever delay. So the line lies under all arrivals and touches some: it supports their lower
+driver and scheduler only ever delay. The line is therefore below all arrivals and touches some: it supports their lower
 convex hull.
 With delays exponential of scale τ and a prior N(0, σ_b²) for the drift, the most likely line is
 
     max over (a, b) of  −Σ (y_i − a − (1 + b)·x_i)/τ − b²/(2σ_b²)   subject to all residuals ≥ 0,
 
-a concave function of b whose pieces belong to the hull's corners, solved exactly on each
+a concave function of b whose pieces correspond to the hull's corners, solved exactly on each
 (docs/derivation.md, section 20).
 """
 
@@ -26,7 +26,7 @@ from groundstation.arrays import FloatArray
 
 
 class ClockChange(StrEnum):
-    """What a stamp says of the device's clock."""
+    """Changes of the device's clock that a stamp shows."""
 
     NONE = "none"
     JUMP = "jump"
@@ -35,16 +35,16 @@ class ClockChange(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockFitConfig:
-    """How a clock is followed.
+    """Tuning of the clock fit.
 
     Parameters
     ----------
     bin_s, bins : the earliest arrival of each bin is kept, of the last ``bins`` bins.
-    drift_sigma : of a crystal oscillator, s/s, before anything is known.
-    jump_s : a shift of less is taken for delay.
-    confirm_s : so long must all arrivals be late by ``jump_s`` before the clock counts as having jumped.
-    floor_s : sigma that no fit goes below: the host's scheduler, the device's tick.
-    settled : bins without which nothing is called a jump.
+    drift_sigma : of a crystal oscillator, s/s, a priori.
+    jump_s : smaller shifts count as delay.
+    confirm_s : time for which all arrivals are late by ``jump_s`` before the clock counts as having jumped.
+    floor_s : lower limit of the sigma: the host's scheduler, the device's tick.
+    settled : least number of bins before a jump is detected.
     """
 
     bin_s: float = 0.5
@@ -58,7 +58,7 @@ class ClockFitConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockReading:
-    """Host time of a device's stamp with one sigma, s, and what the stamp told of the clock."""
+    """Host time of a device's stamp with one sigma, s, and the clock change that the stamp shows."""
 
     t_s: float
     sigma_s: float
@@ -140,7 +140,7 @@ class ClockFit:
     @property
     def state(self) -> ClockFitState | None:
         """Return the line at the last stamp; None before the first."""
-        # read once: another thread may ask
+        # read once: another thread may call this
         last, line = self._last, self._line
         if last is None or line is None:
             return None
@@ -198,15 +198,15 @@ class ClockFit:
     def _sigma(self, line: _ClockLine, x: float) -> float:
         """Return one sigma of the line at x, s.
 
-        The line is late by the shortest delay that occurred, which is unknown: next to nothing where short delays are
-        common, as much as the bins scatter where they are rare. What few bins say of that is uncertain (Student's t).
+        The line is late by the shortest delay that occurred, which is unknown: nearly zero where short delays are
+        common, as large as the bins' scatter where they are rare. From few bins it is uncertain (Student's t).
         """
         level = line.spread_s * math.sqrt(line.bins / max(line.bins - 4.0, 1.0))
         unsettled = self._config.jump_s / 2.0 if line.bins < self._config.settled else 0.0
         return math.hypot(level, line.drift_sigma * (x - line.x0), self._config.floor_s, unsettled)
 
     def _doubt(self, line: _ClockLine) -> float:
-        """Return what the line may be off while arrivals contradict it, s; a few late ones are only late."""
+        """Return the possible error of the line while arrivals contradict it, s; a few late ones are only late."""
         if self._early:
             return max(line.at(x) - y for x, y in self._early)
         if not self._late or self._late[-1][1] - self._late[0][1] < self._config.confirm_s / 4.0:

@@ -11,14 +11,14 @@ from groundstation.sources.cameras.gige import discover_gige
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraListing:
-    """``cameras`` are URL and description of each; ``notices`` say where nothing could be looked for, and why."""
+    """``cameras`` are URL and description of each; ``notices`` state where the search was not possible, and why."""
 
     cameras: tuple[tuple[str, str], ...]
     notices: tuple[str, ...]
 
 
 def list_cameras(producers: list[str], environ: Mapping[str, str], devices: Path) -> CameraListing:
-    """Look for cameras: GigE Vision on every network, GenTL producers, Linux's video devices below ``devices``."""
+    """Search for cameras: GigE Vision on every network, GenTL producers, Linux's video devices below ``devices``."""
     cameras: list[tuple[str, str]] = []
     notices: list[str] = []
     try:

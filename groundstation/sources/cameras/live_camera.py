@@ -1,4 +1,4 @@
-"""A supervised camera with a thread of its own and a short queue: reading it never waits longer than asked."""
+"""A supervised camera with its own thread and a short queue: reading it never waits longer than requested."""
 
 import threading
 from collections import deque
@@ -71,7 +71,7 @@ class LiveCamera(Camera):
         self.close(_JOIN_S)
 
     def stop(self) -> None:
-        """Ask the thread to end; never waits."""
+        """Request the thread to end; never waits."""
         self._stop.set()
 
     def close(self, within_s: float) -> None:
@@ -81,7 +81,7 @@ class LiveCamera(Camera):
             self._thread.join(within_s)
 
     def read(self, timeout_s: float) -> CameraFrame | None:
-        """Return the next frame, None where none came in time; raises what went wrong inside the camera's thread."""
+        """Return the next frame, None where none arrived in time; raises an error of the camera's thread."""
         with self._arrived:
             self._arrived.wait_for(lambda: self._queue or self.ended, timeout_s)
             if self._queue:
@@ -97,12 +97,12 @@ class LiveCamera(Camera):
 
     @property
     def counts(self) -> CameraCounts:
-        """Return a copy of what has been counted so far."""
+        """Return a copy of the counts so far."""
         return self._life.counts()
 
     @property
     def read_back(self) -> SettingsReadBack | None:
-        """Return what the camera was last found set to."""
+        """Return the settings that were read back last."""
         return self._life.read_back
 
     @property

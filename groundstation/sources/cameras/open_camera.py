@@ -28,7 +28,7 @@ _OPTIONS = {"genicam": {"cti"}, "gige": {"packet"}}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraUrl:
-    """A camera's address taken apart: ``scheme``, ``place``, and options that may stand several times."""
+    """A camera's parsed address: ``scheme``, ``place``, and options that may be repeated."""
 
     url: str
     scheme: str
@@ -37,7 +37,7 @@ class CameraUrl:
 
 
 def parse_camera_url(url: str) -> CameraUrl:
-    """Take a URL apart; raises `CameraError` where it is none of a camera."""
+    """Parse a URL; raises `CameraError` where it is not that of a camera."""
     scheme, colon, rest = url.partition(":")
     scheme = scheme.lower()
     if colon and scheme in _STREAMS:
@@ -80,11 +80,11 @@ def open_camera(
     ----------
     clock : the host's monotonic clock, s, in which all frames are stamped.
     on_event : called with each event as it happens, on the camera's thread.
-    name : what frames and events call it; the URL unless said.
-    environ : where GenTL's search path is looked up; the process's own unless said.
+    name : used in frames and events; default the URL.
+    environ : environment with GenTL's search path; default the process's own.
 
-    Raises `CameraError` at once for a URL that is wrong or an extra that is missing, on ``with`` for a camera that is
-    not there or refuses its settings.
+    Raises `CameraError` at once for an invalid URL or a missing extra, on ``with`` for a camera that is
+    missing or refuses its settings.
     """
     connect = _connector(parse_camera_url(url), settings, clock, os.environ if environ is None else environ)
     return LiveCamera(name or url, connect, timing or CameraTiming(), care or CameraSupervision(), clock, on_event)
@@ -93,7 +93,7 @@ def open_camera(
 def _connector(
     url: CameraUrl, settings: CameraSettings, clock: Clock, environ: Mapping[str, str]
 ) -> Callable[[], CameraDevice]:
-    """Return what opens the device; what can be known to be wrong is said now."""
+    """Return the function that opens the device; errors in the URL are raised now."""
     if url.scheme == "gige":
         load_viva(url.url)
         address = checked_address(url.place)

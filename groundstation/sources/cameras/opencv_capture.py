@@ -24,7 +24,7 @@ _OPEN_MS, _READ_MS = 5000, 2000
 # Video4Linux: exposure_time_absolute in 100 µs; exposure_auto 1 is manual
 _EXPOSURE_STEP_S = 1e-4
 _MANUAL = 1.0
-# from the end of an exposure to the arrival, and one sigma, s: supposed, no camera says it
+# from the end of an exposure to the arrival, and one sigma, s: assumed, because no camera reports it
 _USB_TRANSFER_S, _USB_SIGMA_S = 0.030, 0.020
 _STREAM_TRANSFER_S, _STREAM_SIGMA_S = 0.200, 0.150
 
@@ -49,7 +49,7 @@ class OpencvCamera(CameraDevice):
         self.transfer_sigma_s = _STREAM_SIGMA_S if stream else _USB_SIGMA_S
         # an encoder repeats an unmoved scene to the last bit
         self.checks_frozen = not stream
-        # of what has been read, a frame of last year is worse than none
+        # a stale frame is worse than none
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         try:
             self.read_back = self._set_up(settings)
@@ -65,7 +65,7 @@ class OpencvCamera(CameraDevice):
             raise CameraLostError(" ".join(str(error).split())) from error
         if not good or image is None:
             raise CameraLostError("OpenCV reads no more frames")
-        # what this costs is in what the transfer is supposed to take; an image's bytes say nothing of a coded stream
+        # this delay is part of the assumed transfer time; the bytes of an image do not give that of a coded stream
         return GrabbedFrame(frame_id=None, device_ns=None, pixels=_bgr(image), pattern=None, payload_bytes=0)
 
     def close(self) -> None:
@@ -93,7 +93,7 @@ class OpencvCamera(CameraDevice):
         found = _found(capture)
         if settings.exposure_s is None:
             return found
-        # told here, so that its unit is known
+        # defined here, so that its unit is known
         return replace(found, exposure_s=capture.get(cv2.CAP_PROP_EXPOSURE) * _EXPOSURE_STEP_S)
 
     def _set(self, what: str, key: int, value: float) -> None:

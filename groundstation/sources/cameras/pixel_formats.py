@@ -27,7 +27,7 @@ class Pixels:
 def pixels_of(
     data: NDArray[np.uint8] | NDArray[np.uint16], pixel_format: str, size_px: tuple[int, int], row_padding: int = 0
 ) -> Pixels:
-    """Return a copy of what a camera sent.
+    """Return a copy of the pixels that a camera sent.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def pixels_of(
     size_px : w, h.
     row_padding : values behind each row that are not pixels.
 
-    Raises `CameraError` for a format that is not known, or too few values.
+    Raises `CameraError` for an unknown format, or too few values.
     """
     w, h = size_px
     raw = _RAW.match(pixel_format)

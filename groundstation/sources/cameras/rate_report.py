@@ -1,4 +1,4 @@
-"""What a few seconds of a camera say: rate, jitter, how late frames arrive, its clock."""
+"""Statistics of a few seconds of a camera: rate, jitter, latency, clock."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ class RateReport:
     """Over ``frames`` frames: rate, Hz; times between neighbours by the device's clock and at arrival, s.
 
     ``device_jitter_s`` is None without a device clock; ``sigma_s`` is the last frame's; ``late_s`` is from mid-exposure
-    to arrival, median and worst. Where frames were lost or the camera was away, there are no neighbours.
+    to arrival, median and maximum. Where frames were lost or the camera was absent, there are no neighbours.
     """
 
     frames: int
@@ -27,7 +27,7 @@ class RateReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTimes:
-    """What a report needs of a frame: all but its picture."""
+    """The fields of a frame that a report uses: all but its picture."""
 
     index: int
     opening: int
@@ -76,7 +76,7 @@ def rate_report(frames: Sequence[FrameTimes]) -> RateReport | None:
 
 
 def format_settings(found: SettingsReadBack) -> str:
-    """Return what a camera says it is set to, a line each; what it does not tell says so."""
+    """Return the settings that a camera reports, a line each, with a note for those that it does not."""
     rows = [
         ("camera", found.model + (f", {found.serial}" if found.serial else "")),
         ("picture", _or_unknown(found.size_px and f"{found.size_px[0]} × {found.size_px[1]} px")),

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from groundstation.sources.cameras.camera import CameraTiming, GrabbedFrame, StampPoint
 from groundstation.sources.cameras.host_clock_fit import ClockChange, ClockFit, ClockFitConfig, ClockFitState
 
-# what of an exposure is still to come at the moment that the device stamps
+# share of an exposure after the device's stamp
 _STILL_EXPOSED = {StampPoint.START: 1.0, StampPoint.MIDDLE: 0.5, StampPoint.END: 0.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stamp:
-    """Mid-exposure in the host's clock with one sigma, s; what the device's clock did."""
+    """Mid-exposure in the host's clock with one sigma, s; the change of the device's clock."""
 
     t_s: float
     sigma_s: float
@@ -22,8 +22,8 @@ class Stamp:
 class Stamper:
     """Stamps the frames of one camera, in order of arrival.
 
-    The end of the exposure is what a transfer can follow: end ≤ arrival − transfer. The device's stamps are taken to it
-    before the clock is fitted, so that a changed exposure does not look like a changed clock.
+    A transfer follows the end of the exposure: end ≤ arrival − transfer. The device's stamps are converted to it
+    before the clock is fitted, so that a changed exposure does not appear as a changed clock.
     """
 
     def __init__(self, timing: CameraTiming, config: ClockFitConfig | None = None) -> None:
@@ -47,7 +47,7 @@ class Stamper:
         transfer_s: float | None,
         transfer_sigma_s: float | None,
     ) -> Stamp:
-        """Return when a frame was exposed; ``transfer_s`` is what the kind of camera reckons, None from its size."""
+        """Return a frame's exposure time; ``transfer_s`` is the estimate of the kind of camera, None from its size."""
         timing = self._timing
         exposure = timing.exposure_s if exposure_s is None else exposure_s
         if grab.due_s is not None:

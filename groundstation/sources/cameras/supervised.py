@@ -77,7 +77,7 @@ class SupervisedCamera:
         self._take_over(self._device, CameraEventKind.OPENED)
 
     def wait_before_reopening(self, error: CameraError) -> None:
-        """Say that the camera could not be opened, and go on trying."""
+        """Report that the camera could not be opened, and continue trying."""
         self._not_opened(error)
 
     def close(self) -> None:
@@ -100,7 +100,7 @@ class SupervisedCamera:
         self._counts.dropped += 1
 
     def step(self) -> CameraFrame | None:
-        """Do the next thing, in bounded time: a frame, or None where there was none."""
+        """Execute the next step, in bounded time: a frame, or None."""
         device = self._device
         if device is None:
             self._reopen()
@@ -124,7 +124,7 @@ class SupervisedCamera:
         return self._frame(device, grab, now)
 
     def _frame(self, device: CameraDevice, grab: GrabbedFrame, now: float) -> CameraFrame | None:
-        """Number, judge and stamp one frame."""
+        """Number, check and stamp one frame."""
         if grab.pixels is None and grab.frame_id is None:
             # its number is missing in the count, too
             self._counts.incomplete += 1
@@ -197,7 +197,7 @@ class SupervisedCamera:
         self._later()
 
     def _reopen(self) -> None:
-        """Try to open the camera when it is time; else wait, a little at a time."""
+        """Try to open the camera when it is due; otherwise wait for a short time."""
         left_s = self._retry_s - self._clock()
         if left_s > 0.0:
             self._wait(min(left_s, _STEP_S))
