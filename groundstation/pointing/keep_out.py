@@ -76,7 +76,7 @@ class LensAxis:
 
     @cached_property
     def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The optical axis in a base that does not pan: its constant part and its parts with the tilt's cosine and sine."""
+        """The optical axis in a base that does not pan: constant, cosine and sine part of its tilt."""
         lean = rotation_y(self.lean_rad)
         # Rx(tilt) a = (ax, 0, 0) + cos(tilt) (0, ay, az) + sin(tilt) (0, −az, ay)
         level = lean @ np.array([self.axis_head[0], 0.0, 0.0])
@@ -252,9 +252,11 @@ def rates_are_clear(
     """Return whether a head that turns at some of these rates (2,), or between them, may hold them and then brake."""
     if zones.is_empty:
         return True
-    ways = list(rates_rad_s)
+    # a rate that is commanded again and again is several of them, and nothing lies between equal ones
+    ways = list({(float(v[0]), float(v[1])): v for v in rates_rad_s}.values())
     for one, other in pairwise(rates_rad_s):
-        ways += [one + share * (other - one) for share in (0.25, 0.5, 0.75)]
+        if np.any(one != other):
+            ways += [one + share * (other - one) for share in (0.25, 0.5, 0.75)]
     farthest = max(float(np.sum(np.abs(v) * hold_s + 0.5 * v**2 / brakes_rad_s2)) for v in ways)
     if zones.at((float(angles_rad[0]), float(angles_rad[1]))) - margin_rad > farthest:
         return True

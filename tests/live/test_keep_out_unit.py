@@ -59,8 +59,14 @@ def kept(unit: TurningUnit, keep_out: KeepOut) -> KeepOutUnit:
 
 
 def clearances(unit: TurningUnit, keep_out: KeepOut) -> np.ndarray:
-    """How far outside the lens was all the time, rad."""
-    return np.array([keep_out.zones(t).at((pan, tilt)) for t, pan, tilt in unit.log[::2]])
+    """How far outside the lens was all the time, rad; farther than a degree with the Sun where it stood at the start."""
+    t_s, pan, tilt = np.array(unit.log[::2]).T
+    # in a minute the Sun goes on by a quarter of a degree; where it stands exactly matters near a zone alone
+    assert t_s[-1] - t_s[0] < 60.0
+    away = keep_out.zones(t_s[0]).clearance(pan, tilt)
+    for k in np.flatnonzero(away < max(away.min(), 0.0) + math.radians(1.0)):
+        away[k] = keep_out.zones(t_s[k]).at((pan[k], tilt[k]))
+    return away
 
 
 def insist_outside(unit: TurningUnit, keep_out: KeepOut) -> None:
