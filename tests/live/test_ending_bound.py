@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,6 +14,7 @@ from benchmarks.live_kill import Run, Units, recorded_until, wait_until
 from groundstation.live.child_process import ChildProcess
 from groundstation.live.restart_delay import RestartDelay
 from groundstation.live.shutdown import END_S, PARK_S, Shutdown
+from tests.live.pipe_targets import ignore_everything, wait_for_word
 
 
 class Clock:
@@ -126,21 +126,9 @@ def test_restarts_are_ever_further_apart_up_to_eight_seconds() -> None:
     assert delay.lost(161.0) == 161.0
 
 
-def _waits(pipe: Any) -> None:
-    pipe.send("here")
-    pipe.recv()
-
-
-def _deaf(pipe: Any) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    pipe.send("here")
-    while True:
-        time.sleep(1.0)
-
-
 def test_a_child_that_is_stopped_is_killed() -> None:
     """Expected: SIGTERM waits for a stopped process to go on; no `join` without a bound waits with it."""
-    child = ChildProcess("stopped", _waits)
+    child = ChildProcess("stopped", wait_for_word)
     assert child.pipe.poll(60.0)
     os.kill(child.pid, signal.SIGSTOP)
     assert not child.end("stop", 0.1, 0.1)
@@ -149,7 +137,7 @@ def test_a_child_that_is_stopped_is_killed() -> None:
 
 
 def test_a_child_that_does_not_listen_is_killed_and_one_that_does_is_not() -> None:
-    deaf, good = ChildProcess("deaf", _deaf), ChildProcess("good", _waits)
+    deaf, good = ChildProcess("deaf", ignore_everything), ChildProcess("good", wait_for_word)
     assert deaf.pipe.poll(60.0)
     assert good.pipe.poll(60.0)
     assert not deaf.end("stop", 0.1, 0.1)
@@ -160,7 +148,7 @@ def test_a_child_that_does_not_listen_is_killed_and_one_that_does_is_not() -> No
 
 
 def test_a_child_is_asked_before_it_is_forced() -> None:
-    child = ChildProcess("asked", _waits)
+    child = ChildProcess("asked", wait_for_word)
     assert child.pipe.poll(60.0)
     assert child.end("nothing that it knows", 60.0, 60.0)
     assert mp.active_children() == []
@@ -218,7 +206,7 @@ def test_a_killed_pipeline_leaves_no_head_turning_and_a_recording(station: tuple
 def test_a_pipe_that_is_closed_under_a_sender_is_no_error() -> None:
     """Expected: who commands and who supervises are two threads; a command to a process that is being lost is lost."""
     for _ in range(3):
-        child = ChildProcess("short", _waits)
+        child = ChildProcess("short", wait_for_word)
         assert child.pipe.poll(60.0)
         faults: list[BaseException] = []
 

@@ -59,7 +59,7 @@ def kept(unit: TurningUnit, keep_out: KeepOut) -> KeepOutUnit:
 
 
 def clearances(unit: TurningUnit, keep_out: KeepOut) -> np.ndarray:
-    """How far outside the lens was all the time, rad; farther than a degree with the Sun where it stood at the start."""
+    """How far outside the lens was all the time, rad; far from a zone with the Sun where it stood at the start."""
     t_s, pan, tilt = np.array(unit.log[::2]).T
     # in a minute the Sun goes on by a quarter of a degree; where it stands exactly matters near a zone alone
     assert t_s[-1] - t_s[0] < 60.0
