@@ -1,6 +1,6 @@
 """`groundstation calibrate intrinsics` on drawn lenses and boards: errors over claimed sigmas.
 
-    python benchmarks/lens_study.py [--lenses 200]
+    python benchmarks/lens_study.py [--lenses 200] [--workers N]
 
 Each lens has its own focal lengths (5 %), centre (2 % of the picture's size) and distortion; boards stand anywhere,
 tilted up to 40°; corners with 0.1 px of white noise, or boards that bend by as much in each view. Corners are
@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from parallel_study import StudyRun, add_study_arguments, in_blocks
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -25,6 +26,8 @@ from tests.calibration.lens.boards_seen import a_lens, corner_views, parameters
 
 BOARD = parse_board("charuco:9x7:0.04:0.03")
 NOISE_PX = 0.1
+# lenses to a job: some seconds
+BLOCK = 20
 _K3 = PARAMETERS.index("distortion.k3")
 
 
@@ -67,11 +70,17 @@ def bent(view: BoardView, size_px: float, generator: np.random.Generator) -> Boa
     return replace(view, pixel=view.pixel + size_px * curve)
 
 
-def study(case: Case, lenses: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return errors and sigmas (n, p) of what is free, eᵀC⁻¹e (n,), and which parameters (p,) these are."""
-    free = np.array([k for k in range(len(PARAMETERS)) if not (k == _K3 and case.held)])
-    errors, sigmas, together = [], [], []
-    for seed in range(lenses):
+def free_parameters(case: Case) -> list[int]:
+    """Return which parameters are free."""
+    return [k for k in range(len(PARAMETERS)) if not (k == _K3 and case.held)]
+
+
+def fitted(job: tuple[str, list[int]]) -> list[tuple[list[float], list[float], float]]:
+    """Return, for each seed of a kind's block, errors and sigmas (p,) of what is free, and eᵀC⁻¹e."""
+    label, seeds = job
+    case = CASES[label]
+    free, found = np.array(free_parameters(case)), []
+    for seed in seeds:
         generator = np.random.default_rng([31, seed])
         lens = drawn_lens(case, generator)
         views = corner_views(generator, BOARD, lens, case.views, sigma_px=NOISE_PX)
@@ -79,21 +88,27 @@ def study(case: Case, lenses: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
             views = [bent(view, case.bent_px, generator) for view in views]
         fit = fit_lens(views, lens.image_size_px, held=case.held)
         error = (parameters(fit.lens) - parameters(lens))[free]
-        errors.append(error)
-        sigmas.append(fit.sigma[free])
-        together.append(error @ np.linalg.solve(fit.covariance[np.ix_(free, free)], error))
-    return np.array(errors), np.array(sigmas), np.array(together), free
+        together = error @ np.linalg.solve(fit.covariance[np.ix_(free, free)], error)
+        found.append((error.tolist(), fit.sigma[free].tolist(), float(together)))
+    return found
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--lenses", type=int, default=200)
-    n = parser.parse_args().lenses
+    add_study_arguments(parser, "lens")
+    options = parser.parse_args()
+    n = options.lenses
+    blocks = in_blocks(range(n), BLOCK)
+    jobs = {f"kind-{kind}-{block[0]}": (label, block) for kind, label in enumerate(CASES) for block in blocks}
+    values = StudyRun.chosen("lenses", options).values(fitted, jobs)
     low, high = chi2.ppf([0.001, 0.999], n) / n
     print(f"{n} lenses each; chi2/n of errors over claimed sigmas, 99.8 % of such: {low:.2f} to {high:.2f}")
-    for label, case in CASES.items():
-        errors, sigmas, together, free = study(case, n)
+    for kind, (label, case) in enumerate(CASES.items()):
+        lenses = [lens for block in blocks for lens in values[f"kind-{kind}-{block[0]}"]]
+        errors, sigmas, together = (np.array(column) for column in zip(*lenses, strict=True))
         print(label)
+        free = free_parameters(case)
         for column, k in enumerate(free):
             rms, reported = (float(np.sqrt(np.mean(v[:, column] ** 2))) for v in (errors, sigmas))
             square = float(np.mean((errors[:, column] / sigmas[:, column]) ** 2))
@@ -101,7 +116,7 @@ def main() -> None:
             print(f"  {PARAMETERS[k]:<20} rms {rms:.4g}, sigma {reported:.4g}; chi2/n {square:.2f}{mark}")
         p = len(free)
         least, most = chi2.ppf([0.001, 0.999], n * p) / n
-        print(f"  all together {together.mean():.2f} of {p}, {least:.2f} to {most:.2f}", flush=True)
+        print(f"  all together {together.mean():.2f} of {p}, {least:.2f} to {most:.2f}")
 
 
 if __name__ == "__main__":
