@@ -1,4 +1,4 @@
-"""When an angle was true: bounds from the line, and the unit's own clock tied to ours by them."""
+"""Time stamps of angles: bounds from the line, and the relation of the unit's own clock to the host's."""
 
 import math
 from collections import deque
@@ -8,7 +8,7 @@ from ptu_drivers.clock_offset import OffsetBounds, intersection
 from ptu_drivers.messages import AngleSource
 
 _SQRT12 = math.sqrt(12.0)
-# no clock of ours, and no unit's reading of its counters, is better known than that
+# lower limit: neither the host's clock nor a unit's reading of its counters is more accurate
 _LEAST_SIGMA_S = 1e-4
 _DRIFT = 200e-6
 _KEPT = 64
@@ -26,12 +26,12 @@ class Instant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latency:
-    """What is known of delays, s.
+    """Delays of a unit and its line, s.
 
     Attributes
     ----------
     unit_s, unit_sigma_s : from the delimiter to the reply's first bit, and its spread.
-    send_sigma_s : of the delay between a write and the line, which is that much on average; infinite over a network.
+    send_sigma_s : spread of the delay between a write and the line, also its mean; infinite over a network.
     """
 
     unit_s: float
@@ -42,22 +42,22 @@ class Latency:
 def query_instant(
     *, earliest_s: float, sent_s: float, latest_s: float, first_bit_s: float, latency: Latency
 ) -> Instant:
-    """Return when a query's delimiter reached the unit, which reads its counters then.
+    """Return when a query's delimiter reached the unit, which then reads its counters.
 
-    On a serial port it is when the last byte had been on the line. Over a network it is the first bit of the reply less
-    the unit's latency, or, where the answer took longer than that explains, the middle of the bounds. Never outside
-    the bounds, and no more uncertain than they are wide.
+    On a serial port it is the end of the last byte on the line. Over a network it is the first bit of the reply less
+    the unit's latency, or, for a reply later than that explains, the middle of the bounds. It is never outside
+    the bounds, and its sigma is at most their width.
 
     Parameters
     ----------
     earliest_s, latest_s : bounds, s (`Exchanged`).
-    sent_s : when the last byte had been on the line if the port took it at once, s.
-    first_bit_s : when the first bit of the reply was seen, s.
+    sent_s : end of the last byte on the line if the port sent it at once, s.
+    first_bit_s : arrival of the first bit of the reply, s.
     """
     width = latest_s - earliest_s
     if math.isfinite(latency.send_sigma_s):
         sigma = math.hypot(latency.send_sigma_s, (sent_s - earliest_s) / _SQRT12)
-        # a port may send later than it was told, never earlier; no later than the middle of the bounds is likely
+        # a port may send later than requested, never earlier; no later than the middle of the bounds is likely
         at = max(earliest_s, min(sent_s + latency.send_sigma_s, 0.5 * (earliest_s + latest_s)))
         source = AngleSource.LAST_BYTE_SENT
         return Instant(t_s=at, sigma_s=_at_least(min(sigma, width / _SQRT12)), source=source)
@@ -74,11 +74,11 @@ def _at_least(sigma_s: float) -> float:
 
 
 class DeviceClock:
-    """A unit's counter tied to our clock: each exchange bounds the offset, the bounds intersect.
+    """A unit's counter related to the host's clock: each exchange bounds the offset, the bounds intersect.
 
     Parameters
     ----------
-    frequency_hz : what the unit says its counter's frequency is.
+    frequency_hz : the counter's frequency as reported by the unit.
     """
 
     def __init__(self, frequency_hz: float) -> None:
@@ -92,7 +92,7 @@ class DeviceClock:
         return 0 <= self._last - count <= _COUNTER // 2 and count != self._last
 
     def instant(self, count: int, earliest_s: float, latest_s: float) -> Instant:
-        """Return the instant of a count that was read between the bounds, s on our clock."""
+        """Return the instant of a count that was read between the bounds, s in the host's clock."""
         if count < self._last:
             if self.ran_backwards(count):
                 self._bounds.clear()

@@ -1,4 +1,4 @@
-"""Limits of an axis after sign, zero and soft limits, and what is beyond them."""
+"""Limits of an axis after sign, zero and soft limits, and the check of a command against them."""
 
 import math
 
@@ -24,7 +24,7 @@ def narrowed(
 ) -> AxisDescription:
     """Return an axis after sign, zero and soft limits; arguments are the unit's own, rad, rad/s and rad/s².
 
-    `limits_from` says who knows the limits: "unit", or "settings" where a unit cannot be asked; `rates_from` likewise.
+    `limits_from` is the origin of the limits: "unit", or "settings" where a unit cannot be queried; so is `rates_from`.
     """
     ends = sorted((axis.angle(low_rad), axis.angle(high_rad)))
     return AxisDescription(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class OffsetBounds:
-    """Our clock less a device's lies between `low_s` and `high_s`, as of `t_s` on either clock."""
+    """The host's clock less a device's is between `low_s` and `high_s`, at `t_s` on either clock."""
 
     t_s: float
     low_s: float
@@ -24,11 +24,11 @@ class OffsetBounds:
 
 
 def intersection(bounds: Iterable[OffsetBounds], t_s: float, drift: float) -> OffsetBounds | None:
-    """Return what all bounds allow at `t_s`, or None where they contradict each other.
+    """Return the intersection of all bounds at `t_s`, or None where they contradict each other.
 
     Parameters
     ----------
-    bounds : one at least. drift : most that the clocks run apart, s/s: a bound of long ago says less.
+    bounds : one at least. drift : largest relative drift of the clocks, s/s: older bounds are wider.
     """
     low_s, high_s = float("-inf"), float("inf")
     for b in bounds:

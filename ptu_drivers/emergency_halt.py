@@ -1,7 +1,7 @@
-"""Halting a unit whose driver is gone or hangs: open its line though another program may hold it, halt, and no more.
+"""Halting a unit whose driver has ended or hangs: open its line even if another program holds it, halt, and no more.
 
-Nothing is probed, homed or set. The halt goes out before anything is asked: where a line carries one way only, the unit
-still stops. Then the unit is asked in its own protocol, so that the caller knows whether it was heard.
+Nothing is probed, homed or set. The halt is sent before any query: where a line works in one direction only, the unit
+still stops. Then the unit is queried in its own protocol, to report whether it received the halt.
 """
 
 import contextlib
@@ -30,11 +30,11 @@ from ptu_drivers.pelco.unit import PelcoOptions
 from ptu_drivers.protocol_options import parse_options
 from ptu_drivers.transport import SerialTransport
 
-# an answer is waited for so long; a unit answers within 10 ms, a loaded network within 100
+# time to wait for a reply; a unit replies within 10 ms, over a loaded network within 100
 _REPLY_S = 0.15
 # a connection to a unit's network line is waited for so long in one try
 _OPEN_S = 0.5
-# what is read at the first use otherwise: by a line's scheme and by protocol
+# modules otherwise imported at the first use: by a line's scheme and by protocol
 _MODULES = MappingProxyType(
     {
         "socket": ("serial.urlhandler.protocol_socket",),
@@ -42,18 +42,18 @@ _MODULES = MappingProxyType(
         "dynamixel": ("ptu_drivers.dynamixel.bus", "ptu_drivers.dynamixel.table"),
     }
 )
-# a D-series unit drops what comes faster than ten commands a second
+# a D-series unit drops commands faster than ten a second
 _PACE_S = 0.11
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HaltLine:
-    """How one unit is reached by `halt_once`.
+    """The address of a unit for `halt_once`.
 
     Attributes
     ----------
-    url, protocol, options : as `open_ptu` takes them.
-    baud : what the driver raises the line to, bit/s; 0 where it keeps the unit's own.
+    url, protocol, options : as in `open_ptu`.
+    baud : speed to which the driver raises the line, bit/s; 0 where it keeps the unit's own.
     """
 
     url: str
@@ -63,10 +63,10 @@ class HaltLine:
 
 
 def prepared(line: HaltLine) -> HaltLine:
-    """Return the line by its host's number, with all modules read that a halt needs.
+    """Return the line with its host's address, with all modules imported that a halt needs.
 
-    A halt then waits for no name server, and needs little memory. A name that nothing is known of stays as it is.
-    Asks the system's resolver, which may take seconds: to be called when the line is set up.
+    A halt then needs no name server and little memory. An unknown name stays unchanged.
+    Queries the system's resolver, which may take seconds: call it when the line is set up.
     """
     with contextlib.suppress(ImportError):
         for name in ("serial", *_MODULES.get(line.url.partition("://")[0], ()), *_MODULES.get(line.protocol, ())):
@@ -85,16 +85,16 @@ def prepared(line: HaltLine) -> HaltLine:
 
 
 def halt_once(line: HaltLine, attempt: int = 0, clock: Callable[[], float] = time.monotonic) -> None:
-    """Send a halt, and return when the unit has acknowledged it; at most about half a second on a line that is open.
+    """Send a halt, and return when the unit has acknowledged it; at most about half a second on an open line.
 
     Parameters
     ----------
-    line : the unit's. attempt : which try this is, from 0; settings that are not certain alternate.
+    line : the unit's. attempt : number of the attempt, from 0; uncertain settings alternate.
     clock : monotonic, s.
 
     Raises
     ------
-    PtuError : the line cannot be opened, or no acknowledgement came; then the unit may or may not have heard it.
+    PtuError : the line cannot be opened, or no acknowledgement arrived; then the unit may or may not have received it.
     """
     began_s = clock()
     try:
@@ -117,7 +117,7 @@ def _halt_flir(line: HaltLine, attempt: int, clock: Callable[[], float]) -> None
         line.url, bauds[attempt // 2 % len(bauds)], clock, exclusive=False, open_within_s=_OPEN_S
     )
     try:
-        # twice: half a command of the driver that died may stand before the first and spoil it
+        # twice: half a command of the ended driver may precede the first and invalidate it
         _heard(transport, "H", clock() + _PACE_S)
         heard = _heard(transport, "H", clock() + _REPLY_S)
         transport.wait(_PACE_S)
@@ -138,7 +138,7 @@ def _halt_flir(line: HaltLine, attempt: int, clock: Callable[[], float]) -> None
 
 
 def _heard(transport: SerialTransport, command: str, until_s: float) -> bool:
-    """Send a command on a line in any state; return whether an answer came by then. A line that is full says no."""
+    """Send a command on a line in any state; return whether a reply arrived by then. False for a line that is full."""
     transport.write(flir_encode(command))
     answer = f"{command} *".encode()
     received = b""
@@ -167,7 +167,7 @@ def _halt_pelco(framing: PelcoFraming) -> Callable[[HaltLine, int, Callable[[], 
         stop = PelcoMessage(address=options.address, opcode=Opcode.STOP)
         pause_s = 8 * transport.character_s() + options.gap_s
         try:
-            # a stop has no answer of its own: it goes before and after a question that has
+            # a stop has no reply of its own: it is sent before and after a query that has one
             for _ in range(2):
                 exchange.send(stop)
                 transport.wait(pause_s)
@@ -182,7 +182,7 @@ def _halt_pelco(framing: PelcoFraming) -> Callable[[HaltLine, int, Callable[[], 
 
 
 def _halt_dynamixel(line: HaltLine, _attempt: int, clock: Callable[[], float]) -> None:
-    # the maker's package is an extra: looked for only where a unit needs it
+    # the maker's package is an extra: imported only where a unit needs it
     from ptu_drivers.dynamixel import table
     from ptu_drivers.dynamixel.bus import DynamixelBus
     from ptu_drivers.dynamixel.table import OperatingMode

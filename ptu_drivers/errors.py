@@ -16,13 +16,13 @@ class LineError(PtuError):
 
 
 class NoAnswerError(PtuError):
-    """A command had no answer that can be believed within the stated time; nothing is known of its effect.
+    """A command had no valid reply within the stated time; its effect is unknown.
 
     Parameters
     ----------
-    command : what was asked.
-    waited_s : how long, s.
-    got : what came instead.
+    command : the command.
+    waited_s : waiting time, s.
+    got : the received bytes.
     """
 
     def __init__(self, command: str, *, waited_s: float, got: str) -> None:
@@ -32,7 +32,7 @@ class NoAnswerError(PtuError):
 
 
 class ProtocolError(PtuError):
-    """Bytes that are no message of the protocol, or a unit that does not speak it."""
+    """Bytes that are not a message of the protocol, or a unit that does not use it."""
 
     def __init__(self, where: str, *, got: str, wanted: str) -> None:
         self.where = where
@@ -57,8 +57,8 @@ class LimitError(PtuError):
     ----------
     axis : "pan" or "tilt".
     limit : the limit's name: "lower limit", "upper limit", "maximum speed", "minimum speed".
-    got, bound : what was asked and what the limit is, rad or rad/s.
-    origin : who set the limit: "unit" or "settings".
+    got, bound : the requested value and the limit, rad or rad/s.
+    origin : origin of the limit: "unit" or "settings".
     """
 
     def __init__(self, axis: str, limit: str, *, got: float, bound: float, origin: str) -> None:
@@ -73,7 +73,7 @@ class LimitError(PtuError):
 
 
 class UnsupportedError(PtuError):
-    """The unit, or this protocol, cannot do what was asked (see `UnitDescription.capabilities`)."""
+    """The unit, or this protocol, does not support the request (see `UnitDescription.capabilities`)."""
 
     def __init__(self, unit: str, *, got: str) -> None:
         super().__init__(f"{unit}: got {got}, which it cannot do")

@@ -1,4 +1,4 @@
-"""What went wrong so far, counted by reason."""
+"""Failures so far, counted by reason."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 
 class UnitState(StrEnum):
-    """What the driver is doing."""
+    """States of the driver."""
 
     READY = "ready"
     RESYNCHRONISING = "resynchronising"
@@ -21,7 +21,7 @@ class UnitState(StrEnum):
 
 
 class FailureReason(StrEnum):
-    """Why an answer, or its absence, gave no angle."""
+    """Reasons why a reply, or its absence, gave no angle."""
 
     TIMEOUT = "timeout"
     TRUNCATED = "truncated"
@@ -55,16 +55,16 @@ class Health:
 
     Attributes
     ----------
-    state : what the driver is doing.
+    state : of the driver.
     exchanges : commands and queries sent.
-    readings : angles believed, both axes.
-    failures : answers discarded, by reason; a reason that is absent did not occur.
-    limit_events : messages of the unit that an axis hit its limit.
-    resyncs, reconnects, restarts : how often the line was resynchronised, opened again, the unit found restarted.
+    readings : accepted angles, both axes.
+    failures : replies discarded, by reason; a reason that is absent did not occur.
+    limit_events : the unit's messages that an axis hit its limit.
+    resyncs, reconnects, restarts : counts of resynchronisations, of reopenings of the line, and of the unit's restarts.
     watchdog_stops : motion halted because commands stopped.
-    last_reading_s : instant of the newest believed angle, s, or minus infinity.
-    halt_owed : a halt was due, by the user or after a failed command, and is not acknowledged: the unit may move. It
-        holds after `close`, too, which does not raise: only where it is false, the unit is known to have been halted.
+    last_reading_s : instant of the newest accepted angle, s, or minus infinity.
+    halt_owed : a halt by the user or after a failed command is not acknowledged: the unit may move. It is also valid
+        after `close`, which does not raise: the unit is known to have been halted only where it is false.
     """
 
     state: UnitState
@@ -101,7 +101,7 @@ class HealthCounter:
         return self.state is UnitState.READY
 
     def snapshot(self) -> Health:
-        """Return what was counted until now."""
+        """Return the counts until now."""
         return Health(
             state=self.state,
             exchanges=self.exchanges,

@@ -9,26 +9,26 @@ from ptu_drivers.messages import NoReading, Reading, UnitDescription
 
 
 class PanTiltUnit(ABC):
-    """An opened and probed pan-tilt unit; use it as a context manager, which halts it on the way out.
+    """An opened and probed pan-tilt unit, a context manager that halts it on exit.
 
-    Methods may be called from several threads; one exchange is on the line at a time. No method waits longer than
+    Methods may be called from several threads; there is one exchange on the line at a time. No method waits longer than
     `describe().reply_timeout_s` for the line, except `halt`, `home` and `close`, whose docstrings state their time. The
-    bound is that of the whole call, however slowly an answer arrives.
+    bound is that of the whole call, however slowly a reply arrives.
     """
 
     @abstractmethod
     def describe(self) -> UnitDescription:
-        """Return what the probe found; no traffic."""
+        """Return the result of the probe, without traffic."""
 
     @abstractmethod
     def read(self) -> Reading | NoReading:
-        """Ask both axes where they are.
+        """Query the position of both axes.
 
         Returns
         -------
-        `Reading` : angles with the instants at which they were true, or
-        `NoReading` : why there is none. A doubtful answer is discarded and counted, never returned. Line trouble is
-            not raised: each further call drives the recovery on, and angles come again when the line is back.
+        `Reading` : angles with the instants at which they were valid, or
+        `NoReading` : the reason. A doubtful reply is discarded and counted, never returned. Line faults are
+            not raised: each further call continues the recovery, and angles are returned again when the line is back.
 
         Raises
         ------
@@ -39,15 +39,15 @@ class PanTiltUnit(ABC):
     def move_to(
         self, *, pan_rad: float | None = None, tilt_rad: float | None = None, rate_rad_s: float | None = None
     ) -> None:
-        """Start to turn to a position, rad, and return when the unit has acknowledged; `None` leaves an axis alone.
+        """Start to turn to a position, rad, and return when the unit has acknowledged; `None` leaves an axis unchanged.
 
-        A new target replaces the old one in motion. With `rate_rad_s` both axes use that speed, else the unit's
+        A new target replaces the old one in motion. With `rate_rad_s` both axes use that speed, otherwise the unit's
         own (as set by the last call that named one, or as it was found). Ends motion by rate.
 
         Raises
         ------
         LimitError : beyond a limit or a speed bound; nothing was sent. NaN is beyond every limit.
-        RefusedError : the unit refused it. NoAnswerError, LineError : not known whether it moves; it is halted as
+        RefusedError : the unit refused it. NoAnswerError, LineError : it is unknown whether it moves; it is halted as
             soon as the line is back.
         """
 
@@ -55,8 +55,8 @@ class PanTiltUnit(ABC):
     def move_at(self, *, pan_rad_s: float, tilt_rad_s: float) -> None:
         """Turn at a rate, rad/s, until the next command; a driver stops at its limits by itself.
 
-        To be repeated within `UnitSettings.watchdog_s`, or the watchdog halts the unit. Where the host itself falls
-        silent, the unit stops as `describe().lease` says.
+        To be repeated within `UnitSettings.watchdog_s`, else the watchdog halts the unit. If the host itself falls
+        silent, the unit stops as stated in `describe().lease`.
 
         Raises
         ------
@@ -68,9 +68,9 @@ class PanTiltUnit(ABC):
     def halt(self) -> None:
         """Stop both axes now, and return when the unit has acknowledged.
 
-        It goes before every other call: what another thread has on the line is given up (its `read` returns
-        `NoReading`, its move raises `NoAnswerError`), and the halt is sent before anything is asked. Tried again over
-        line trouble within the time of three exchanges.
+        It has priority over every other call: another thread's exchange on the line is aborted (its `read` returns
+        `NoReading`, its move raises `NoAnswerError`), and the halt is sent before any query. It is repeated over
+        line faults within the time of three exchanges.
 
         Raises
         ------
@@ -92,9 +92,9 @@ class PanTiltUnit(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Halt and close the line, within the time of three exchanges; never raises; twice does no harm.
+        """Halt and close the line, within the time of three exchanges; never raises; a second call has no effect.
 
-        `health().halt_owed` says afterwards whether the halt was left without an acknowledgement.
+        `health().halt_owed` states afterwards whether the halt was not acknowledged.
         """
 
     def __enter__(self) -> Self:

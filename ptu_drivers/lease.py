@@ -22,13 +22,13 @@ class LeaseKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lease:
-    """What is left of motion by rate when no command and no question comes any more.
+    """Remaining motion by rate after the last command or query.
 
     Attributes
     ----------
     kind : what stops it.
-    renewed_s : how long it holds its rate after the last renewal, s; infinite where nothing stops it.
-    stop_s : until it stands, s, from its fastest rate; infinite likewise.
+    renewed_s : the time for which it holds its rate after the last renewal, s; infinite where nothing stops it.
+    stop_s : until it stands still, s, from its fastest rate; infinite where nothing stops it.
     """
 
     kind: LeaseKind

@@ -1,4 +1,4 @@
-"""A halt goes first: it takes a unit's line next, and what another thread has under way there is given up."""
+"""Priority of a halt: it takes a unit's line next, and another thread's exchange there is aborted."""
 
 import threading
 from types import TracebackType
@@ -8,15 +8,15 @@ from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.health import FailureReason
 from ptu_drivers.transport import Chunk, Transport
 
-# an exchange looks so often whether a halt waits for its line
+# interval at which an exchange checks whether a halt waits for its line
 SLICE_S = 0.02
 
 
 class LineLock:
-    """Who may use a line; re-entrant, a context manager.
+    """The lock of a line; re-entrant, a context manager.
 
-    A halt (`for_halt`) is let in before everything else that waits, and `is_preempted` asks the exchange that is under
-    way to give up. A halt itself is not preempted by another one.
+    A halt (`for_halt`) is admitted before all other waiting threads, and `is_preempted` requests the current exchange
+    to abort. A halt itself is not preempted by another one.
     """
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class LineLock:
 
     @property
     def is_preempted(self) -> bool:
-        """Return whether the exchange under way is to be given up."""
+        """Return whether the current exchange is to be aborted."""
         return self._halts_waiting > 0 and not self._owner_halts
 
     def for_halt(self) -> "_Halting":
@@ -36,7 +36,7 @@ class LineLock:
         return _Halting(self)
 
     def raise_if_preempted(self) -> None:
-        """Return if the exchange under way may go on. Raises ExchangeFailed."""
+        """Return if the current exchange may continue. Raises ExchangeFailed."""
         if self.is_preempted:
             raise ExchangeFailed(FailureReason.PREEMPTED, "a halt from another thread")
 
@@ -91,7 +91,7 @@ class _Halting:
 
 
 class LockedLine(Protocol):
-    """What the life cycle of a unit needs of its line: a `PreemptibleLine`, or a connection of another kind."""
+    """The interface of a line for a unit's life cycle: a `PreemptibleLine`, or a connection of another kind."""
 
     url: str
     lock: LineLock
@@ -111,11 +111,11 @@ class LockedLine(Protocol):
 
 
 class PreemptibleLine:
-    """A `Transport` whose reads are given up when a halt waits for the line; everything else is the transport's own.
+    """A `Transport` whose reads are aborted when a halt waits for the line; all else is the transport's own.
 
     Parameters
     ----------
-    transport : the line itself; owned by this from now on.
+    transport : the line itself; owned by this object.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -124,7 +124,7 @@ class PreemptibleLine:
         self._transport = transport
 
     def read(self, until_s: float) -> Chunk:
-        """Return what is there, or wait for it. Raises LineError; ExchangeFailed when a halt waits."""
+        """Return available data, or wait for them. Raises LineError; ExchangeFailed when a halt waits."""
         while True:
             self.lock.raise_if_preempted()
             chunk = self._transport.read(min(until_s, self._transport.now() + SLICE_S))
@@ -148,11 +148,11 @@ class PreemptibleLine:
         return self._transport.send_sigma_s()
 
     def set_baud(self, baud: int) -> bool:
-        """Change the speed of our end. Raises LineError."""
+        """Change the speed of the host's end. Raises LineError."""
         return self._transport.set_baud(baud)
 
     def baud(self) -> int:
-        """Return the speed of our end, bit/s."""
+        """Return the speed of the host's end, bit/s."""
         return self._transport.baud()
 
     def write(self, data: bytes) -> float:

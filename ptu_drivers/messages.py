@@ -30,7 +30,7 @@ class AngleSource(StrEnum):
 
 
 class Capability(StrEnum):
-    """What a unit can do; what is absent raises `UnsupportedError`."""
+    """Functions of a unit; absent ones raise `UnsupportedError`."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -43,17 +43,17 @@ class Capability(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AngleSample:
-    """One axis' angle, at the instant when it was true.
+    """One axis' angle, at the instant when it was valid.
 
     Attributes
     ----------
-    axis : which.
-    t_s : instant at which the angle was true, s, on the driver's clock.
-    sigma_t_s : 1 sigma of that instant, s: jitter of the unit's latency and of the line, known or stated.
+    axis : of the unit.
+    t_s : instant at which the angle was valid, s, on the driver's clock.
+    sigma_t_s : 1 sigma of that instant, s: jitter of the unit's latency and of the line, measured or stated.
     angle_rad : angle after sign and zero of the settings, rad; pan positive counter-clockwise from above, tilt upwards.
     sigma_rad : 1 sigma of the angle as the unit reports it, rad: its quantum over sqrt(12). Motion during `sigma_t_s`
-        is not in it, since only the user of the sample knows the rate.
-    source : how the instant was found.
+        is not included, because only the user of the sample knows the rate.
+    source : method by which the instant was determined.
     """
 
     axis: Axis
@@ -71,7 +71,7 @@ class Reading:
     Attributes
     ----------
     pan, tilt : the angles.
-    sent_s, answered_s : when the first query of it was sent and the last answer was complete, s.
+    sent_s, answered_s : when its first query was sent and its last reply was complete, s.
     """
 
     pan: AngleSample
@@ -86,13 +86,13 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoReading:
-    """No angle that can be believed, and why: what `read` returns instead of a doubtful one.
+    """No valid angle, and the reason: returned by `read` instead of a doubtful one.
 
     Attributes
     ----------
-    reason : why.
-    state : what the driver is doing about it.
-    t_s : when it was found, s.
+    reason : of the failure.
+    state : of the driver's recovery.
+    t_s : time of the failure, s.
     """
 
     reason: FailureReason
@@ -102,16 +102,16 @@ class NoReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisDescription:
-    """What one axis can do: asked of the unit, then narrowed by the settings.
+    """Capabilities of one axis: queried from the unit, then narrowed by the settings.
 
     Attributes
     ----------
     quantum_rad : smallest step that the unit reports, rad.
-    low_rad, high_rad : where it may point, rad, after sign and zero; the narrower of unit and settings.
-    low_from, high_from : whose limit that is: "unit" or "settings".
+    low_rad, high_rad : limits, rad, after sign and zero; the narrower of unit and settings.
+    low_from, high_from : origin of the limit: "unit" or "settings".
     max_rate_rad_s, min_rate_rad_s : bounds of its speed, rad/s; 0 stands still and is always allowed.
-    rate_from : whose the upper bound is.
-    max_acceleration_rad_s2 : rad/s², or infinity where the unit does not say.
+    rate_from : origin of the upper bound.
+    max_acceleration_rad_s2 : rad/s², or infinity where the unit does not report it.
     """
 
     quantum_rad: float
@@ -127,18 +127,18 @@ class AxisDescription:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnitDescription:
-    """How the unit describes itself.
+    """Description of a unit.
 
     Attributes
     ----------
     protocol : "flir", "pelco-d", …
     url : the line.
-    model, firmware, serial : as the unit says, "" where it does not.
+    model, firmware, serial : as reported, "" where they are not.
     pan, tilt : the axes.
-    capabilities : what it can do.
+    capabilities : its functions.
     reply_timeout_s : longest time that one exchange may take, s.
     lease : what stops motion by rate when the host falls silent.
-    details : whatever else the probe found, for people to read.
+    details : other results of the probe, as text for users.
     """
 
     protocol: str

@@ -16,18 +16,18 @@ _STUCK_S = 0.2
 _STILL_S = 0.3
 _TREMBLE_RAD = 1e-6  # some mounts compute their angles: the last digits change at rest
 _IDLE_S = 0.01
-# a line that is back is answered within 2 s
+# a line that has returned replies within 2 s
 _SILENT_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PollStatistics:
-    """What was seen in a while of asking.
+    """Statistics of a series of readings.
 
     Attributes
     ----------
-    duration_s : how long. round_trips_s : of each reading. last : the newest reading.
-    sigma_t_s : median sigma of the instants. source : how they were found.
+    duration_s : of the series. round_trips_s : of each reading. last : the newest reading.
+    sigma_t_s : median sigma of the instants. source : how they were determined.
     health : the unit's counts at the end.
     """
 
@@ -46,15 +46,15 @@ class PollStatistics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MoveResult:
-    """How one axis carried out a move.
+    """Result of a move of one axis.
 
     Attributes
     ----------
-    axis : which. wanted_rad, reached_rad : target, and where it came to rest as it says.
-    lag_s : from the command until it was seen to move. took_s : until it was at rest. peak_rad_s : fastest.
+    axis : of the unit. wanted_rad, reached_rad : target, and the reported position at rest.
+    lag_s : from the command to the first motion. took_s : until it was at rest. peak_rad_s : greatest rate.
     stuck_s : longest standstill between start and target: stiction, or a stall.
     quantum_rad : one step.
-    lost_line : the line, or the unit's power, was lost on the way, and is back.
+    lost_line : the line, or the unit's power, was lost during the move, and has returned.
     """
 
     axis: Axis
@@ -74,11 +74,11 @@ class MoveResult:
 
 
 class PollMonitor:
-    """Asks a unit, and keeps what is needed to say how it does.
+    """Reads a unit repeatedly, and keeps the data for its statistics.
 
     Parameters
     ----------
-    unit : to be asked. now : the clock.
+    unit : the unit. now : the clock.
     """
 
     def __init__(self, unit: PanTiltUnit, now: Callable[[], float]) -> None:
@@ -100,7 +100,7 @@ class PollMonitor:
         return len(self._trips) / max(self.duration_s, 1e-9)
 
     def step(self, wait: Callable[[float], None]) -> Reading | NoReading:
-        """Ask once; wait a little where that took no time."""
+        """Read once; wait briefly where that took no time."""
         asked = self._now()
         got = self._unit.read()
         if isinstance(got, NoReading):
@@ -113,7 +113,7 @@ class PollMonitor:
         return got
 
     def result(self) -> PollStatistics:
-        """Return what was seen. Raises ProtocolError if there was not one reading."""
+        """Return the statistics. Raises ProtocolError if there was not one reading."""
         if self._last is None:
             failures = ", ".join(f"{k} {v}" for k, v in self._unit.health().failures.items())
             got = f"no angle in {self.duration_s:.0f} s ({failures})"
@@ -131,7 +131,7 @@ class PollMonitor:
 def watch(
     unit: PanTiltUnit, duration_s: float, now: Callable[[], float], wait: Callable[[float], None]
 ) -> PollStatistics:
-    """Ask as fast as the line allows, for so long.
+    """Read as fast as the line allows, for this time.
 
     Raises
     ------
@@ -192,7 +192,7 @@ def _breaks(unit: PanTiltUnit) -> int:
 
 
 def halted(unit: PanTiltUnit) -> str:
-    """Halt it, and return in words whether it heard that."""
+    """Halt it, and return in words whether it acknowledged."""
     try:
         unit.halt()
     except PtuError:
@@ -201,7 +201,7 @@ def halted(unit: PanTiltUnit) -> str:
 
 
 def _lost(unit: PanTiltUnit, got: NoReading, silent_s: float) -> LineError:
-    """Try to halt a unit that no longer answers, and return the message on it."""
+    """Try to halt a unit that no longer replies, and return the message about it."""
     reported = f"the line lost on the way: no angle for {silent_s:.1f} s ({got.reason}); {halted(unit)}"
     return LineError(unit.describe().url, got=reported, wanted="an angle")
 
@@ -235,7 +235,7 @@ def _moved(
 def first_reading(
     unit: PanTiltUnit, now: Callable[[], float], wait: Callable[[float], None], timeout_s: float
 ) -> Reading:
-    """Ask until there is an angle. Raises LineError where there is none in time."""
+    """Read until there is an angle. Raises LineError where there is none in time."""
     begun = now()
     while isinstance(got := unit.read(), NoReading):
         if now() - begun > timeout_s:
@@ -255,7 +255,7 @@ def _far(reading: Reading, targets_rad: dict[Axis, float], reported: UnitDescrip
 
 
 def format_description(reported: UnitDescription) -> str:
-    """Return what a unit is, for people."""
+    """Return the unit's description as text."""
     name = " ".join(p for p in (reported.model, reported.serial) if p) or "unnamed unit"
     rows = [f"{name} on {reported.url}, {reported.protocol}", f"  {reported.firmware}"]
     for axis in Axis:
@@ -299,7 +299,7 @@ def format_watched(seen: PollStatistics, reported: UnitDescription) -> str:
 
 
 def format_moved(moved: MoveResult) -> str:
-    """Return how a move went, for people."""
+    """Return the result of a move as text."""
     verdict = "reached" if moved.lost_steps <= 1 else f"MISSED by {moved.lost_steps} steps"
     if moved.lost_line:
         verdict += "; THE LINE WAS LOST on the way"
@@ -314,7 +314,7 @@ def format_moved(moved: MoveResult) -> str:
 
 
 def histogram(values_ms: Sequence[float], bins: int = 12) -> list[str]:
-    """Return a histogram in text; the last row holds what is beyond the 99th percentile."""
+    """Return a histogram in text; the last row contains all values beyond the 99th percentile."""
     ordered = sorted(values_ms)
     low, high = ordered[0], ordered[int(0.99 * (len(ordered) - 1))]
     width = max((high - low) / bins, 0.1)

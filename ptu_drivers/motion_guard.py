@@ -1,8 +1,8 @@
 """A process that halts units when the process that drives them stops renewing their leases.
 
-A driver's own watchdog dies with its process. This one lives in another: the driving process renews a lease for each
-unit while it is well, in memory that both have; a lease that has run out, or a request, and the unit is halted over a
-connection of its own (`emergency_halt`). It also says that it is alive itself, so that no unit turns unguarded.
+A driver's own watchdog ends with its process. This one is a separate process: the driving process renews a lease for
+each unit in shared memory; when a lease has expired, or on request, the unit is halted over a separate
+connection (`emergency_halt`). It also reports that it is alive, so that no unit turns unguarded.
 """
 
 import contextlib
@@ -23,19 +23,19 @@ from ptu_drivers.errors import PtuError
 LEASE_S = 0.35
 _LOOK_S = 0.02
 _AGAIN_S = 0.05
-# a unit that does not acknowledge is told so long that it is to halt
+# time for which halts are repeated to a unit that does not acknowledge
 HALTING_S = 2.0
 # and for so long once no process is left that would renew it
 _ORPHANED_S = 10.0
 _BEATS = 2
 _NICE = -10
-# what a halt takes at the most, with room for a thread's stack
+# upper bound of a halt's memory, including a thread's stack
 _RESERVE_BYTES = 16 << 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardReport:
-    """What came of halting a unit: whether it acknowledged, when the guard began and ended, s, and why it failed."""
+    """Result of halting a unit: whether it acknowledged, begin and end, s, and the error if it failed."""
 
     name: str
     acknowledged: bool
@@ -45,9 +45,9 @@ class GuardReport:
 
 
 class MotionLeases:
-    """Instants in memory that several processes have, s on the machine's monotonic clock.
+    """Instants in memory shared by several processes, s on the machine's monotonic clock.
 
-    It goes to a process when that is made. Each value has one writer; writing eight aligned bytes is atomic.
+    It is passed to a process at its start. Each value has one writer; writing eight aligned bytes is atomic.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -122,12 +122,12 @@ class MemoryReserve:
 
 
 class HaltingThread:
-    """Halts one unit whenever it is asked to, in a thread of its own: a line that hangs holds up no other.
+    """Halts one unit on request, in a separate thread: a line that hangs does not delay the others.
 
     Parameters
     ----------
-    report : takes what came of it. attempt : one try, as `halt_once`; raises PtuError.
-    find : prepares the line, once, before anything is asked. reserve : memory for the halt.
+    report : receives the result. attempt : one attempt, as `halt_once`; raises PtuError.
+    find : prepares the line, once, before any request. reserve : memory for the halt.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class HaltingThread:
         self._thread.start()
 
     def request(self) -> None:
-        """Ask for a halt that begins from now on; while one goes on, another follows it."""
+        """Request a halt that begins from now on; during a halt, another follows it."""
         self._asked.set()
 
     @property
@@ -189,10 +189,10 @@ class HaltingThread:
 
 
 class ExpiredLeases:
-    """Which leases have run out and were not acted on yet.
+    """Expired leases that were not handled yet.
 
-    A lease counts as run out when two looks in a row find it so: after a moment in which the whole machine stood still,
-    its holder is given the time of one look to renew it.
+    A lease counts as expired when it is so in two successive checks: after a pause of the whole machine,
+    its holder has the time of one check to renew it.
     """
 
     def __init__(self, leases: MotionLeases) -> None:
@@ -225,7 +225,7 @@ def serve_guard(lines: Mapping[str, HaltLine], leases: MotionLeases, pipe: Conne
 
     Messages in: "halt" for all units, "stop". Messages out: `GuardReport`.
     """
-    # it sleeps nearly always, and must not wait for a core when it is needed; only some users may ask for that
+    # it sleeps nearly always, and must not wait for a core when needed; only some users may request that
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
     sending = threading.Lock()

@@ -34,7 +34,7 @@ def open_ptu(
     clock: Callable[[], float] = time.monotonic,
     **options: Any,
 ) -> PanTiltUnit:
-    """Open a unit, ask it what it is, and return it ready; it is halted however the program ends (`halt_on_exit`).
+    """Open a unit, probe it, and return it ready; it is halted however the program ends (`halt_on_exit`).
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ def open_ptu(
     protocol : one of `PROTOCOLS`.
     settings : sign, zero, limits and times; the defaults leave limits to the unit.
     clock : monotonic, in s; every instant of the unit is on it.
-    options : what only this protocol has (addresses, scales), by keyword.
+    options : options of this protocol (addresses, scales), by keyword.
 
     Raises
     ------
-    LineError : the line cannot be opened. ProtocolError : no answer, or one of another protocol;
+    LineError : the line cannot be opened. ProtocolError : no reply, or one of another protocol;
     an unknown protocol or option. MissingPackageError : a package is not installed.
     """
     if protocol not in PROTOCOLS:

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class AngleVerdict(StrEnum):
-    """What is thought of a new angle."""
+    """Results of the test of a new angle."""
 
     PLAUSIBLE = "plausible"
     CONFIRM = "confirm"
@@ -24,7 +24,7 @@ class Point:
 
 
 class Plausibility:
-    """The gate of one axis; it judges, and changes nothing.
+    """The plausibility test of one axis; it changes nothing.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Plausibility:
         self._slope = 0.0
 
     def forget(self) -> None:
-        """Begin without a past: what comes next has to be confirmed."""
+        """Start without a previous angle: the next one has to be confirmed."""
         self._last = None
         self._slope = 0.0
 
@@ -49,7 +49,7 @@ class Plausibility:
         return self._last is not None
 
     def judge(self, new: Point) -> AngleVerdict:
-        """Return what is thought of a new angle."""
+        """Return the result for a new angle."""
         last = self._last
         if last is None:
             return AngleVerdict.CONFIRM
@@ -63,7 +63,7 @@ class Plausibility:
         return AngleVerdict.PLAUSIBLE if near else AngleVerdict.CONFIRM
 
     def confirms(self, first: Point, second: Point) -> bool:
-        """Return whether a second reading, right after, fits the first and what came before."""
+        """Return whether a second reading, right after, is consistent with the first and the earlier ones."""
         dt = second.t_s - first.t_s
         jitter = 3.0 * math.hypot(first.sigma_t_s, second.sigma_t_s)
         if self._last is None or first.t_s <= self._last.t_s:

@@ -1,7 +1,7 @@
-"""Common base of all drivers: a unit that is polled, and what every call does over line trouble.
+"""Common base of all drivers: a unit that is polled, and the recovery from line faults of every call.
 
-Lock, limits, counts, watchdog, halt and shutdown are here. A protocol adds how to ask, move, halt and set up, and what
-it does in its own way (docs/ptu.md). Its angles are the unit's own, before the settings' sign and zero.
+Lock, limits, counts, watchdog, halt and shutdown are here. A protocol adds its queries, moves, halt and set-up, and
+its particularities (docs/ptu.md). Its angles are the unit's own, before the settings' sign and zero.
 """
 
 from abc import abstractmethod
@@ -21,7 +21,7 @@ from ptu_drivers.settings import AxisSettings, UnitSettings
 from ptu_drivers.watchdog import Watchdog
 
 _HALT_TRIES = 3
-# motion by rate is looked at this often by itself, so that it can be stopped at a limit
+# period of the check of motion by rate, so that it can be stopped at a limit
 _LOOK_S = 0.1
 
 
@@ -30,11 +30,11 @@ class PolledUnit(PanTiltUnit):
 
     Parameters
     ----------
-    line : the line, open; owned by this from now on.
+    line : the line, open; owned by this object.
     settings : as given to `open_ptu`.
-    description : what the probe found.
-    health : the counts of the probe, to be carried on.
-    watch : run the watchdog in a thread; without, it is looked at with each call (time that is simulated).
+    description : the result of the probe.
+    health : the counts of the probe, to be continued.
+    watch : run the watchdog in a thread; otherwise it is checked in each call (simulated time).
     """
 
     _stale_s = _LOOK_S
@@ -66,7 +66,7 @@ class PolledUnit(PanTiltUnit):
 
     @abstractmethod
     def _query(self) -> Reading:
-        """Ask both axes; raises ExchangeFailed, LineError."""
+        """Query both axes; raises ExchangeFailed, LineError."""
 
     @abstractmethod
     def _send_position(self, targets: dict[Axis, float], rate_rad_s: float | None) -> None:
@@ -81,10 +81,10 @@ class PolledUnit(PanTiltUnit):
         """Stop both axes; raises ExchangeFailed, RefusedError, LineError."""
 
     def _resynchronise(self) -> None:
-        """Match answers to questions again after a failure; raises ExchangeFailed, LineError."""
+        """Match replies to queries again after a failure; raises ExchangeFailed, LineError."""
 
     def _set_up(self) -> None:
-        """After the line was opened again: set what the unit may have lost; raises ExchangeFailed, LineError."""
+        """After the line was reopened: restore the unit's settings; raises ExchangeFailed, LineError."""
 
     def _recover(self) -> FailureReason | None:
         """Bring line and unit back; return why that is not done yet, None where the unit can be asked now.
@@ -98,9 +98,9 @@ class PolledUnit(PanTiltUnit):
         return None
 
     def _recover_to_halt(self) -> FailureReason | None:
-        """Bring the line as far as a halt needs; return why it cannot be sent yet, None where it can. Raises likewise.
+        """Recover the line as far as a halt needs; return why it cannot be sent, None where it can. Raises the same.
 
-        No resynchronisation first: a halt that may be heard is worth more than an answer that is certain.
+        No resynchronisation first: a halt that may be received has priority over a certain reply.
         """
         if self._health.state is UnitState.LINE_LOST:
             self._reconnection.reopen(self._until_s)
@@ -124,7 +124,7 @@ class PolledUnit(PanTiltUnit):
         self._turning.check_room(asked, self._last)
 
     def _stop_at_limits(self, reading: Reading) -> FailureReason | None:
-        """Halt motion by rate that would pass a limit before the next look; return as `_keep_motion`."""
+        """Halt motion by rate that would pass a limit before the next check; return as `_keep_motion`."""
         if self._turning.nears_limit(reading, self._line.now()):
             self._health.limit_events += 1
             self._try_halt()
@@ -136,13 +136,13 @@ class PolledUnit(PanTiltUnit):
         self._health.halt_owed = True
 
     def _halt_blind(self) -> None:
-        """Send a halt without waiting for anything, where that can be heard; never raises."""
+        """Send a halt without waiting, where it can be received; never raises."""
 
     def _release(self) -> None:
-        """After the last halt: what else a unit needs before it is left alone; raises ExchangeFailed, PtuError."""
+        """After the last halt: the protocol's shutdown commands; raises ExchangeFailed, PtuError."""
 
     def describe(self) -> UnitDescription:
-        """Return what the probe found."""
+        """Return the result of the probe."""
         return self._description
 
     def health(self) -> Health:
@@ -151,7 +151,7 @@ class PolledUnit(PanTiltUnit):
             return self._health.snapshot()
 
     def read(self) -> Reading | NoReading:
-        """Ask both axes where they are."""
+        """Query the position of both axes."""
         with self._lock:
             self._begin()
             got = self._keep_motion() or self._ask()
@@ -208,7 +208,7 @@ class PolledUnit(PanTiltUnit):
             self._halt_at_once()
 
     def home(self) -> None:
-        """Reset and home; most protocols cannot ask a unit to."""
+        """Reset and home; most protocols have no command for it."""
         with self._lock:
             self._begin()
             raise UnsupportedError(self._description.protocol, got="a request to home")
@@ -250,7 +250,7 @@ class PolledUnit(PanTiltUnit):
         self._until_s = self._line.now() + self._description.reply_timeout_s
 
     def _ask(self) -> Reading | FailureReason:
-        """Return both angles, or why there are none; recovers before where that is due."""
+        """Return both angles, or the reason of the failure; recovers before where that is due."""
         try:
             if not self._health.is_ready() and (reason := self._recover()):
                 return reason
@@ -286,9 +286,9 @@ class PolledUnit(PanTiltUnit):
             raise NoAnswerError(name, waited_s=self._line.now() - began, got=f"state: {self._health.state}")
 
     def _attempt(self, send: Callable[[], None]) -> ExchangeFailed | LineError | None:
-        """Send once, and return what failed; what is not acknowledged may still move, and is halted when it answers.
+        """Send once, and return the failure; motion without acknowledgement is halted on the next reply.
 
-        Raises RefusedError, and what `send` raises else.
+        Raises RefusedError, and other exceptions of `send`.
         """
         try:
             send()
@@ -306,7 +306,7 @@ class PolledUnit(PanTiltUnit):
         return None
 
     def _halt_at_once(self) -> None:
-        """Halt, first without a question where an answer is in doubt; raises as `halt`."""
+        """Halt, first without a query where a reply is in doubt; raises as `halt`."""
         if not self._health.is_ready():
             self._health.halt_owed = True
             self._halt_blind()
@@ -352,7 +352,7 @@ class PolledUnit(PanTiltUnit):
                 return
             self._try_again()
             if self._health.halt_owed:
-                # a halt that was not acknowledged is tried until it is, whether or not anybody reads
+                # a halt that was not acknowledged is repeated until it is, with or without calls of `read`
                 self._try_halt()
             elif self._turning.turns():
                 self._check_watchdog()

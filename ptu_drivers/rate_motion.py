@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from ptu_drivers.axis_limits import check_room
 from ptu_drivers.messages import Axis, Reading, UnitDescription
 
-# until it is looked at again and has come to rest
+# until it is checked again and has come to rest
 _AHEAD_S = 0.25
 
 
@@ -53,11 +53,11 @@ class RateMotion:
         return self.rates is not None and any(self.rates.values())
 
     def is_overdue(self, now_s: float, watchdog_s: float) -> bool:
-        """Return whether it goes on though no command came for `watchdog_s`; 0 is for ever."""
+        """Return whether it continues though no command arrived for `watchdog_s`; 0 disables the watchdog."""
         return self.turns() and watchdog_s > 0 and now_s - self.commanded_s > watchdog_s
 
     def nears_limit(self, reading: Reading, now_s: float) -> bool:
-        """Return whether an axis would pass its limit before the next look."""
+        """Return whether an axis would pass its limit before the next check."""
         for axis, rate in (self.rates or {}).items():
             sample, reported = reading.axis(axis), self.description.axis(axis)
             ahead = sample.angle_rad + rate * (now_s - sample.t_s + _AHEAD_S)

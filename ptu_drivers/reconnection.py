@@ -1,4 +1,4 @@
-"""The usual way back after a failed exchange: answers are matched again, a line that stays silent is opened again."""
+"""The usual recovery from a failed exchange: replies are matched again, a line that stays silent is reopened."""
 
 from ptu_drivers.errors import LineError
 from ptu_drivers.exchange_failed import ExchangeFailed, reason_of
@@ -11,7 +11,7 @@ _REOPEN_S = 0.2
 
 
 class Reconnection:
-    """What is due after failures.
+    """The recovery steps due after failures.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Reconnection:
         self._health.state = UnitState.READY
 
     def note_failure(self, fault: ExchangeFailed | LineError) -> FailureReason:
-        """Count a failed exchange and choose what is due; return its reason."""
+        """Count a failed exchange and select the recovery; return its reason."""
         reason = reason_of(fault)
         if isinstance(fault, LineError):
             self._lose()

@@ -1,4 +1,4 @@
-"""What the user decides: sign, zero, soft limits, times."""
+"""Settings by the user: sign, zero, soft limits, times."""
 
 from dataclasses import dataclass, field
 
@@ -17,13 +17,13 @@ def check_baud(where: str, baud: int) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisSettings:
-    """How one axis is mounted and how far it may go.
+    """Mounting and limits of one axis.
 
     Attributes
     ----------
     sign : +1 or -1: angle = sign · (unit's angle) - zero. Manuals contradict each other; a calibration decides.
-    zero_rad : what the unit shows, after the sign, where our angle is zero, rad.
-    low_rad, high_rad : soft limits, rad, after sign and zero; infinite leaves it to the unit.
+    zero_rad : the unit's angle, after the sign, at the zero of the driver's angle, rad.
+    low_rad, high_rad : soft limits, rad, after sign and zero; infinite leaves the unit's own.
     max_rate_rad_s : soft limit of the speed, rad/s.
     """
 
@@ -42,27 +42,27 @@ class AxisSettings:
             )
 
     def angle(self, unit_rad: float) -> float:
-        """Return our angle of the unit's, rad."""
+        """Return the driver's angle for the unit's, rad."""
         return self.sign * unit_rad - self.zero_rad
 
     def unit_angle(self, angle_rad: float) -> float:
-        """Return the unit's angle of ours, rad."""
+        """Return the unit's angle for the driver's, rad."""
         return self.sign * (angle_rad + self.zero_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnitSettings:
-    """How a unit is used.
+    """Use of a unit.
 
     Attributes
     ----------
     pan, tilt : the axes.
-    reply_timeout_s : an exchange without an answer for so long is a timeout, s; time on the line comes on top.
+    reply_timeout_s : time without a reply that is a timeout, s, in addition to the time on the line.
     latency_s, latency_sigma_s : from a query's last bit at the unit to the first bit of its reply, s, and its spread.
-        The angle is taken to be read at the start of it (the unit reads its counters when the delimiter arrives).
-    watchdog_s : motion by rate is halted when no command came for so long, s; 0 turns the watchdog off.
-    homing_timeout_s : how long a unit may home before it is given up, s.
-    baud : speed to raise a serial line to, bit/s; 0 keeps the one it has.
+        The angle is assumed to be read at its start (the unit reads its counters when the delimiter arrives).
+    watchdog_s : motion by rate is halted after this time without a command, s; 0 turns the watchdog off.
+    homing_timeout_s : limit of the duration of homing, s.
+    baud : speed to raise a serial line to, bit/s; 0 keeps the present one.
     """
 
     pan: AxisSettings = field(default_factory=AxisSettings)

@@ -1,4 +1,4 @@
-"""The clock of a device tied to ours: each answer says what its clock showed between two instants of ours."""
+"""The clock of a device related to the host's: each reply bounds a device time by two instants of the host."""
 
 import math
 from dataclasses import dataclass
@@ -12,16 +12,16 @@ from ptu_drivers.health import FailureReason
 class TickClock:
     """A counter that ticks in a device.
 
-    The differences that an answer allows are an interval, whose width is the time that the device had to answer; the
-    intersection of all of them, widened by the drift in between, is narrower than any. An answer to an older question
-    shows an older tick than it can, and is refused; so is the first answer after the device was restarted, until the
+    The differences that a reply allows are an interval, whose width is the time that the device had to reply; the
+    intersection of all of them, widened by the drift in between, is narrower than any. A reply to an older query
+    has an older tick than possible, and is refused; so is the first reply after the device was restarted, until the
     next one agrees with it.
 
     Attributes
     ----------
     tick_s : seconds per tick.
-    ticks : at this count it begins again from 0.
-    drift : most that the clocks run apart, s/s.
+    ticks : the count at which it wraps to 0.
+    drift : largest relative drift of the clocks, s/s.
     """
 
     tick_s: float
@@ -31,15 +31,15 @@ class TickClock:
     _held: OffsetBounds | None = None
 
     def instant(self, tick: int, earliest_s: float, latest_s: float) -> tuple[float, float]:
-        """Return when the tick was shown, and 1 sigma, s.
+        """Return the time of the tick, and 1 sigma, s.
 
         Parameters
         ----------
-        tick : what the counter showed. earliest_s, latest_s : between these instants of ours.
+        tick : the counter's value. earliest_s, latest_s : bounds in the host's clock.
 
         Raises
         ------
-        ExchangeFailed : it cannot have shown that then.
+        ExchangeFailed : the value is impossible within these bounds.
         """
         for tie, reason in ((self._tie, None), (self._held, FailureReason.STARTING)):
             if tie is None:

@@ -28,12 +28,12 @@ BITS_PER_CHARACTER = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chunk:
-    """What came off the line at once.
+    """Bytes read from the line at once.
 
     Attributes
     ----------
-    data : bytes, empty if none came in time.
-    t_s : when the last of them had been read, s: none came later; without bytes, the end of the wait.
+    data : bytes, empty if none arrived in time.
+    t_s : when the last of them had been read, s: none arrived later; without bytes, the end of the wait.
     """
 
     data: bytes
@@ -58,16 +58,16 @@ class Transport(Protocol):
         """Return the spread of the delay between `write` and the line, s; infinite over a network."""
 
     def set_baud(self, baud: int) -> bool:
-        """Change the speed of our end; False where the line has none. Raises LineError."""
+        """Change the speed of the host's end; False where the line has none. Raises LineError."""
 
     def baud(self) -> int:
-        """Return the speed of our end, bit/s; 0 where the line has none."""
+        """Return the speed of the host's end, bit/s; 0 where the line has none."""
 
     def write(self, data: bytes) -> float:
         """Send all of it; return when the last byte was handed over, s. Raises LineError."""
 
     def read(self, until_s: float) -> Chunk:
-        """Return what is there, or wait for it until `until_s` on the clock. Raises LineError."""
+        """Return available data, or wait for them until `until_s` on the clock. Raises LineError."""
 
     def reopen(self) -> None:
         """Close and open again, at the speed that is set. Raises LineError."""
@@ -81,11 +81,11 @@ class SerialTransport:
 
     Parameters
     ----------
-    url : as pyserial's `serial_for_url` takes it.
+    url : as for pyserial's `serial_for_url`.
     baud : speed, bit/s, 8N1; of no effect on a socket or a pty.
     clock : monotonic, s.
-    exclusive : a serial device that another program has is refused; False only to halt what that one has left turning.
-    open_within_s : a network connection that takes longer is given up, s; None waits as long as the system does.
+    exclusive : refuse a serial device that another program has open; False only to halt a unit that it left turning.
+    open_within_s : time limit of a network connection, s; None waits as long as the system does.
     """
 
     def __init__(
@@ -155,13 +155,13 @@ class SerialTransport:
             if not self._is_rfc2217:
                 port.write(data)
             elif not _within(_WRITE_S, partial(port.write, data)):
-                # a network that takes nothing more: what waits may still arrive, on a connection that is given up
+                # a network that accepts no more data: waiting bytes may still arrive, on a connection that is closed
                 self._port = None
                 raise OSError(f"no bytes taken for {_WRITE_S} s")
         return self._clock()
 
     def read(self, until_s: float) -> Chunk:
-        """Wait for the first byte, then take all that is there."""
+        """Wait for the first byte, then read all that are available."""
         with _line_errors(self.url):
             port = self._opened()
             data = self._read_port(port, until_s) if self._fileno < 0 else self._read_file(until_s)
@@ -186,9 +186,9 @@ class SerialTransport:
         return b""
 
     def reopen(self) -> None:
-        """Open, after closing what was open.
+        """Open, after closing the previous connection.
 
-        Closing and connecting over a network may take long: both go on in a thread, and each call looks whether it is
+        Closing and connecting over a network may take long: both run in a thread, and each call checks whether it is
         done.
         """
         old, self._port = self._port, None
@@ -227,7 +227,7 @@ class SerialTransport:
                     self.url,
                     baudrate=self._baud,
                     timeout=_SLICE_S,
-                    # pyserial's RFC 2217 port knows none, and says so with an error
+                    # pyserial's RFC 2217 port has none, and reports an error
                     write_timeout=None if self._is_rfc2217 else _WRITE_S,
                     exclusive=self._exclusive,
                 )
@@ -236,7 +236,7 @@ class SerialTransport:
                 raise LineError(self.url, got=str(wrong), wanted=wanted) from wrong
 
     def _open_within(self, seconds: float) -> Any:
-        """Open, or give up; a connection that comes about later is closed again."""
+        """Open, or stop waiting; a connection that is established later is closed again."""
         opened: list[Any] = []
         given_up = threading.Event()
 
@@ -262,7 +262,7 @@ class SerialTransport:
 
 
 def _check_address(url: str) -> None:
-    """Return if a network line's URL has a host and a port; pyserial says it less clearly. Raises LineError."""
+    """Return if a network line's URL has a host and a port; pyserial's message is less clear. Raises LineError."""
     for scheme in ("socket", "rfc2217"):
         if url.startswith(f"{scheme}://"):
             try:
@@ -282,9 +282,9 @@ def _close(port: Any) -> None:
 
 
 def _within(seconds: float, call: Callable[[], object]) -> bool:
-    """Call it in a thread; return whether it returned in time, and raise what it raised.
+    """Call it in a thread; return whether it returned in time, and raise its exception.
 
-    Where no thread can be started, which takes memory, it is called here, as long as it takes.
+    Where no thread can be started, which takes memory, it is called here, without a time limit.
     """
     raised: list[BaseException] = []
 
@@ -315,7 +315,7 @@ def _set_baud(port: Any, baud: int) -> None:
 
 
 class _line_errors:  # noqa: N801 - read as a statement: with _line_errors(url)
-    """Whatever pyserial and the system raise for a line that is gone, as our error."""
+    """Errors of pyserial and the system for a lost line, as `LineError`."""
 
     def __init__(self, url: str) -> None:
         self.url = url

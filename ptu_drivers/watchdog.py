@@ -49,7 +49,7 @@ def _close_all() -> None:
 
 
 class Watchdog:
-    """Calls `check` a few times a second in a thread of its own, until `stop`."""
+    """Calls `check` a few times a second in a separate thread, until `stop`."""
 
     def __init__(self, check: Callable[[], None], interval_s: float) -> None:
         self._stop = threading.Event()

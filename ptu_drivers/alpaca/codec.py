@@ -1,4 +1,4 @@
-"""Answers of an Alpaca server: JSON that is what was asked for, or a named failure."""
+"""Replies of an Alpaca server: JSON that matches the request, or a named failure."""
 
 import http.client
 import json
@@ -13,15 +13,15 @@ _SHOWN = 60
 
 
 def decode(name: str, status: int, body: bytes, transaction: int) -> dict[str, Any]:
-    """Return the answer to a request.
+    """Return the value in the reply to a request.
 
     Parameters
     ----------
-    name : what was asked. status, body : what came. transaction : the request's number.
+    name : the requested property. status, body : of the reply. transaction : the request's number.
 
     Raises
     ------
-    ExchangeFailed : it is no answer, or one to another request. RefusedError : the server or its device refuses.
+    ExchangeFailed : not a reply, or one to another request. RefusedError : the server or its device refuses.
     """
     text = body.decode("utf-8", "replace")
     if status != http.client.OK:
@@ -45,7 +45,7 @@ def decode(name: str, status: int, body: bytes, transaction: int) -> dict[str, A
 
 
 def finite(name: str, value: object) -> float:
-    """Return a number that came as JSON, which must be one. Raises ExchangeFailed."""
+    """Return a number from JSON. Raises ExchangeFailed where it is not one."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise _garbage(name, value)
     try:
@@ -67,7 +67,7 @@ def angles_of(state: object) -> dict[str, float]:
 
 
 def rates_of(ranges: object) -> tuple[float, float] | None:
-    """Return the least and greatest rate of `AxisRates`, deg/s, or None where there are none. Raises ExchangeFailed."""
+    """Return the least and greatest rate of `AxisRates`, deg/s, or None without any. Raises ExchangeFailed."""
     ends = [
         (finite("axisrates", r.get("Minimum")), finite("axisrates", r.get("Maximum")))
         for r in _dictionaries("axisrates", ranges)

@@ -1,7 +1,7 @@
-"""One HTTP connection whose exchanges end when they must: connecting, sending, and all bytes of the answer.
+"""One HTTP connection with a deadline for the whole exchange: connecting, sending, and all bytes of the reply.
 
-The time-out of a socket is that of one read: a server that sends a byte now and then holds up who waits for the whole
-answer for as long as it likes. Here every read has what is left of the exchange, and looks whether a halt waits.
+The time-out of a socket applies to a single read: a server that sends single bytes with pauses delays the whole
+reply without limit. Here every read has the remaining time of the exchange, and checks for a waiting halt.
 """
 
 import http.client
@@ -19,14 +19,14 @@ from ptu_drivers.health import FailureReason
 from ptu_drivers.line_lock import SLICE_S, LineLock
 
 _DEFAULT_PORT = 11111
-# an answer of Alpaca has some hundred bytes
+# a reply of Alpaca has some hundred bytes
 _LONGEST = 1 << 16
-# what a command gets that goes out when its call's time is over
+# time for a command that is sent after its call's deadline
 LEAST_S = 0.01
 
 
 class _ExchangeSocket(socket.socket):
-    """A socket that knows when the exchange under way must be over, and how much it may bring."""
+    """A socket with the deadline of the current exchange, and the limit of its bytes."""
 
     until_s = 0.0
     left = 0
@@ -54,7 +54,7 @@ class _ExchangeSocket(socket.socket):
         super().sendall(data, flags)
 
     def recv_into(self, buffer: Any, nbytes: int = 0, flags: int = 0, /) -> int:
-        """Receive what is there, or wait for it until the end of the exchange."""
+        """Receive available data, or wait for them until the end of the exchange."""
         while True:
             self.settimeout(self._slice_s())
             try:
@@ -78,9 +78,9 @@ class _ExchangeSocket(socket.socket):
 class HttpConnection:
     """A connection that is kept open between requests.
 
-    After a request without an answer it is closed: a late answer then has nowhere to arrive, so that none can be taken
-    for the answer to the next request. A halt that comes while an answer is awaited therefore has a connection of its
-    own. The host's name is resolved once, when the line is opened.
+    After a request without a reply it is closed, so that a late reply is discarded and cannot be taken
+    for the reply to the next request. A halt during the wait for a reply therefore uses a separate
+    connection. The host's name is resolved once, when the line is opened.
     """
 
     def __init__(self, url: str, clock: Callable[[], float] = time.monotonic) -> None:

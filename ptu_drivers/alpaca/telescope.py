@@ -1,4 +1,4 @@
-"""ASCOM Alpaca's requests to one telescope by name, and answers that are checked."""
+"""ASCOM Alpaca's requests to one telescope by name, with checked replies."""
 
 import itertools
 from collections.abc import Iterator, Mapping
@@ -19,11 +19,11 @@ class HttpLine(LockedLine, Protocol):
     """What carries a request: a connection, or a simulated one."""
 
     def transfer(self, method: str, path: str, query: str, until_s: float) -> tuple[int, bytes]:
-        """Return status and body; the query goes behind the path of a GET, into the body of a PUT.
+        """Return status and body; the query is in the path of a GET, or in the body of a PUT.
 
         Raises
         ------
-        ExchangeFailed : no whole answer until then, or a halt waits. LineError : no connection.
+        ExchangeFailed : no complete reply until then, or a halt waits. LineError : no connection.
         """
 
 

@@ -25,7 +25,7 @@ _ALT_AZ = 0
 _NUMBER = {Axis.PAN: 0, Axis.TILT: 1}
 _QUANTUM_DEG = 1e-4
 _PROBE_S = 10.0
-# a stop that is not answered so soon is followed by the next one
+# a stop without a reply in this time is followed by the next one
 _PROMPT_S = 0.1
 
 
@@ -157,7 +157,7 @@ class AlpacaUnit(PolledUnit):
         stops: list[Callable[[float], None]] = [lambda until_s: self._telescope.put("abortslew", until_s)]
         if Capability.VELOCITY in self._description.capabilities:
             stops[:0] = [partial(self._move_axis, axis, 0.0) for axis in Axis]
-        # first all of them close together, whether or not they are answered; then each with its share of the time
+        # first all of them without pauses, with or without replies; then each with its share of the time
         faults: list[ExchangeFailed | PtuError] = []
         for most_s in (_PROMPT_S, math.inf):
             faults.clear()
@@ -224,7 +224,7 @@ def combined_state(telescope: AlpacaTelescope, until_s: float) -> dict[str, floa
 
 
 def _has_state(telescope: AlpacaTelescope, until_s: float) -> bool:
-    """Say whether one request gives both angles (interface version 4); mounts answer it or refuse it."""
+    """Return whether one request gives both angles (interface version 4); mounts support it or refuse it."""
     try:
         combined_state(telescope, until_s)
     except (ExchangeFailed, RefusedError):

@@ -1,7 +1,7 @@
-"""The bus of two Dynamixel servos, through the maker's SDK: its framing and CRC, our line, our checks.
+"""The bus of two Dynamixel servos, through the maker's SDK: its framing and CRC, the driver's line and checks.
 
-The SDK believes any status packet of the right servo. Here its length must be what was asked for, too, and it must not
-have begun before the question was out.
+The SDK accepts any status packet of the right servo. Here its length must also be the requested one, and it must not
+have begun before the end of the query.
 """
 
 from collections.abc import Mapping
@@ -24,12 +24,12 @@ _CHUNKS = 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
-    """A servo's answer.
+    """A servo's reply.
 
     Attributes
     ----------
-    identifier : whose. data : its parameters. alert : it reports a hardware error.
-    asked_s, first_bit_s : between these the servo composed it, s.
+    identifier : of the servo. data : its parameters. alert : it reports a hardware error.
+    asked_s, first_bit_s : bounds of the time at which the servo composed it, s.
     """
 
     identifier: int
@@ -40,7 +40,7 @@ class Status:
 
 
 class SdkPort:
-    """A line as the SDK's packet handler wants it: its own port opens devices only, and measures no times."""
+    """A line with the interface of the SDK's packet handler, whose own port opens only devices, without times."""
 
     def __init__(self, line: Transport, reply_timeout_s: float) -> None:
         self.is_using = False
@@ -56,7 +56,7 @@ class SdkPort:
         self._taken = 0
 
     def clearPort(self) -> None:  # noqa: N802 - the SDK's name
-        """Drop what came unasked."""
+        """Drop unsolicited bytes."""
         for _ in range(_CHUNKS):
             if not self.line.read(self.line.now()).data:
                 break
@@ -100,7 +100,7 @@ class SdkPort:
         self._until_s = self.line.now() + milliseconds / 1000.0
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
-        """Say whether the time is up."""
+        """Return whether the time is up."""
         return self.line.now() >= self._until_s
 
     def getBaudRate(self) -> int:  # noqa: N802
@@ -123,7 +123,7 @@ class SdkPort:
 
 @dataclass(slots=True)
 class DynamixelBus:
-    """Questions and commands to servos by identifier; every answer is checked."""
+    """Queries and commands to servos by identifier; every reply is checked."""
 
     line: Transport
     reply_timeout_s: float
@@ -139,7 +139,7 @@ class DynamixelBus:
         self._success = sdk.COMM_SUCCESS
 
     def finish_by(self, until_s: float) -> None:
-        """Wait for no answer beyond an instant, s."""
+        """Wait for no reply beyond an instant, s."""
         self._port.limit_s = until_s
 
     @property
@@ -168,7 +168,7 @@ class DynamixelBus:
         self._receive(identifier, 0, f"write {register.address}")
 
     def sync_write(self, register: Register, values: Mapping[int, int]) -> None:
-        """Set a register of several servos at once, which do not answer to that. Raises ExchangeFailed, LineError."""
+        """Set a register of several servos at once, to which they do not reply. Raises ExchangeFailed, LineError."""
         packed: list[int] = []
         for identifier, value in values.items():
             packed += [identifier, *value.to_bytes(register.size, "little", signed=register.signed)]
@@ -176,7 +176,7 @@ class DynamixelBus:
         self._port.is_using = False
 
     def states(self, identifiers: tuple[int, ...]) -> tuple[Status, ...]:
-        """Ask several servos at once for tick, velocity and position. Raises ExchangeFailed, LineError."""
+        """Query several servos at once for tick, velocity and position. Raises ExchangeFailed, LineError."""
         self._send(self._sdk.syncReadTx, STATE.address, STATE.size, list(identifiers), len(identifiers), False)
         self._port.setPacketTimeout((_STATUS_OVERHEAD + STATE.size) * len(identifiers))
         answers = tuple(self._receive(i, STATE.size, "sync read") for i in identifiers)
@@ -202,12 +202,12 @@ class DynamixelBus:
         try:
             packet, result = self._sdk.rxPacket(self._port, False)
         except IndexError as short:
-            # the SDK indexes into packets whose own length says too little
+            # the SDK indexes into packets whose own length field is too small
             raise ExchangeFailed(FailureReason.TRUNCATED, f"{what}: a packet that is too short") from short
         if result != self._success:
             reason = FailureReason.CHECKSUM if packet else FailureReason.TIMEOUT
             raise ExchangeFailed(reason, f"{what}: {self._sdk.getTxRxResult(result)}")
-        # the SDK has taken the stuffing out, and says in the length what is left
+        # the SDK has removed the stuffing, and corrected the length field
         length = packet[5] | packet[6] << 8
         began_s = self._port.began_s(len(packet))
         if packet[4] != identifier:

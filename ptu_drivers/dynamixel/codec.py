@@ -1,8 +1,8 @@
 """Packets of Dynamixel Protocol 2.0, for the simulated servos: bytes to packets and back, no input or output.
 
 FF FF FD 00, identifier, length (2 bytes, little end first), instruction, parameters, CRC-16 (polynomial 8005, start 0).
-Behind FF FF FD inside a packet another FD is put in, so that no packet holds a header. A status packet has instruction
-55 and an error byte before its parameters. The driver itself speaks through the maker's own SDK.
+After FF FF FD inside a packet another FD is inserted, so that no packet contains a header. A status packet has
+instruction 55 and an error byte before its parameters. The driver itself uses the maker's own SDK.
 """
 
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ _OVERHEAD = 7
 
 
 class Instruction(IntEnum):
-    """What a packet asks for."""
+    """The kinds of packets."""
 
     PING = 0x01
     READ = 0x02
@@ -102,7 +102,7 @@ def decode(data: bytes) -> Packet | None:
 
 @dataclass(slots=True)
 class PacketDecoder:
-    """Cuts a stream of bytes into packets, whatever else is in it.
+    """Divides a stream of bytes into packets, skipping other bytes.
 
     Attributes
     ----------

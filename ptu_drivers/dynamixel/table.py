@@ -49,7 +49,7 @@ RATE_RAD_S = 0.229 * 2 * math.pi / 60
 
 
 class OperatingMode(IntEnum):
-    """What a servo follows."""
+    """The controlled quantity of a servo."""
 
     VELOCITY = 1
     POSITION = 3

@@ -26,7 +26,7 @@ from ptu_drivers.transport import SerialTransport, Transport
 _PROBES = 6
 _TIME_BASED = 0x04
 _ENCODER_BIT = 3
-# a halt without a question goes to where the servos were last seen, if that is so fresh, s
+# a halt without a query commands the last known positions of the servos, if they are this fresh, s
 _FRESH_S = 0.3
 # a servo that its watchdog stops does so without a ramp; 1 tick of the watchdog, and the rotor
 _STOPPING_S = 0.1
@@ -59,7 +59,7 @@ class DynamixelOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Servo:
-    """What one servo answered at the probe; limits in steps, rate in units of its register."""
+    """One servo's replies to the probe; limits in steps, rate in units of its register."""
 
     identifier: int
     model: table.Model
@@ -106,7 +106,7 @@ class DynamixelUnit(PolledUnit):
 
     def _query(self) -> Reading:
         sent_s = self._line.now()
-        # who answers first does so at once, which ties its clock closely: they take turns
+        # the first to reply does so at once, which bounds its clock closely: they alternate
         self._order.reverse()
         states = self._bus.states(tuple(self._servos[axis].identifier for axis in self._order))
         self._health.exchanges = self._bus.sent
@@ -118,7 +118,7 @@ class DynamixelUnit(PolledUnit):
             except ExchangeFailed as fault:
                 faults.append(fault)
         if any(clock.restarted for clock in self._clocks.values()) and self._mode is not None:
-            # torque is off after a restart, and the tick says that there was one
+            # torque is off after a restart, which the tick shows
             self._mode = None
             self._health.restarts += 1
         if faults:
@@ -144,7 +144,7 @@ class DynamixelUnit(PolledUnit):
 
     def _resynchronise(self) -> None:
         self._bus.drain()
-        # a servo answers in order: behind its answer to a ping there is nothing old
+        # a servo replies in order: after its reply to a ping no older one is outstanding
         for servo in self._servos.values():
             self._bus.ping(servo.identifier)
 
@@ -216,7 +216,7 @@ class DynamixelUnit(PolledUnit):
                 self._bus.write(n, table.TORQUE_ENABLE, 0)
 
     def _halt_unasked(self) -> None:
-        """Stop both without a question, which is heard though no answer comes; each mode heeds one of the orders."""
+        """Stop both without a query, which works without a reply; each mode follows one of the orders."""
         self._bus.sync_write(table.GOAL_VELOCITY, {servo.identifier: 0 for servo in self._servos.values()})
         last = self._last
         if self._mode is not OperatingMode.VELOCITY and last is not None:
@@ -258,7 +258,7 @@ def connect_dynamixel(
     unit = DynamixelUnit(shared, bus, settings, options, servos, _description(line, settings, servos), watch=watch)
     reason = ""
     for _ in range(_PROBES):
-        # the first answer of all only starts the servos' clocks
+        # the first reply of all only initialises the servos' clocks
         got = unit.read()
         if isinstance(got, Reading):
             return unit

@@ -1,8 +1,8 @@
-"""FLIR / Directed Perception ASCII: bytes to lines, lines to answers; no I/O and no clock.
+"""FLIR / Directed Perception ASCII: bytes to lines, lines to replies; no I/O and no clock.
 
-A command is letters, an optional signed integer and a delimiter (we send a space). A line of the unit is
-`[echo] [limit messages] (* | !) [text]`, ended by CR, LF or both. Limit messages (`!P`, `!T` and the like) may come at
-any time and have no line of their own.
+A command is letters, an optional signed integer and a delimiter (a space here). A line of the unit is
+`[echo] [limit messages] (* | !) [text]`, ended by CR, LF or both. Limit messages (`!P`, `!T` and similar) may arrive
+at any time and have no line of their own.
 """
 
 import re
@@ -39,15 +39,15 @@ class RawLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlirReply:
-    """A line that answers a command.
+    """A line that is the reply to a command.
 
     Attributes
     ----------
     echo : the command as the unit repeats it, "" with echo off.
     ok : `*` rather than `!`.
-    text : what follows.
-    events : limit messages that stood in the line.
-    mark_at, delimiter_at : where in the line the `*` or `!` stands, and the delimiter of the echo (-1 without echo).
+    text : the rest.
+    events : limit messages in the line.
+    mark_at, delimiter_at : positions in the line of the `*` or `!`, and of the echo's delimiter (-1 without echo).
     """
 
     echo: str
@@ -60,11 +60,11 @@ class FlirReply:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stray:
-    """A line that answers nothing: a banner, or limit messages alone.
+    """A line that is not a reply: a banner, or limit messages alone.
 
     Attributes
     ----------
-    text : the line. events : limit messages in it; if there are any, there is nothing else.
+    text : the line. events : limit messages in it; if there are any, the line has no other content.
     """
 
     text: str
@@ -72,16 +72,16 @@ class Stray:
 
 
 class LineSplitter:
-    """Bytes as they come, in; whole lines out. What has no end stays until `forget`."""
+    """Received bytes in; whole lines out. An incomplete line stays until `forget`."""
 
     def __init__(self) -> None:
         self._data = bytearray()
         self._times: list[float] = []
 
     def feed(self, data: bytes, t_s: float, character_s: float) -> list[RawLine]:
-        """Take bytes of which the last had come at `t_s`, one each `character_s`; return the lines that ended.
+        """Add bytes of which the last had arrived at `t_s`, one each `character_s`; return the lines that ended.
 
-        A line longer than `LONGEST_LINE` is given out as it is: nothing that long is an answer.
+        A line longer than `LONGEST_LINE` is returned as it is: no reply is that long.
         """
         lines = []
         last = len(data) - 1
@@ -120,11 +120,11 @@ def encode(command: str) -> bytes:
 
 
 def parse_line(data: bytes) -> FlirReply | Stray:
-    """Return what a line says.
+    """Return the parsed content of a line.
 
     Raises
     ------
-    ProtocolError : bytes that no unit sends as text, a line that is too long, or answers without an end between them.
+    ProtocolError : bytes that no unit sends as text, a line that is too long, or replies without line ends.
     """
     if len(data) >= LONGEST_LINE or any(not 0x20 <= byte < 0x7F and byte != 0x09 for byte in data):
         raise ProtocolError("line", got=repr(data[:40]), wanted="printable text")
@@ -148,7 +148,7 @@ def parse_line(data: bytes) -> FlirReply | Stray:
 
 
 def integer(text: str) -> int:
-    """Return the number of a terse answer, which must be nothing else.
+    """Return the number of a terse reply, which must contain nothing else.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def integer(text: str) -> int:
 
 
 def only_number(text: str) -> float:
-    """Return the only number in an answer, terse or verbose.
+    """Return the only number in a reply, terse or verbose.
 
     Raises
     ------
@@ -173,11 +173,11 @@ def only_number(text: str) -> float:
 
 
 def integers(text: str, least: int) -> tuple[int, ...]:
-    """Return the integers of an answer to a combined query, in its order.
+    """Return the integers of a reply to a combined query, in its order.
 
     Raises
     ------
-    ProtocolError : fewer than `least`, or something between them that belongs to no list of numbers.
+    ProtocolError : fewer than `least`, or other text between them.
     """
     parts = [p for p in re.split(r"[\s,;:()A-Za-z]+", text) if p]
     if len(parts) < least or not all(_INTEGER.fullmatch(p) for p in parts):

@@ -1,4 +1,4 @@
-"""What a probed FLIR unit says of itself to its users."""
+"""The description of a probed FLIR unit for its users."""
 
 from ptu_drivers.flir.probe import UnitFacts
 from ptu_drivers.flir.rate_chain import lease_of

@@ -1,4 +1,4 @@
-"""One exchange at a time on a FLIR line: the echo tells whose answer it is, the times tell when it was asked."""
+"""One exchange at a time on a FLIR line: the echo identifies the reply, the times bound the time of the query."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -11,11 +11,11 @@ from ptu_drivers.flir.codec import DELIMITER, FlirReply, LineSplitter, RawLine, 
 from ptu_drivers.health import FailureReason, HealthCounter
 from ptu_drivers.transport import Transport
 
-# an answer's length on the line that is waited for beyond the timeout
+# length on the line of a reply that is waited for beyond the timeout
 LONGEST_ANSWER_CHARACTERS = 60
 # an echo and a refusal
 _REFUSAL = 40
-# what lies there at the deadline is still taken, since a busy machine looks late: so many chunks, not more
+# data available at the deadline are still read, because a busy machine is late: so many chunks, not more
 _LATE_CHUNKS = 4
 _QUIET_S = 0.03
 _DRAIN_S = 0.1
@@ -23,16 +23,16 @@ _DRAIN_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exchanged:
-    """A question with its answer.
+    """A query with its reply.
 
     Attributes
     ----------
-    answer : what was received; its echo is the question's.
+    answer : the received line; its echo is the query's.
     begun_s, done_s : when the first byte was sent, and the last one received, s.
-    earliest_s, latest_s : the delimiter reached the unit in between, s: not before all bytes had been on the line,
+    earliest_s, latest_s : the delimiter reached the unit between these, s: not before all bytes had been on the line,
         not after its echo or the first byte of the reply had begun.
-    sent_s : when the delimiter had been on the line if the port took it at once, s.
-    mark_s : when the first byte of the reply had come, s.
+    sent_s : end of the delimiter on the line if the port sent it at once, s.
+    mark_s : when the first byte of the reply had arrived, s.
     """
 
     answer: FlirReply
@@ -46,7 +46,7 @@ class Exchanged:
 
 @dataclass(slots=True, kw_only=True)
 class _Question:
-    """What was sent and is not answered."""
+    """A sent query without a reply yet."""
 
     command: str
     begun_s: float
@@ -60,8 +60,8 @@ class FlirLine:
     Parameters
     ----------
     transport : the line.
-    counter : what goes wrong is counted there.
-    timeout_s : time for an answer beyond the time on the line, s.
+    counter : counts failures.
+    timeout_s : time for a reply beyond the time on the line, s.
     """
 
     def __init__(self, transport: Transport, counter: HealthCounter, timeout_s: float) -> None:
@@ -81,16 +81,16 @@ class FlirLine:
         return self._timeout_s + LONGEST_ANSWER_CHARACTERS * self.transport.character_s() + self.pace_s
 
     def query(self, command: str, *, deadline_s: float | None = None) -> Exchanged:
-        """Send a command and return its answer.
+        """Send a command and return its reply.
 
         Parameters
         ----------
-        command : without delimiter; its letters' case is varied, so that a late answer to the same is not taken for it.
+        command : without delimiter; the case of its letters is varied, so that late replies do not match.
         deadline_s : wait no longer than that, s on the transport's clock.
 
         Raises
         ------
-        ExchangeFailed : nothing to be believed came. LineError : the line is gone.
+        ExchangeFailed : no valid reply. LineError : the line is lost.
         """
         self._sweep()
         self._keep_pace()
@@ -98,9 +98,9 @@ class FlirLine:
         return self._finish(self._send(spelled), deadline_s)
 
     def query_pair(self, first: str, second: str, *, deadline_s: float | None = None) -> tuple[Exchanged, Exchanged]:
-        """Ask two queries, the letters of the second typed while the answer to the first comes in.
+        """Send two queries, the letters of the second while the reply to the first arrives.
 
-        Still one command at a time: the second is none before its delimiter, which follows the first answer's end.
+        Still one command at a time: the second has no effect before its delimiter, which follows the first reply's end.
         """
         self._sweep()
         self._keep_pace()
@@ -118,14 +118,14 @@ class FlirLine:
         return one, self._finish(question, deadline_s)
 
     def resynchronise(self, deadline_s: float) -> None:
-        """Empty the line, and send a question not sent before: what follows its answer answers later questions.
+        """Flush the line, and send a query not sent before: replies after its own belong to later queries.
 
-        The question is an illegal command with a number, which the unit echoes and refuses; it also spoils whatever
-        half a command the unit may hold, without carrying it out.
+        The query is an illegal command with a number, which the unit echoes and refuses; it also invalidates a
+        half-received command in the unit, without executing it.
 
         Raises
         ------
-        ExchangeFailed : no such answer. LineError.
+        ExchangeFailed : no such reply. LineError.
         """
         self._drain(deadline_s)
         self._keep_pace()
@@ -168,7 +168,7 @@ class FlirLine:
         self.resynchronise(deadline_s)
 
     def begin(self, command: str) -> Callable[[float], bool]:
-        """Send a command whose answer may take long; return what asks (until a time) whether it has come."""
+        """Send a command whose reply may take long; return a test (until a time) of its arrival."""
         self._sweep()
         self._keep_pace()
         question = self._send(self._spell(command))
@@ -178,7 +178,7 @@ class FlirLine:
                 self._finish(question, until_s)
             except ExchangeFailed as failure:
                 if failure.reason is FailureReason.TIMEOUT:
-                    # the echo comes at once, the answer when it is done
+                    # the echo arrives at once, the reply after completion
                     return False
                 raise
             return True
@@ -186,7 +186,7 @@ class FlirLine:
         return answered
 
     def outwait(self, command: str, timeout_s: float) -> None:
-        """Send a command and wait for its answer, `timeout_s` at most. Raises ExchangeFailed, LineError."""
+        """Send a command and wait for its reply, `timeout_s` at most. Raises ExchangeFailed, LineError."""
         began = self.transport.now()
         answered = self.begin(command)
         while not answered(self.transport.now() + self.longest_s()):
@@ -214,7 +214,7 @@ class FlirLine:
         begun = self.transport.now()
         self._counter.exchanges += 1
         written = self.transport.write(data)
-        # the unit counts from the delimiter, which comes last
+        # the unit counts from the delimiter, which is sent last
         self._last_s = begun + len(data) * self.transport.character_s()
         on_line = len(data) * self.transport.character_s()
         return _Question(command=command, begun_s=begun, earliest_s=begun + on_line, sent_s=written + on_line)
@@ -242,7 +242,7 @@ class FlirLine:
         latest = mark - character
         if 0 <= answer.delimiter_at < answer.mark_at:
             latest = min(latest, line.times_s[answer.delimiter_at] - character)
-        # a line that is faster than its speed says (a pty) tells nothing by its times: only that it was sent before
+        # a line faster than its stated speed (a pty) gives no bound by its times, except that it was sent before
         earliest = question.earliest_s if question.earliest_s <= latest else min(question.begun_s, latest)
         return Exchanged(
             answer=answer,
@@ -277,9 +277,9 @@ class FlirLine:
             self._doze(asked, left, until_s, whole=on_mark is None and b"*" in left)
 
     def _doze(self, asked: str, left: bytes, until_s: float, *, whole: bool) -> None:
-        """Sleep while bytes come in that are sure to come: to be woken for each costs the processor more than all else.
+        """Sleep while expected bytes arrive: waking up for each costs more processor time than all else.
 
-        First until the echo must be complete, then until the answer may be, if it is as long as the last one.
+        First until the echo must be complete, then until the reply may be, if it is as long as the last one.
         """
         expected = self._length.get(asked.upper(), 0) - 2 if whole else len(asked) + 1
         least = (expected - len(left)) * self.transport.character_s()
@@ -297,7 +297,7 @@ class FlirLine:
         return parsed
 
     def _sweep(self) -> None:
-        """Read what came without a question: anything but limit messages is a reason to reject what follows."""
+        """Read unsolicited bytes: anything but limit messages is a reason to reject the following reply."""
         chunk = self.transport.read(self.transport.now())
         lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s()) if chunk.data else []
         for line in lines:

@@ -1,4 +1,4 @@
-"""Where both axes are: asked the best way the unit knows, stamped, and believed only if they can be there."""
+"""Position of both axes: queried by the unit's best query, stamped, and accepted only if plausible."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -74,7 +74,7 @@ class Poller:
 
         Raises
         ------
-        ExchangeFailed : none to be believed. LineError.
+        ExchangeFailed : no plausible one. LineError.
         """
         raw = self._query(deadline_s)
         verdicts = {axis: self._gates[axis].judge(raw.point(axis)) for axis in Axis}
@@ -88,7 +88,7 @@ class Poller:
         return self._reading(raw)
 
     def _confirmed(self, first: _Raw, deadline_s: float) -> _Raw:
-        """Ask again, and return the newest if all fit; without a past, twice."""
+        """Query again, and return the newest if all are consistent; twice without a previous reading."""
         second = self._query(deadline_s)
         self._compare(first, second)
         if all(gate.has_past for gate in self._gates.values()):
@@ -174,7 +174,7 @@ class Poller:
 
 
 def best_query(facts: UnitFacts) -> Query:
-    """Return the best way that the unit knows."""
+    """Return the best query that the unit supports."""
     if facts.clock_hz:
         return Query.DEVICE_CLOCK
     return Query.COMBINED if facts.combined else Query.PAIR

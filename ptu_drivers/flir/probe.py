@@ -1,4 +1,4 @@
-"""What a FLIR unit is: every figure asked, none assumed."""
+"""The description of a FLIR unit: every figure is queried, none assumed."""
 
 import math
 from collections.abc import Mapping
@@ -20,13 +20,13 @@ _TRIES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisFacts:
-    """One axis as the unit describes it, in counts.
+    """One axis as reported by the unit, in counts.
 
     Attributes
     ----------
     arcsec : arc seconds per count. low, high : limits.
-    min_rate, max_rate : bounds of the speed, counts/s. rate : speed that is set.
-    acceleration : counts/s², infinite if the unit does not say.
+    min_rate, max_rate : bounds of the speed, counts/s. rate : the set speed.
+    acceleration : counts/s², infinite if the unit does not report it.
     """
 
     arcsec: float
@@ -61,15 +61,15 @@ class AxisFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnitFacts:
-    """What the probe found.
+    """Results of the probe.
 
     Attributes
     ----------
     model, firmware, serial : texts. pan, tilt : the axes.
     pace_s : least time between commands, s.
-    combined : it knows `B`. clock_hz : its counter's frequency, where `BT` and `CNF` can be relied on, else 0.
-    clock_field : which number of `BT` is the counter.
-    details : for people.
+    combined : it supports `B`. clock_hz : its counter's frequency, where `BT` and `CNF` are consistent, otherwise 0.
+    clock_field : index of the counter in `BT`.
+    details : text for users.
     """
 
     model: str
@@ -89,11 +89,11 @@ class UnitFacts:
 
 
 def require_ok(line: FlirLine, command: str) -> Exchanged:
-    """Ask until there is an answer, with a fresh start after each failure.
+    """Query until there is a reply, with a new start after each failure.
 
     Raises
     ------
-    ExchangeFailed : none after a few tries.
+    ExchangeFailed : none after a few attempts.
     """
     for _ in range(_TRIES - 1):
         try:
@@ -107,7 +107,7 @@ def require_ok(line: FlirLine, command: str) -> Exchanged:
 
 
 def set_up(line: FlirLine) -> None:
-    """Set echo, terse answers and independent control, and read back what can be read.
+    """Set echo, terse replies and independent control, and read back the settings where possible.
 
     Raises
     ------
@@ -117,16 +117,16 @@ def set_up(line: FlirLine) -> None:
         reported = require_ok(line, command).answer
         if not reported.ok:
             raise ProtocolError(command, got=reported.text or "an error", wanted="*")
-    # that the echo is on, each answer shows; that it is terse, this one
+    # each reply shows that the echo is on; this one shows that replies are terse
     integer(require_ok(line, "PP").answer.text)
 
 
 def probe(line: FlirLine) -> UnitFacts:
-    """Ask the unit what it is; it must be set up.
+    """Query the unit's properties; it must be set up.
 
     Raises
     ------
-    ExchangeFailed : no answer. ProtocolError : an answer without the figure that it must have.
+    ExchangeFailed : no reply. ProtocolError : a reply without a mandatory figure.
     """
     details: dict[str, str] = {}
 
@@ -187,7 +187,7 @@ def _axis(line: FlirLine, letter: str) -> AxisFacts:
 
 
 def _supports_combined(line: FlirLine) -> bool:
-    """Return whether `B` answers with positions first, as `PP` and `TP` say them at rest."""
+    """Return whether `B` replies with positions first, equal to those of `PP` and `TP` at rest."""
     reported = require_ok(line, "B").answer
     if not reported.ok:
         return False
@@ -200,10 +200,10 @@ def _supports_combined(line: FlirLine) -> bool:
 
 
 def _device_clock(line: FlirLine) -> tuple[float, int]:
-    """Return the counter's frequency and its place in `BT`; 0 where it cannot be told by trying.
+    """Return the counter's frequency and its index in `BT`; 0 where the test does not determine it.
 
     No source shows the order of `BT`: the positions must be those of `PP` and `TP`, and one number must run as fast
-    as `CNF` says.
+    as `CNF` states.
     """
     if not require_ok(line, "BT").answer.ok or not (reported := require_ok(line, "CNF").answer).ok:
         return 0.0, 0

@@ -1,9 +1,9 @@
-"""Motion by rate of a FLIR unit as a chain of moves to targets close ahead, for it has no watchdog of its own.
+"""Motion by rate of a FLIR unit as a chain of moves to near targets, because it has no watchdog of its own.
 
 In pure velocity control (`CV`) a unit whose host dies turns to its limit. In independent control the speed is the rate,
-and the target lies a lease ahead of where the axis is: with renewed targets it never comes near them and turns at its
-rate as it would in velocity control; without, it brakes and stands. Speed and target may be changed in motion (PTU-D46
-manual 4.3, 4.4.2). Only the speed makes the rate: an error of the position that is assumed makes the lease longer or
+and the target is a lease ahead of the axis: with renewed targets the axis never comes near them and turns at its
+rate as in velocity control; without, it brakes and stops. Speed and target may be changed in motion (PTU-D46
+manual 4.3, 4.4.2). Only the speed sets the rate: an error of the assumed position makes the lease longer or
 shorter.
 """
 
@@ -22,14 +22,14 @@ _REST_S = 1.0
 _UNDER_WAY_S = 0.1
 # whatever braking takes, a lease outlasts the time in which a rate is repeated, s
 _LEAST_S = 0.3
-# a unit that takes ten commands a second is asked for both angles, often twice, and given a speed and a target an axis:
-# eight commands, and two more for what comes in between
+# a unit that accepts ten commands a second gets queries for both angles, often twice, and a speed and a target an axis:
+# eight commands, and two more for other traffic
 _CYCLE = 10
 # a target is renewed when so much of its lease is gone: not with every command, for the line is slow
 _GONE = 0.45
 # and drawn back when it is further ahead than a whole lease by so much
 _AHEAD = 0.1
-# two readings so far apart tell how fast an axis turned that was sent to a position, s
+# interval of two readings that gives the rate of an axis in a move to a position, s
 _PAIR_S = 0.5
 # a target is placed by a reading no older than that
 _FRESH_S = 0.3
@@ -77,7 +77,7 @@ class LeasedAxis:
 
     @property
     def goal(self) -> float:
-        """Return the rate that it was told, counts/s; 0 where it was told none."""
+        """Return the commanded rate, counts/s; 0 without one."""
         return self._state.goal if self._state else 0.0
 
     def observe(self, reading: Reading) -> None:
@@ -101,15 +101,15 @@ class LeasedAxis:
         if state is None:
             return
         if self._target is None:
-            # it goes on at the speed that its readings show
+            # it continues at the speed of its readings
             state = replace(state, goal=state.rate)
         self._state = replace(self._at(state, now_s), goal=goal)
         if goal * state.goal <= 0.0:
-            # the target that it has lies the other way
+            # its target is in the other direction
             self._target = None
 
     def end(self) -> None:
-        """It is halted, or goes to a position: only readings tell where it is."""
+        """It is halted, or moves to a position: only readings give its position."""
         self._target = None
         if self._state is not None:
             self._state = replace(self._state, goal=0.0)
@@ -125,7 +125,7 @@ class LeasedAxis:
             return None
         lease_s, way = self.lease_s(abs(state.goal)), math.copysign(1.0, state.goal)
         now = self._at(state, now_s)
-        # a step more, since angles are known to half of one: the target must not lie behind
+        # one step more, because angles are known to half a step: the target must not be behind
         ahead = math.ceil(way * self._rest_after(now, lease_s) + 1.0 - 1e-6)
         target = round(min(max(way * ahead, self._low), self._high))
         if self._target is not None:
@@ -136,12 +136,12 @@ class LeasedAxis:
         return target
 
     def _rest_after(self, now: _State, duration_s: float) -> float:
-        """Return where it comes to rest if it goes on for so long and then brakes, counts."""
+        """Return where it comes to rest after moving for this time and braking, counts."""
         then = now.after(now.t_s + duration_s, self._acceleration)
         return then.position + then.rate * abs(then.rate) / (2.0 * self._acceleration)
 
     def _at(self, state: _State, t_s: float) -> _State:
-        """Return the state at a later instant; an axis whose target was not renewed stands there."""
+        """Return the state at a later instant; an axis whose target was not renewed stands still."""
         then = state.after(t_s, self._acceleration)
         if self._target is not None and (then.position - self._target) * state.goal > 0.0:
             return replace(then, position=float(self._target), rate=0.0)
@@ -152,7 +152,7 @@ class LeasedAxis:
         self._target = target
 
     def lease_s(self, rate: float) -> float:
-        """Return how long it holds a rate, counts/s, after a renewal, s: braking comes on top."""
+        """Return the time for which it holds a rate, counts/s, after a renewal, s, without the braking."""
         return lease_s(rate / self._acceleration, self._pace_s)
 
 
@@ -172,12 +172,12 @@ def lease_of(facts: UnitFacts) -> Lease:
 
 
 class RateChain:
-    """Both axes' speeds and targets as the unit has them, and the commands that change them.
+    """Both axes' speeds and targets in the unit, and the commands that change them.
 
     Parameters
     ----------
     converter : counts of angles, and the facts.
-    command : carries out one command; what it raises goes through.
+    command : executes one command; its exceptions are passed on.
     now : the clock, s.
     """
 
@@ -199,7 +199,7 @@ class RateChain:
             axis.observe(reading)
 
     def turn(self, rates: dict[Axis, int]) -> None:
-        """Turn at signed rates, counts/s; 0 halts an axis, which comes first. All speeds come before all targets."""
+        """Turn at signed rates, counts/s; 0 halts an axis, which is sent first. All speeds precede all targets."""
         for axis in (axis for axis, rate in rates.items() if rate == 0):
             self.halt(axis)
         for axis in (axis for axis, rate in rates.items() if rate):

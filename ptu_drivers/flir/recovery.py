@@ -21,13 +21,13 @@ _AWAIT_S = 2.0
 
 
 class Recovery:
-    """What to do next when the line or the unit is in an uncertain state.
+    """The recovery steps when the line or the unit is in an uncertain state.
 
     Parameters
     ----------
-    line : the line. counter : its `state` is ours to set; while its `halt_owed` is set, the unit is halted as soon as
-        it answers: motion may go on of which nothing is known.
-    setup : commands that bring a restarted unit back to what it was, after echo and terse answers.
+    line : the line. counter : its `state` is set here; while its `halt_owed` is set, the unit is halted as soon as
+        it replies, because unknown motion may continue.
+    setup : commands that restore the settings of a restarted unit, after echo and terse replies.
     """
 
     def __init__(self, line: FlirLine, counter: HealthCounter, setup: Callable[[], tuple[str, ...]]) -> None:
@@ -48,7 +48,7 @@ class Recovery:
         self._answered_s = self._line.transport.now()
 
     def record_failure(self, reason: FailureReason) -> None:
-        """Something doubtful came; the next `advance` begins to mend it."""
+        """Record a failure; the next `advance` starts the recovery."""
         self._counter.failures[reason] += 1
         self._awaited = None
         if reason is FailureReason.LINE_LOST:
@@ -68,7 +68,7 @@ class Recovery:
             self._resynchronise(deadline_s)
         except ExchangeFailed as failure:
             if failure.reason is FailureReason.PREEMPTED:
-                # says nothing of the line
+                # independent of the line
                 self.record_failure(failure.reason)
             else:
                 self._fail(failure.reason)
@@ -91,7 +91,7 @@ class Recovery:
             self._halt_if_owed(deadline_s)
         self._failed = 0
         if line.transport.baud() != self._baud:
-            # it answers at another speed than it was set to
+            # it replies at another speed than the set one
             self._restart()
         self._counter.state = UnitState.STARTING if self._queue else UnitState.READY
 
@@ -100,7 +100,7 @@ class Recovery:
             self._counter.halt_owed = not self._line.query("H", deadline_s=deadline_s).answer.ok
 
     def _look_for_restart(self, deadline_s: float) -> None:
-        """A unit that was restarted talks verbosely again."""
+        """Detect a restart, after which a unit has verbose replies again."""
         reported = self._line.query("PP", deadline_s=deadline_s).answer
         try:
             integer(reported.text)
@@ -120,7 +120,7 @@ class Recovery:
         self.restarted = True
         self._counter.halt_owed = False
         baud = (f"@({self._baud},0,F)", _RESYNCHRONISE) if self._baud not in (0, self._line.transport.baud()) else ()
-        # speeds of zero stop motion by rate, and are refused by a unit that homes or goes to a position
+        # speeds of zero stop motion by rate, and are refused by a unit that homes or moves to a position
         self._queue = deque(("EE", "FT", "PS0", "TS0", "A", *self._setup(), *baud))
 
     def _start(self, deadline_s: float) -> None:

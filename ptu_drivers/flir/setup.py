@@ -34,7 +34,7 @@ def open_flir(
 
     Parameters
     ----------
-    patience_s : how long to look for a unit that answers, at all usual speeds, s; one that homes is deaf up to 40 s.
+    patience_s : time to search for a unit at all usual speeds, s; one that homes does not reply for up to 40 s.
     query : "auto", or one of `Query`.
 
     Raises
@@ -61,7 +61,7 @@ def connect(
 
     Parameters
     ----------
-    watch : run the watchdog in a thread of its own; else it looks only when `read` is called.
+    watch : run the watchdog in a separate thread; otherwise it is checked only in `read`.
     """
     counter = HealthCounter()
     shared = PreemptibleLine(transport)
@@ -84,7 +84,7 @@ def connect(
 
 
 def _takes_type_ahead(line: FlirLine) -> bool:
-    """Return whether letters typed while an answer comes in leave that answer whole; tried, since nothing says so."""
+    """Return whether letters sent during a reply leave that reply intact; tested, because it is not documented."""
     try:
         for _ in range(_TRIES):
             for reported in line.query_pair("PP", "TP"):
@@ -96,7 +96,7 @@ def _takes_type_ahead(line: FlirLine) -> bool:
 
 
 def _find(line: FlirLine, settings: UnitSettings, patience_s: float) -> None:
-    """Greet at all speeds until something answers. Raises ProtocolError."""
+    """Send a greeting at all speeds until a reply arrives. Raises ProtocolError."""
     transport = line.transport
     bauds: tuple[int, ...] = BAUDS if transport.baud() else (0,)
     if settings.baud and transport.baud():

@@ -30,7 +30,7 @@ _COMMANDS = 10
 class FlirUnit(PolledUnit):
     """A FLIR unit, probed; made by `open_flir` or `connect`."""
 
-    # `_check_room` has read before, since a target lies ahead of where the axis is
+    # `_check_room` has read before, because a target is ahead of the axis
     _stale_s = math.inf
 
     def __init__(
@@ -59,7 +59,7 @@ class FlirUnit(PolledUnit):
         """Something was commanded since the unit was last halted or restarted."""
 
     def use_query(self, query: Query, *, type_ahead: bool = True) -> None:
-        """Ask angles in this way from now on, whatever the probe found best."""
+        """Use this query for angles from now on, whatever the probe selected."""
         self._poller.query = query
         self._poller.type_ahead = type_ahead
         self._poller.forget()
@@ -125,7 +125,7 @@ class FlirUnit(PolledUnit):
     def _recover(self) -> FailureReason:
         """Take one bounded step; there are angles in the next call at the earliest."""
         if self._health.state is UnitState.LINE_LOST and self._moving:
-            # whatever was commanded before goes on meanwhile
+            # earlier motion continues meanwhile
             self._health.halt_owed = True
             self._turning.end()
         owed = self._health.halt_owed
@@ -140,7 +140,7 @@ class FlirUnit(PolledUnit):
         return reason
 
     def _recover_to_halt(self) -> FailureReason | None:
-        """Take one step, which halts the unit as soon as it answers."""
+        """Take one step, which halts the unit as soon as it replies."""
         if self._health.is_ready():
             return None
         reason = self._recover()
@@ -152,7 +152,7 @@ class FlirUnit(PolledUnit):
         return reason
 
     def _setup(self) -> tuple[str, ...]:
-        """Return what a unit has to be told after echo and terse answers."""
+        """Return the settings to restore after echo and terse replies."""
         return ("CI", *(f"{LETTER[axis]}S{speed}" for axis, speed in self._speeds.items()))
 
     def _halt_blind(self) -> None:
@@ -169,7 +169,7 @@ class FlirUnit(PolledUnit):
         self._attempt(give_back)
 
     def _keep_motion(self) -> FailureReason | None:
-        """Halt motion by rate that no command renews; see that else it goes on."""
+        """Halt motion by rate that no command renews; otherwise renew it."""
         if not self._health.is_ready() or not self._turning.turns():
             return None
         if not self._turning.is_overdue(self._line.now(), self._settings.watchdog_s):
@@ -209,6 +209,6 @@ class FlirUnit(PolledUnit):
         return reason_of(fault) if fault else None
 
     def _note_refusal(self) -> None:
-        """Stop both axes at once where one may have taken a rate; a position ends by itself."""
+        """Stop both axes at once where one may have accepted a rate; a position ends without a command."""
         if self._turning.turns():
             self._try_halt()

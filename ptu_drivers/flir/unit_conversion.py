@@ -1,4 +1,4 @@
-"""Angles and rates of a FLIR unit in counts, and how far it would go on."""
+"""Angles and rates of a FLIR unit in counts, and its stopping distance."""
 
 import math
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ class Converter:
         return int(math.copysign(size, unit_rad_s))
 
     def reach(self, axis: Axis, reading: Reading, rate_rad_s: float) -> float:
-        """Return where the axis would come to rest if it were told to stop now, rad."""
+        """Return where the axis would come to rest after a stop command now, rad."""
         a = self.description.axis(axis)
         at = reading.pan if axis is Axis.PAN else reading.tilt
         braking = rate_rad_s * abs(rate_rad_s) / (2.0 * a.max_acceleration_rad_s2)

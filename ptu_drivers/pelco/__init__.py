@@ -1,1 +1,1 @@
-"""Pan-tilt units that speak Pelco-D or Pelco-P."""
+"""Pan-tilt units with the protocols Pelco-D or Pelco-P."""

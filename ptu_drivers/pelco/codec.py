@@ -1,8 +1,8 @@
 """Pelco-D and Pelco-P frames: bytes to messages and back, no input or output.
 
-Pelco-D is FF, address, two command bytes, two data bytes, and the sum of the middle five modulo 256. Pelco-P carries
+Pelco-D is FF, address, two command bytes, two data bytes, and the sum of the middle five modulo 256. Pelco-P has
 the same four middle bytes between A0, an address counted from 0, and AF, then the exclusive or of all that. The short
-answer of four bytes that some units give to a command is FF, address, alarms, and the command's sum plus the alarms.
+reply of four bytes by which some units acknowledge a command is FF, address, alarms, and its sum plus the alarms.
 """
 
 from dataclasses import dataclass, field
@@ -65,7 +65,7 @@ class PelcoMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PelcoAcknowledgement:
-    """The short answer to a command: which unit, and its alarm bits."""
+    """The short reply to a command: the unit's address, and its alarm bits."""
 
     address: int
     alarms: int
@@ -91,7 +91,7 @@ def encode(message: PelcoMessage, framing: PelcoFraming = PelcoFraming.D) -> byt
 
 
 def encode_acknowledgement(command: PelcoMessage, alarms: int = 0) -> bytes:
-    """Return the short answer to a Pelco-D command."""
+    """Return the short reply to a Pelco-D command."""
     total = encode(command)[-1] + alarms
     return bytes((_D_START, command.address, alarms & 0xFF, total & 0xFF))
 
@@ -112,7 +112,7 @@ def decode(frame: bytes, framing: PelcoFraming = PelcoFraming.D) -> PelcoMessage
 
 
 def acknowledgement_of(frame: bytes, command: PelcoMessage) -> PelcoAcknowledgement | None:
-    """Return the short answer to this command that exactly these bytes are, or None."""
+    """Return the short reply to this command in exactly these bytes, or None."""
     if len(frame) != _SHORT or frame[0] != _D_START or frame[1] != command.address:
         return None
     if (encode(command)[-1] + frame[2]) & 0xFF != frame[3]:
@@ -122,12 +122,12 @@ def acknowledgement_of(frame: bytes, command: PelcoMessage) -> PelcoAcknowledgem
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scan:
-    """What is in a piece of a stream.
+    """Content of a part of a stream.
 
     Attributes
     ----------
     found : messages with the index of their first byte.
-    used : bytes that no later byte can make part of a message any more.
+    used : bytes that cannot be part of a later message.
     skipped : those of them that belonged to no message.
     """
 
@@ -137,10 +137,10 @@ class Scan:
 
 
 def scan(data: bytes, framing: PelcoFraming = PelcoFraming.D) -> Scan:
-    """Find the messages in a piece of a stream, whatever else is in it.
+    """Find the messages in a part of a stream, skipping other bytes.
 
-    A start byte that no valid message follows is given up, and the search goes on at the byte after it: a message
-    behind garbage is found, even when the garbage holds start bytes.
+    A start byte without a valid message is skipped, and the search continues at the next byte: a message
+    after garbage is found, even when the garbage contains start bytes.
     """
     start = _D_START if framing is PelcoFraming.D else _P_START
     length = _LENGTH[framing]

@@ -1,9 +1,9 @@
-"""One question on a Pelco line: which bytes are its answer, when that was true, and when it is not believed.
+"""One query on a Pelco line: the bytes of its reply, its time, and the rules by which it is refused.
 
-Pelco messages carry no sequence number and a checksum of 8 bits, so that much rests on order and time: one question is
-on the line at a time; an answer that is complete before the question was out belongs to an older one; after a question
-without an answer the other axis is asked first, since a unit answers in order; bytes that follow an answer closely make
-it doubtful (a byte too many inside a message passes the checksum once in 256).
+Pelco messages have no sequence number and a checksum of 8 bits, so that order and time have to identify them: one query
+is on the line at a time; a reply that is complete before the end of the query belongs to an older one; after a query
+without a reply the other axis is queried first, because a unit replies in order; bytes directly after a reply make
+it doubtful (one with an additional byte passes the checksum once in 256).
 """
 
 from collections import Counter
@@ -18,24 +18,24 @@ from ptu_drivers.transport import Transport
 _QUERY = {Axis.PAN: Opcode.QUERY_PAN, Axis.TILT: Opcode.QUERY_TILT}
 _REPLY = {Axis.PAN: Opcode.PAN_IS, Axis.TILT: Opcode.TILT_IS}
 _ANSWERS = frozenset((Opcode.PAN_IS, Opcode.TILT_IS))
-# silence after an answer, in characters, and at least this long where characters take no time
+# silence after a reply, in characters, and at least this long where characters take no time
 _QUIET_CHARACTERS = 2.0
 _QUIET_S = 0.002
-# no more than this is taken while one answer is waited for: a line that never falls silent answers nothing
+# limit of the bytes read for one reply: a line that never falls silent gives none
 _LONGEST = 1024
 _CHUNKS = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PelcoReply:
-    """The number that a unit answered with.
+    """The number in a unit's reply.
 
     Attributes
     ----------
     word : 0 to 65535.
-    sent_s, answered_s : when the question was given to the line, and when the answer was complete, s.
-    asked_s : earliest instant at which the unit had the whole question, s.
-    first_bit_s : latest instant at which the answer can have begun, s.
+    sent_s, answered_s : when the query was written to the line, and when the reply was complete, s.
+    asked_s : earliest instant at which the unit had the whole query, s.
+    first_bit_s : latest instant at which the reply can have begun, s.
     """
 
     word: int
@@ -47,16 +47,16 @@ class PelcoReply:
 
 @dataclass(slots=True, kw_only=True)
 class PelcoExchange:
-    """The line with what is still unanswered on it.
+    """The line with its outstanding queries.
 
     Attributes
     ----------
     line : the line.
     address, framing : of the unit.
-    reply_timeout_s : how long to wait for an answer beyond the time that its bytes take, s.
-    late_s : an answer that has not come so long after its question never comes, s.
-    failures : counts of what was passed over without harm, by reason.
-    echoes : own messages that came back, as they do on two wires.
+    reply_timeout_s : time to wait for a reply beyond the time of its bytes, s.
+    late_s : time after a query beyond which no reply arrives, s.
+    failures : counts of skipped bytes and messages, by reason.
+    echoes : own messages received as echoes, as on two wires.
     """
 
     line: Transport
@@ -70,11 +70,11 @@ class PelcoExchange:
     _unanswered: dict[Axis, float] = field(default_factory=dict)
 
     def query(self, axis: Axis, until_s: float) -> PelcoReply:
-        """Ask one axis.
+        """Query one axis.
 
         Raises
         ------
-        ExchangeFailed : no answer that can be believed. LineError : the line is gone.
+        ExchangeFailed : no valid reply. LineError : the line is lost.
         """
         question = encode(PelcoMessage(address=self.address, opcode=_QUERY[axis]), self.framing)
         self.drain()
@@ -110,7 +110,7 @@ class PelcoExchange:
                 refused.add(at)
 
     def send(self, message: PelcoMessage) -> None:
-        """Send a command that has no answer."""
+        """Send a command that has no reply."""
         self.sent += 1
         self.line.write(encode(message, self.framing))
 
@@ -133,11 +133,11 @@ class PelcoExchange:
                     return short.alarms
 
     def barrier(self) -> tuple[Axis, Axis]:
-        """Return the order in which to ask: first the axis whose answer cannot be an old one."""
+        """Return the order of the queries: first the axis whose reply cannot be an old one."""
         return (Axis.TILT, Axis.PAN) if Axis.PAN in self._unanswered else (Axis.PAN, Axis.TILT)
 
     def wait_until_idle(self, until_s: float) -> None:
-        """Listen until old answers can be told from new ones. Raises ExchangeFailed if that takes longer, LineError."""
+        """Listen until old replies can be excluded. Raises ExchangeFailed if that takes longer, LineError."""
         self.drain()
         if len(self._unanswered) < len(Axis):
             return
@@ -156,7 +156,7 @@ class PelcoExchange:
                 return
 
     def _answered(self, axis: Axis, sent_s: float) -> None:
-        """A unit answers in order: whatever was asked before this cannot be answered any more."""
+        """Clear the earlier queries: a unit replies in order, so they get no reply any more."""
         self._unanswered = {a: t for a, t in self._unanswered.items() if a is not axis and t > sent_s}
 
     def _is_answer(self, message: PelcoMessage, axis: Axis, in_time: bool, question: bytes) -> bool:
@@ -191,7 +191,7 @@ class PelcoExchange:
 def _began(at: int, arrivals: list[tuple[int, float]], character_s: float) -> float:
     """Return the latest instant at which the byte at this index can have begun, s.
 
-    Each byte was there at its chunk's instant at the latest, and each takes a character's time on the line: the last
-    byte of a chunk bounds the first, also behind an adapter that hands over many bytes at once.
+    Each byte had arrived at its chunk's instant at the latest, and each takes a character's time on the line: the last
+    byte of a chunk bounds the first, also for an adapter that delivers many bytes at once.
     """
     return min(t_s - (end - at) * character_s for end, t_s in arrivals if end > at)

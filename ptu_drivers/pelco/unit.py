@@ -24,29 +24,29 @@ from ptu_drivers.transport import SerialTransport, Transport
 
 _HALF_TURN_DEG = 180.0
 _PROBES = 4
-# an answer that takes longer than the latency and so many of its sigmas was held up
+# a reply that takes longer than the latency and this number of its sigmas was delayed
 _ORDINARY = 2.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PelcoOptions:
-    """What a Pelco unit cannot be asked, and manuals do not agree about.
+    """Properties that a Pelco unit cannot report and that differ between manuals.
 
     Attributes
     ----------
     address : 1 to 255; Pelco-P sends one less.
     baud : of the line, bit/s.
-    pan_sign : -1 where the unit's pan grows clockwise (to the right), as most do; +1 otherwise.
-    tilt_sign : -1 where the unit's tilt grows downwards, so that numbers above half a turn mean up; +1 otherwise.
+    pan_sign : -1 where the unit's pan increases clockwise (to the right), as for most; +1 otherwise.
+    tilt_sign : -1 where the unit's tilt increases downwards, so that numbers above half a turn mean up; +1 otherwise.
     tilt_wrap : "turn" where a negative tilt is sent as a turn less, "word" where it is a 16-bit two's complement.
     counts_per_degree : 100 in the standard.
     pan_low_deg, pan_high_deg, tilt_low_deg, tilt_high_deg : the unit's range, after pan_sign and tilt_sign.
-    max_rate_deg_s, max_acceleration_deg_s2 : no unit does more; an angle that would need it is not believed.
-    speeds_deg_s : speed byte (1 to 63) -> measured rate, deg/s. Without it the unit cannot turn at a rate: the speeds
-        are no rates.
-    acknowledges : the unit answers commands with the short answer of four bytes (Pelco-D only).
-    late_s : an answer that has not come so long after its question never comes.
-    gap_s : pause between two commands that have no answer.
+    max_rate_deg_s, max_acceleration_deg_s2 : upper bounds for any unit; an angle that implies more is refused.
+    speeds_deg_s : speed byte (1 to 63) -> measured rate, deg/s. Without it the unit cannot turn at a rate, because the
+        speed bytes are not rates.
+    acknowledges : the unit acknowledges commands with the short reply of four bytes (Pelco-D only).
+    late_s : time after a query beyond which no reply arrives.
+    gap_s : pause between two commands without a reply.
     """
 
     address: int = 1
@@ -148,7 +148,7 @@ class PelcoUnit(PolledUnit):
         return Reading(pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now())
 
     def _query_axis(self, axis: Axis, until_s: float) -> AngleSample:
-        """Ask once, and once more where the angle is not what the last ones led to expect.
+        """Query once, and again where the angle is inconsistent with the last ones.
 
         The checksum has 8 bits: of two wrong bytes, one pair in 256 passes it.
         """
@@ -186,10 +186,10 @@ class PelcoUnit(PolledUnit):
         return Point(t_s=t_s, sigma_t_s=sigma_t_s, angle=unit_rad)
 
     def _instant(self, answer: PelcoReply) -> tuple[float, float]:
-        """Return when the angle was true, and 1 sigma, s.
+        """Return when the angle was valid, and 1 sigma, s.
 
-        The unit reads its angle between the end of the question and the start of the answer. With an ordinary delay
-        that is its latency before the answer; with a longer one the instant is unknown within the whole interval.
+        The unit reads its angle between the end of the query and the start of the reply. With an ordinary delay
+        that is its latency before the reply; with a longer one the instant is unknown within the whole interval.
         """
         latency_s, spread_s = self._settings.latency_s, self._settings.latency_sigma_s
         delay_s = answer.first_bit_s - answer.asked_s
@@ -221,7 +221,7 @@ class PelcoUnit(PolledUnit):
 
     def _send_halt(self) -> None:
         stop = PelcoMessage(address=self._options.address, opcode=Opcode.STOP)
-        # a stop is not confirmed: it goes before and after a question that is, so that a lost byte costs one of them
+        # a stop has no reply: it is sent before and after a query that has one, so that a lost byte affects one of them
         self._send(stop)
         try:
             self._check_answer()
@@ -236,16 +236,16 @@ class PelcoUnit(PolledUnit):
             self._line.wait(self._pause_s())
 
     def _check_answer(self) -> None:
-        """Ask for the position, to verify that the unit answers; commands have no answer of their own."""
+        """Query the position, to verify that the unit replies; commands have no reply."""
         self._exchange.query(self._exchange.barrier()[0], self._answer_by_s())
         self._health.exchanges = self._exchange.sent
 
     def _pause_s(self) -> float:
-        """Return what a command takes that has no answer, s."""
+        """Return the duration of a command that has no reply, s."""
         return 8 * self._exchange.line.character_s() + self._options.gap_s
 
     def _answer_by_s(self) -> float:
-        """Return when to give up an answer, so that a stop before and one behind it are in the call's time, too."""
+        """Return when to stop waiting for a reply, so that stops before and after it are in the call's time."""
         return self._until_s - 2 * self._pause_s()
 
     def _speed(self, rate_rad_s: float) -> int:
@@ -332,7 +332,7 @@ def _description(
             (Axis.TILT, options.tilt_low_deg, options.tilt_high_deg),
         )
     }
-    # each axis twice, silence after each answer, and a halt that was owed with its pauses
+    # each axis twice, silence after each reply, and an outstanding halt with its pauses
     line_s = 100 * line.character_s() + 0.01 + 5 * options.gap_s
     return UnitDescription(
         protocol=f"pelco-{framing.value}",

@@ -1,4 +1,4 @@
-"""A simulated alt-azimuth mount behind Alpaca requests: no socket, no clock; one answer per request."""
+"""A simulated alt-azimuth mount with Alpaca requests: no socket, no clock; one reply per request."""
 
 import json
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ _NOT_IMPLEMENTED, _INVALID = 0x400, 0x401
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountModel:
-    """What kind of mount is simulated.
+    """Properties of the simulated mount.
 
     Attributes
     ----------
     max_rate_deg_s, acceleration_deg_s2 : of both axes.
-    altitude_deg : where it goes.
+    altitude_deg : its range.
     alignment : 0 alt-az, 1 polar, 2 German polar.
-    state : answers `devicestate`, as interface version 4 does.
+    state : supports `devicestate`, as in interface version 4.
     """
 
     max_rate_deg_s: float = 20.0

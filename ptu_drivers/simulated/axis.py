@@ -24,14 +24,14 @@ class _Piece:
 
 
 class SimulatedAxis:
-    """An axis in counts. Commands come in order of time; what it did at any past time can be asked afterwards.
+    """An axis in counts. Commands arrive in order of time; its state at any past time can be queried afterwards.
 
     Parameters
     ----------
     low, high : mechanical stops, counts.
     rate, max_rate : speed for moves at the start, and the fastest, counts/s.
     acceleration : counts/s².
-    play : backlash, counts: the head follows the motor only when that has crossed it.
+    play : backlash, counts: the head follows the motor only after crossing it.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class SimulatedAxis:
         return min(max(p.head, motor - half), motor + half)
 
     def counter(self, t_s: float) -> int:
-        """Return what the unit believes, counts."""
+        """Return the unit's own position, counts."""
         return round(self.motor(t_s) - self.origin)
 
     def end_s(self) -> float:
@@ -88,7 +88,7 @@ class SimulatedAxis:
             self._to(t_s, self.high if rate > 0 else self.low, abs(rate))
 
     def change_rate(self, t_s: float, rate: float) -> None:
-        """Go on to the target at another speed, counts/s; nothing to an axis at rest."""
+        """Continue to the target at another speed, counts/s; no effect on an axis at rest."""
         if self.speed(t_s) != 0.0 and self.end_s() > t_s:
             self._to(t_s, self.stops_at(), abs(rate))
 
@@ -151,12 +151,12 @@ class SimulatedAxis:
         self._add(_Piece(last.t_s, position, 0.0, 0.0, last.head))
 
     def forget_before(self, t_s: float) -> None:
-        """Forget what it did before `t_s`: of that nothing can be asked any more."""
+        """Discard the motion before `t_s`, which can no longer be queried."""
         old = max(0, bisect.bisect_right(self._starts, t_s) - 1)
         del self._pieces[:old], self._starts[:old]
 
     def _cut(self, t_s: float) -> None:
-        """Forget what was planned after `t_s`, and begin a piece there."""
+        """Discard the motion planned after `t_s`, and begin a segment there."""
         piece = _Piece(t_s, self.motor(t_s), self.speed(t_s), 0.0, self.head(t_s))
         keep = bisect.bisect_left(self._starts, t_s)
         del self._pieces[keep:], self._starts[keep:]

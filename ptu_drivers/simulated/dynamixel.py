@@ -93,7 +93,7 @@ class SimulatedServo:
         self.powered_s = t_s
 
     def refresh(self, t_s: float) -> None:
-        """Write what is measured into the registers."""
+        """Write the measured values into the registers."""
         self.put(table.REALTIME_TICK, math.floor((t_s - self.powered_s) / table.TICK_S) % table.TICKS)
         self.put(table.PRESENT_POSITION, 2048 + self.axis.counter(t_s))
         self.put(table.PRESENT_VELOCITY, round(self.axis.speed(t_s) / self._rate(1)))
@@ -186,7 +186,7 @@ class SimulatedDynamixel(SimulatedPeer):
         return t_s + off_s
 
     def send(self, until_s: float) -> list[tuple[float, int, int]]:
-        """Let time pass, for the watchdogs, and return what has left."""
+        """Let time pass, for the watchdogs, and return the sent bytes."""
         self._watch(until_s)
         return super().send(until_s)
 
@@ -242,7 +242,7 @@ class SimulatedDynamixel(SimulatedPeer):
         error: ServoError = ServoError.NONE,
         tail: bytes = b"",
     ) -> None:
-        """Answer after the servo's return delay, and after the answers before it; measured when it is composed."""
+        """Reply after the servo's return delay, and after earlier replies; measured when it is composed."""
         composed_s = max(t_s, self._busy_until_s) + servo.get(table.RETURN_DELAY) * table.RETURN_DELAY_S
         data = b""
         if read is not None:

@@ -1,4 +1,4 @@
-"""What goes wrong on real lines, by name, done to a simulated one at an instant."""
+"""Faults of real lines, by name, applied to a simulated one at an instant."""
 
 import random
 from collections.abc import Callable, Mapping
@@ -30,7 +30,7 @@ def _limit_message(line: VirtualLine, rnd: random.Random) -> float:
 
 
 def _stale_answer(line: VirtualLine, rnd: random.Random) -> float:
-    """Send an answer to a query of long ago, spelled in any way, or a set's acknowledgement."""
+    """Send a reply to an old query, in any case of letters, or a set command's acknowledgement."""
     axis = rnd.choice("PT")
     echo = "".join(rnd.choice((c.lower(), c)) for c in axis + "P")
     counts = _flir(line).flir.axes[axis].counter(line.now() - rnd.uniform(0.3, 2.0)) + rnd.randrange(-300, 300)

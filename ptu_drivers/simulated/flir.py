@@ -1,7 +1,7 @@
-"""What a simulated FLIR / Directed Perception unit says: commands in, texts out, as factory-set units word them.
+"""Replies of a simulated FLIR / Directed Perception unit: commands in, texts out, as worded by factory-set units.
 
-The words are those that the D46 and D300 manuals print and that clients in use parse. The replies of `B`, `BT` and
-`CNF` are our choice (no source shows them); a driver must not rely on their order.
+The words are those in the D46 and D300 manuals and in clients in use. The replies of `B`, `BT` and
+`CNF` are assumed (no source shows them); a driver must not rely on their order.
 """
 
 import re
@@ -18,17 +18,17 @@ _BAUDS = (600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlirModel:
-    """What kind of unit is simulated.
+    """Properties of the simulated unit.
 
     Attributes
     ----------
     model, firmware, serial : its texts; without a model and serial it is a D-series, which has no `VM` and `VS`.
-    arcsec : arc seconds per position, as `PR` and `TR` say.
+    arcsec : arc seconds per position, as reported by `PR` and `TR`.
     pan, tilt : stops, counts.
     rate, max_rate, min_rate : counts/s. acceleration : counts/s².
     play : backlash, counts.
-    combined, device_clock : does it know `B`, and `BT` with `CNF`.
-    homing_s : how long a reset takes, s; it is deaf meanwhile.
+    combined, device_clock : whether it supports `B`, and `BT` with `CNF`.
+    homing_s : duration of a reset, s, during which it does not reply.
     """
 
     model: str = "PTU-D48E"
@@ -70,13 +70,13 @@ D_SERIES = FlirModel(
 
 @dataclass(slots=True, kw_only=True)
 class LineEffect:
-    """What a command does to the line.
+    """Effect of a command on the line.
 
     Attributes
     ----------
     text : reply, from `*` or `!` on.
-    not_before_s : the reply is held until then (await, reset), s.
-    deaf_until_s : what comes before is lost, s.
+    not_before_s : the reply is delayed until then (await, reset), s.
+    deaf_until_s : bytes received before are lost, s.
     baud : speed from after the reply on.
     """
 
@@ -87,7 +87,7 @@ class LineEffect:
 
 
 class FlirInterpreter:
-    """Commands and state of one unit; time comes with each command."""
+    """Commands and state of one unit; each command has its time."""
 
     def __init__(self, model: FlirModel) -> None:
         self.model = model

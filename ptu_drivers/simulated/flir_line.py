@@ -13,16 +13,16 @@ _LONGEST = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineModel:
-    """How a unit's line behaves.
+    """Behaviour of a unit's line.
 
     Attributes
     ----------
     baud : speed at power-up, bit/s; 0 is a network line without character times.
     latency_s : least and most time from a command's delimiter to the first bit of the reply, s.
-    commands_per_s : commands that come faster than that are lost (D-series: 10); 0 is no limit.
+    commands_per_s : commands faster than that are lost (D-series: 10); 0 is no limit.
     banner : sent when the line is opened (TCP), after `banner_s`.
-    echo_interrupts : the echo of a byte does not wait for the end of an answer that is being sent.
-    leading_lf : a line feed stands before each reply, as seen with echo off over TCP.
+    echo_interrupts : the echo of a byte does not wait for the end of a reply that is being sent.
+    leading_lf : a line feed precedes each reply, as observed with echo off over TCP.
     """
 
     baud: int = DEFAULT_BAUD
@@ -39,7 +39,7 @@ class SimulatedUnit(SimulatedPeer):
 
     Parameters
     ----------
-    model, line : what it is. seed : of its latencies.
+    model, line : its properties. seed : of its latencies.
     """
 
     def __init__(self, model: FlirModel | None = None, line: LineModel | None = None, seed: int = 0) -> None:
@@ -54,7 +54,7 @@ class SimulatedUnit(SimulatedPeer):
 
     @property
     def echo(self) -> bool:
-        """Return whether what is typed comes back: the unit's own setting."""
+        """Return whether received bytes are echoed: the unit's own setting."""
         return self.flir.echo
 
     @echo.setter
@@ -108,5 +108,5 @@ class SimulatedUnit(SimulatedPeer):
         lead = b"\n" if self.line.leading_lf and not self.flir.echo else b""
         self._answer(begin, lead + reported.text.encode("latin-1") + b"\r\n", reported.not_before_s)
         if reported.baud and self.baud:
-            # the reply still goes out at the old speed
+            # the reply is still sent at the old speed
             self.baud = reported.baud

@@ -77,7 +77,7 @@ class VirtualHttp:
         return answer
 
     def _await(self, until_s: float) -> None:
-        """Wait as a connection does. Raises ExchangeFailed when a halt goes first."""
+        """Wait as a connection does. Raises ExchangeFailed when a halt has priority."""
         while self._now_s < until_s:
             self.lock.raise_if_preempted()
             self.wait(min(SLICE_S, until_s - self._now_s))

@@ -1,6 +1,6 @@
-"""A line to a simulated unit in virtual time, with everything that goes wrong on real ones. No clock, no thread.
+"""A line to a simulated unit in virtual time, with the faults of real ones. No clock, no thread.
 
-Time passes when the driver waits: a second of motion, or forty of homing, take as long as they take to compute.
+Time passes when the driver waits: a second of motion, or forty of homing, take the time of their computation.
 """
 
 import heapq
@@ -19,11 +19,11 @@ _SEND_SIGMA_S = 0.0005
 
 @dataclass(slots=True)
 class LineFaults:
-    """What is wrong with the bytes from the unit right now; counts are used up.
+    """Present faults of the bytes from the unit; counts are used up.
 
     Attributes
     ----------
-    lose : bytes to be lost, after `skip` more have passed. garble : bytes to be replaced by random ones, likewise.
+    lose : bytes to be lost, after `skip` more have passed. garble : bytes to be replaced by random ones, too.
     truncate : the rest of the present line, and its end, are lost.
     merge : this many line ends are lost.
     """
@@ -49,10 +49,10 @@ class VirtualLine:
     Parameters
     ----------
     unit : the other end.
-    baud : speed of our end, bit/s; 0 for a network line.
+    baud : speed of the host's end, bit/s; 0 for a network line.
     start_s : the clock's first value, s.
-    batch_s : bytes are handed over in batches that begin so far apart, s (a USB adapter's frame); 0 at once.
-    send_delay_s : bytes reach the line up to so long after they were written, s (a USB adapter's frame).
+    batch_s : bytes are delivered in batches at this interval, s (a USB adapter's frame); 0 at once.
+    send_delay_s : largest delay of bytes on the line after they were written, s (a USB adapter's frame).
     seed : of the random bytes.
     """
 
@@ -107,7 +107,7 @@ class VirtualLine:
             self._advance(self._t_s + duration_s)
 
     def character_s(self) -> float:
-        """Return the time of one character at our speed, s."""
+        """Return the time of one character at the host's speed, s."""
         return BITS_PER_CHARACTER / self._baud if self._baud else 0.0
 
     def send_sigma_s(self) -> float:
@@ -115,11 +115,11 @@ class VirtualLine:
         return _SEND_SIGMA_S if self._baud else float("inf")
 
     def baud(self) -> int:
-        """Return the speed of our end."""
+        """Return the speed of the host's end."""
         return self._baud
 
     def set_baud(self, baud: int) -> bool:
-        """Change the speed of our end."""
+        """Change the speed of the host's end."""
         self._check()
         if not self._baud:
             return False
@@ -143,7 +143,7 @@ class VirtualLine:
         return self._t_s
 
     def read(self, until_s: float) -> Chunk:
-        """Return what has come, or let time pass until something comes."""
+        """Return received bytes, or let time pass until some arrive."""
         self._check()
         while not self._inbox and self._t_s < until_s:
             self._advance(min(until_s, self._next_s()))
@@ -166,7 +166,7 @@ class VirtualLine:
             self.unit.connect(self._t_s)
 
     def close(self) -> None:
-        """Let go; what is on the wire still arrives."""
+        """Close the line; bytes on the wire still arrive."""
         self._open = False
 
     def settle(self, duration_s: float) -> None:
@@ -174,7 +174,7 @@ class VirtualLine:
         self._advance(self._t_s + duration_s)
 
     def take(self) -> bytes:
-        """Return what was received until now, for a server that forwards it."""
+        """Return the bytes received until now, for a server that forwards them."""
         data = bytes(self._inbox)
         self._inbox.clear()
         if self.record and data:
@@ -190,7 +190,7 @@ class VirtualLine:
             self.write(data)
 
     def next_s(self) -> float:
-        """Return when the next thing happens, s."""
+        """Return the time of the next event, s."""
         return self._next_s()
 
     def _check(self) -> None:
@@ -200,7 +200,7 @@ class VirtualLine:
             raise LineError(self.url, got="a line that is gone", wanted="a line that is there")
 
     def _next_s(self) -> float:
-        """Return when the next thing happens, s; later than now."""
+        """Return the time of the next event, s; later than now."""
         t_s = self.unit.next_s()
         if self._to_unit:
             t_s = min(t_s, self._to_unit[0][0])

@@ -1,4 +1,4 @@
-"""The far end of a simulated serial line, whatever it speaks: bytes with times in and out; no clock, no I/O."""
+"""The far end of a simulated serial line, of any protocol: bytes with times in and out; no clock, no I/O."""
 
 import heapq
 import random
@@ -8,13 +8,13 @@ from ptu_drivers.transport import BITS_PER_CHARACTER
 
 
 class SimulatedPeer(ABC):
-    """Bytes that arrive one by one, and bytes that wait for their turn on the line. Calls come in order of time.
+    """Bytes that arrive one by one, and bytes that wait for their turn on the line. Calls are in order of time.
 
     Parameters
     ----------
     baud : speed, bit/s; 0 is a line without character times.
-    latency_s : least and most time from the end of a command to the first bit of its answer, s.
-    echo : each byte that arrives comes back, as on two wires.
+    latency_s : least and most time from the end of a command to the first bit of its reply, s.
+    echo : each received byte is echoed, as on two wires.
     seed : of the latencies.
     """
 
@@ -43,7 +43,7 @@ class SimulatedPeer(ABC):
 
     @abstractmethod
     def _lose_power(self, t_s: float, off_s: float, *, homing: bool) -> float:
-        """Forget what is not kept, and return until when nothing is heard, s."""
+        """Reset the volatile state, and return until when nothing is received, s."""
 
     def character_s(self) -> float:
         """Return the time of one character, s."""
@@ -66,7 +66,7 @@ class SimulatedPeer(ABC):
         self._line_free_s = t_s + off_s
 
     def receive(self, t_s: float, byte: int, baud: int) -> None:
-        """Take one byte whose last bit came at `t_s`, sent at `baud`."""
+        """Receive one byte whose last bit arrived at `t_s`, sent at `baud`."""
         if t_s < self._off_until_s:
             return
         if self.baud and baud != self.baud:
@@ -79,7 +79,7 @@ class SimulatedPeer(ABC):
         self.say(t_s, bytes((byte,)))
 
     def _answer(self, t_s: float, data: bytes, not_before_s: float = 0.0) -> float:
-        """Send an answer to what was complete at `t_s`; returns when it begins, s. A late one holds up the next."""
+        """Send a reply to a message complete at `t_s`; returns when it begins, s. A late one delays the next."""
         ready_s = max(max(t_s, self._busy_until_s) + self._random.uniform(*self.latency_s), not_before_s)
         if self.late_s:
             ready_s += self.late_s.pop()
@@ -89,7 +89,7 @@ class SimulatedPeer(ABC):
         return ready_s
 
     def send(self, until_s: float) -> list[tuple[float, int, int]]:
-        """Return what has left until then: (time of the byte's last bit, byte, baud), in order."""
+        """Return the bytes sent until then: (time of the byte's last bit, byte, baud), in order."""
         while self._outputs and self._outputs[0][0] <= until_s:
             ready_s, _, data, baud = heapq.heappop(self._outputs)
             t_s = max(ready_s, self._line_free_s)

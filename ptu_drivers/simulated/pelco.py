@@ -1,7 +1,7 @@
-"""A simulated Pelco unit with absolute positions: acceleration, speed limits, quantum, echo, short answers, reset.
+"""A simulated Pelco unit with absolute positions: acceleration, speed limits, quantum, echo, short replies, reset.
 
-It keeps its own numbers as such units do: pan clockwise from 0 to 359.99 degrees, tilt downwards, with angles above the
-horizon as a turn less (or another sense, by `PelcoModel`). Written from the protocol's description, not with the
+It uses the numbers of such units: pan clockwise from 0 to 359.99 degrees, tilt downwards, with angles above the
+horizon as a turn less (or another sense, by `PelcoModel`). Written from the protocol's description, without the
 driver's conversions, so that a mistake there cannot cancel itself.
 """
 
@@ -26,20 +26,20 @@ _FASTEST = 63
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PelcoModel:
-    """What kind of unit is simulated.
+    """Properties of the simulated unit.
 
     Attributes
     ----------
     address, framing, baud : of its line.
-    clockwise, downwards : the sense in which its numbers grow.
+    clockwise, downwards : the sense in which its numbers increase.
     tilt_deg : stops, degrees upwards.
     max_rate_deg_s, acceleration_deg_s2 : of both axes; speed byte 63 is the fastest.
     play_deg : backlash.
-    acknowledges : sends the short answer to commands (Pelco-D).
-    answers : tells its position; not every unit does.
-    echo : its bytes come back, as on two wires.
-    latency_s : least and most time from a question to its answer.
-    homing_s : how long it is deaf after power-up.
+    acknowledges : sends the short reply to commands (Pelco-D).
+    answers : replies with its position; not every unit does.
+    echo : received bytes are echoed, as on two wires.
+    latency_s : least and most time from a query to its reply.
+    homing_s : time after power-up during which it does not reply.
     """
 
     address: int = 1
@@ -92,7 +92,7 @@ class SimulatedPelco(SimulatedPeer):
         return math.radians(counts / 100)
 
     def speed_table(self) -> dict[int, float]:
-        """Return what each speed byte does, deg/s."""
+        """Return the rate of each speed byte, deg/s."""
         return {n: self.model.max_rate_deg_s * n / _FASTEST for n in range(1, _FASTEST + 1)}
 
     def _lose_power(self, t_s: float, off_s: float, *, homing: bool) -> float:

@@ -1,4 +1,4 @@
-"""A simulated unit behind a real pty or TCP port, in real time, for any program to talk to."""
+"""A simulated unit behind a real pty or TCP port, in real time, for any program."""
 
 import contextlib
 import errno
@@ -27,7 +27,7 @@ _SPEEDS = {getattr(termios, f"B{baud}"): baud for baud in (600, 1200, 2400, 4800
 
 
 class _Pty:
-    """A pty behind a symbolic link; it is remade when the unit is unplugged and comes back."""
+    """A pty behind a symbolic link; it is recreated when the unit is unplugged and returns."""
 
     def __init__(self, link: Path) -> None:
         self._link = link
