@@ -164,6 +164,7 @@ class BirdShape:
 
 
 def _normals(triangles: FloatArray) -> FloatArray:
-    """Return the unit normals (n, 3) of triangles (n, 3, 3)."""
-    normals = doubled_areas(triangles)
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None])
+    """Return the unit normals (n, 3) of triangles (n, 3, 3); `numpy.cross` takes several times as long for so few."""
+    a, b = (triangles[:, 1] - triangles[:, 0]).T, (triangles[:, 2] - triangles[:, 0]).T
+    normals = np.column_stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.asarray(normals / np.maximum(np.sqrt((normals * normals).sum(axis=1)), 1e-12)[:, None])

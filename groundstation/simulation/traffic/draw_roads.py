@@ -18,7 +18,7 @@ _ACROSS = 0.45
 _CARS = (1, 5)
 _TRIES = 40
 _STEP_M = 4.0
-_BESIDE_RUNWAY_M, _FROM_STATION_M, _FROM_OBJECT_M = 10.0, 9.0, 1.5
+_FROM_RUNWAY_M, _FROM_STATION_M, _FROM_OBJECT_M = 10.0, 9.0, 1.5
 _PAINTS: tuple[Colour, ...] = (
     (196.0, 200.0, 204.0),
     (232.0, 233.0, 234.0),
@@ -89,8 +89,8 @@ def _is_clear(road: RoadSpec, lines: SightLines, scenery: Scenery) -> bool:
     )
     half = 0.5 * road.width_m
     from_runway = np.abs(middle[:, 0]) - scenery.runway_half_width_m
-    beside = (middle[:, 1] > scenery.runway_from_y_m - 10.0) & (middle[:, 1] < scenery.runway_to_y_m + 10.0)
-    if np.any(beside & (from_runway < half + _BESIDE_RUNWAY_M)):
+    alongside = (middle[:, 1] > scenery.runway_from_y_m - 10.0) & (middle[:, 1] < scenery.runway_to_y_m + 10.0)
+    if np.any(alongside & (from_runway < half + _FROM_RUNWAY_M)):
         return False
     for eye in lines.eyes_m:
         if np.linalg.norm(middle - eye[:2], axis=1).min() < half + _FROM_STATION_M:

@@ -109,8 +109,8 @@ def test_cars_drive_on_their_road_clear_of_runway_and_objects() -> None:
             assert np.abs(across).max() + 0.5 * car.width_m < 0.5 * road.width_m
             assert np.abs(along).max() <= 0.5 * road.length_m + 1e-6
             assert np.all(path[:, 2] == 0.0)
-            beside = (path[:, 1] > site.runway_from_y_m) & (path[:, 1] < site.runway_to_y_m)
-            assert not np.any(beside & (np.abs(path[:, 0]) < site.runway_half_width_m + 5.0))
+            alongside = (path[:, 1] > site.runway_from_y_m) & (path[:, 1] < site.runway_to_y_m)
+            assert not np.any(alongside & (np.abs(path[:, 0]) < site.runway_half_width_m + 5.0))
             for thing in site.objects:
                 if thing.kind != "wire":
                     right, ahead = np.abs(on(path, thing.x_m, thing.y_m, thing.heading_rad))
