@@ -1,1 +1,1 @@
-"""Calibration of stations: the code that finds what a rig file holds."""
+"""Calibration of stations: estimation of the contents of a rig file."""

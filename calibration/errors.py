@@ -1,4 +1,4 @@
-"""Errors of calibration: each message is one line with what was got and what was wanted."""
+"""Errors of calibration: each message is one line with the value that was got and the one that was wanted."""
 
 from groundstation.errors import InputError
 

@@ -14,9 +14,9 @@ _LEAST_CORRELATION = 1e-3
 
 
 def with_covariance(rig: Rig, found: ParameterCovariance) -> Rig:
-    """Return the rig with what was found of some parameters, ``station.parameter``; the rest keeps its values.
+    """Return the rig with estimates of some parameters, ``station.parameter``; the rest keeps its values.
 
-    Stations that correlate through anything, or whose clocks the rig knows, stand together in the shared covariance.
+    Stations that are correlated, or whose clocks have a sigma, are together in the shared covariance.
     """
     before = rig.calibration_covariance()
     rest = [k for k, name in enumerate(before.names) if name not in found.names]

@@ -1,6 +1,6 @@
-"""Where a station looks, and where it stands, from bearings to known points and no guess at all.
+"""Pose of a station from bearings to known points, without an initial value.
 
-Bearings are unit vectors in the station's base frame: pixel, lens and pan-tilt angles put together.
+Bearings are unit vectors in the station's base frame, from pixel, lens and pan-tilt angles.
 """
 
 from dataclasses import dataclass

@@ -20,7 +20,7 @@ MOST_VIDEO_FRAMES = 300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GreyPicture:
-    """One picture: ``name`` as the user knows it, ``grey`` (h, w)."""
+    """One picture: ``name`` for the user, ``grey`` (h, w)."""
 
     name: str
     grey: ImageArray

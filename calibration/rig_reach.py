@@ -1,4 +1,4 @@
-"""What a calibration's errors do to a position in the air: linear, from the rig's covariance."""
+"""Effect of a calibration's errors on a position in the air: linear, from the rig's covariance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ def reach_gain(rig: Rig, names: Sequence[str], point_m: FloatArray) -> FloatArra
 
 
 def reach_at(rig: Rig, range_m: float) -> Reach | None:
-    """Return one sigma at a range by all that the rig's covariance says, or None for fewer than two stations."""
+    """Return one sigma at a range by the rig's whole covariance, or None for fewer than two stations."""
     known = rig.calibration_covariance()
     if not known.names or len(posed(rig)) < 2:
         return None

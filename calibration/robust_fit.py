@@ -78,12 +78,12 @@ class Linearisation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FitProblem:
-    """What to minimise.
+    """The problem to minimise.
 
     Attributes
     ----------
     evaluate : residuals of the observations in sigmas and their Jacobian at parameters (p,).
-    prior_sigma : (p,) of normal priors with mean zero; infinite where nothing is known. The loss applies to them, too.
+    prior_sigma : (p,) of normal priors with mean zero; infinite without a prior. The loss applies to them, too.
     step_scale : (p,) typical steps of the parameters, which shape the trust region.
     loss : of all residuals.
     """
@@ -143,7 +143,7 @@ class _Triangle:
     _rows: FloatArray = field(default_factory=lambda: np.zeros((0, 1)))
 
     def residual(self, parameters: FloatArray) -> FloatArray:
-        """Return Qᵀr and, in the last row, what the cost has beyond it."""
+        """Return Qᵀr and, in the last row, the remainder of the cost."""
         self.linearise(parameters)
         return self._rows[:, -1]
 
@@ -200,7 +200,7 @@ def fit_reweighted(
 ) -> FloatArray:
     """Return the parameters (p,) after rounds of new weights and a fit with them.
 
-    ``weighted_at`` returns the problem with weights and outliers as judged at parameters (p,), or None to end before
+    ``weighted_at`` returns the problem with weights and outliers at parameters (p,), or None to end before
     the last round: the weights are those of the last fit.
     """
     parameters = start

@@ -31,15 +31,15 @@ Kind = Literal["point", "direction"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LandmarkSighting:
-    """One landmark in one picture, with the angles read while the PTU stood.
+    """One landmark in one picture, with the angles read while the PTU was at rest.
 
     Attributes
     ----------
     pan_rad, tilt_rad : the encoder's readings.
     pixel_px : (2,) u, v; ``sigma_px`` one sigma of each.
-    t_s : when, in the file's own time, or None.
-    pan_from, tilt_from : +1 or -1, the sense in which the axis moved last; 0 where nothing tells.
-    line : in the file, as an editor counts.
+    t_s : time in the file's own clock, or None.
+    pan_from, tilt_from : +1 or -1, the last direction of motion of the axis; 0 if unknown.
+    line : line number in the file.
     """
 
     station: str
@@ -85,7 +85,7 @@ def read_sightings(path: Path) -> tuple[LandmarkSighting, ...]:
 
 
 def read_landmarks(path: Path) -> dict[str, Landmark]:
-    """Read landmarks.csv: name to landmark, in the file's order; raises `SessionError` likewise."""
+    """Read landmarks.csv: name to landmark, in the file's order; raises `SessionError` for a fault."""
     table = CsvTable(path, LANDMARK_COLUMNS)
     found: dict[str, Landmark] = {}
     for row in table:
@@ -190,7 +190,7 @@ def _optional(
 def _sense(
     table: CsvTable, row: Row, column: str, angle_deg: float, before_deg: float | None, before_sense: int
 ) -> int:
-    """Return in which sense an axis moved last: as the cell says, else from the station's row before."""
+    """Return the last direction of motion of an axis: from the cell, otherwise from the station's row before."""
     value = table.optional_number(row, column) if column in table.columns else None
     if value is not None:
         if value not in (1.0, -1.0):

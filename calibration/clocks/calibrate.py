@@ -24,10 +24,10 @@ _CLOCKS = ("camera_clock.offset", "ptu_clock.offset", DGPS_OFFSET)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimingRequest:
-    """What to find and from what.
+    """Task and data of a calibration of clocks.
 
     ``pictures``, ``flight``: by image motion, by the aircraft's track, or by both. ``one_ptu_clock``: all PTUs are
-    stamped by one clock with one delay, so that what differs are the cameras' clocks. Times in s of the session.
+    stamped by one clock with one delay, so that only the cameras' clocks differ. Times in s of the session.
     """
 
     session: Path
@@ -51,13 +51,13 @@ class ClockDifference:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TimingCalibration:
-    """What was found.
+    """The result.
 
     Attributes
     ----------
-    by_pictures, motions : by station; empty where no pictures were asked for.
-    by_flight : the solution of the flight with clocks alone free, or None.
-    rig : with the clocks found; the pictures' where there are both.
+    by_pictures, motions : by station; empty unless pictures were requested.
+    by_flight : the solution of the flight with only the clocks free, or None.
+    rig : with the estimated clocks; those from the pictures where there are both.
     """
 
     session: Session
@@ -67,11 +67,11 @@ class TimingCalibration:
     rig: Rig
 
     def flight_ptu(self, name: str) -> ClockDifference | None:
-        """Return by how much the flight has a PTU's readings later than its camera's clock says."""
+        """Return the lag of a PTU's readings relative to its camera's clock, by the flight."""
         return self._flight({f"{name}.ptu_clock.offset": 1.0, f"{name}.camera_clock.offset": -1.0})
 
     def flight_cameras(self, first: str, other: str) -> ClockDifference | None:
-        """Return by how much the flight has another camera's exposures later than its clock says, by the first's."""
+        """Return the lag of another camera's exposures relative to its clock, in the first's clock, by the flight."""
         return self._flight({f"{other}.camera_clock.offset": 1.0, f"{first}.camera_clock.offset": -1.0})
 
     def _flight(self, weights: dict[str, float]) -> ClockDifference | None:
@@ -150,7 +150,7 @@ def _by_flight(session: Session, request: TimingRequest) -> FlightFit:
         track=data.track,
         antenna_in_body_m=np.zeros(3) if antenna is None else antenna,
         names=tuple(chosen.names[k] for k in keep),
-        # a clock that the rig calls exact is what is asked for here
+        # a clock that is exact in the rig is estimated here
         prior_sigma=np.maximum(chosen.prior_sigma[keep], KNOWN_CLOCK_S),
     )
     return solve_flight(problem)

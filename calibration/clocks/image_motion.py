@@ -22,7 +22,7 @@ _AROUND_S = 1.0
 _CORNERS, _QUALITY, _APART_PX = 500, 0.003, 10
 _GRID = (6, 5)
 _MOST_IN_CELL = 14
-# so many windows in so many cells; in fewer, what is seen may be the aircraft
+# least number of windows and cells; in fewer, the observed motion may be that of the aircraft
 _LEAST_WINDOWS, _LEAST_CELLS, _LEAST_COLUMNS = 16, 5, 3
 _LEAST_TEXTURE = 4.0
 _WINDOW, _LEVELS = (21, 21), 4
@@ -32,19 +32,19 @@ _AGREE_SIGMAS, _LEAST_AGREE_PX, _AGREE_SHARE = 3.5, 0.25, 0.5
 _ROUNDS = 4
 _COARSE = 4
 _TURN_RAD = 1e-5
-# windows are good to so much of a pixel, be their agreement what it may
+# lower limit of a window's error in px, whatever their agreement
 _FLOOR_PX = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImageMotion:
-    """What n pairs of successive frames of one station show.
+    """Motion in n pairs of successive frames of one station.
 
     Attributes
     ----------
-    from_s, to_s : (n,) mid-exposure of the windows in either frame, session time, a rolling shutter's rows allowed for.
-    turn_rad : (n, 2) change of pan and of tilt; ``sigma_rad`` (n, 2) one sigma by how well the windows agree.
-    frames : pairs looked at; ``plain`` of these without enough texture, ``torn`` those whose windows do not agree.
+    from_s, to_s : (n,) mid-exposure of the windows in either frame, session time, corrected for a rolling shutter.
+    turn_rad : (n, 2) change of pan and of tilt; ``sigma_rad`` (n, 2) one sigma from the agreement of the windows.
+    frames : examined pairs; ``plain`` of these without enough texture, ``torn`` those with inconsistent windows.
     """
 
     from_s: FloatArray
@@ -116,7 +116,7 @@ def image_motion(
 ) -> ImageMotion:
     """Measure the turns between successive pictures (h, w, 3), exposed at ``t_s`` (n,), session time.
 
-    ``readings`` (m, 3): the encoders' angles only say where to look for a window in the next picture.
+    ``readings`` (m, 3): the encoders' angles only predict the position of a window in the next picture.
     """
     geometry = station.geometry()
     angles = np.column_stack([np.interp(t_s, readings[:, 0], np.unwrap(readings[:, k])) for k in (1, 2)])
@@ -149,7 +149,7 @@ def image_motion(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Turn:
-    """What is left over of pan and tilt (2,) with sigmas (2,), rad; mean rows of the windows, parts of the height."""
+    """Residual turn in pan and tilt (2,) with sigmas (2,), rad; mean rows of the windows, parts of the height."""
 
     left_rad: FloatArray
     sigma_rad: FloatArray
@@ -221,7 +221,7 @@ class _Pair:
 
 
 def _turn(pair: _Pair, before: ImageArray, after: ImageArray, corners: FloatArray) -> _Turn | None:
-    """Return what the pictures say beyond the readings; None where the windows do not agree on it."""
+    """Return the turn of the pictures beyond the readings; None where the windows are inconsistent."""
     left = np.zeros(2)
     for attempt in range(2):
         found = _tracked(pair, before, after, corners, left)
@@ -236,7 +236,7 @@ def _turn(pair: _Pair, before: ImageArray, after: ImageArray, corners: FloatArra
 
 
 def _coarse(pair: _Pair, before: ImageArray, after: ImageArray, corners: FloatArray) -> FloatArray | None:
-    """Return what the whole picture has turned beyond the readings (2,), by phase correlation of small copies."""
+    """Return the turn of the whole picture beyond the readings (2,), by phase correlation of small copies."""
     size = (before.shape[1] // _COARSE, before.shape[0] // _COARSE)
     old, new = (cv2.resize(p, size, interpolation=cv2.INTER_AREA).astype(np.float32) for p in (before, after))
     shift, answer = cv2.phaseCorrelate(old, new, cv2.createHanningWindow(size, cv2.CV_32F))
@@ -301,7 +301,7 @@ def _agreed(pair: _Pair, corners: FloatArray, moved: FloatArray, shape: tuple[in
     columns = by_angle[agree].reshape(-1, 2)
     scatter = max(float(np.sqrt(np.mean((off[agree].ravel() - columns @ step) ** 2))), 1e-6)
     covariance = np.linalg.inv(columns.T @ columns)
-    # neighbouring windows share what the picture's coding has done to them: a floor that does not average out
+    # neighbouring windows share the errors of the picture's coding: a lower limit that does not average out
     unit = np.linalg.inv(np.median(by_angle[agree], axis=0))
     sigma = np.sqrt(scatter**2 * np.diag(covariance) + _FLOOR_PX**2 * np.sum(unit**2, axis=1))
     rows = [float(np.mean(p[agree, 1] + 0.5) / shape[0] - 0.5) for p in (corners, moved)]

@@ -29,7 +29,7 @@ _STEPS = np.array([1e-4, 1e-6, 1e-4, 1e-4])
 
 @dataclass(slots=True, eq=False)
 class MotionSpline:
-    """Data and weights; answers each (offset, drift, scale, roll) with what is left over."""
+    """Data and weights; gives the residuals for each (offset, drift, scale, roll)."""
 
     readings: FloatArray
     motion: ImageMotion
@@ -89,7 +89,7 @@ class MotionSpline:
         return design, data
 
     def _solution(self, p: FloatArray) -> "_SplineSolution":
-        """Return the splines that fit best at four parameters; the last answer is remembered."""
+        """Return the splines that fit best at four parameters; the last result is cached."""
         if self._last is None or not np.array_equal(self._last.p, p):
             design, data = self.matrices(p)
             factors = _factors(design)
@@ -121,7 +121,7 @@ class MotionSpline:
             p[free] += x * _STEPS[free]
             return p
 
-        # differences from the start: a trust region begins with the size of what it starts from
+        # differences from the initial values: a trust region begins with their size
         found = least_squares(
             lambda x: np.concatenate([self.residual(at(x)), at(x)[free] / prior[free]]),
             np.zeros(int(free.sum())),

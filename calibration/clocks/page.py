@@ -35,7 +35,7 @@ _LEFT = (
 
 
 def write_timing_page(folder: Path, found: TimingCalibration) -> list[Path]:
-    """Write report.html and its pictures as PNG into ``folder``, made if missing; returns what was written."""
+    """Write report.html and its pictures as PNG into ``folder``, created if missing; returns the written files."""
     pictures, parts = [], []
     for name, fit in found.by_pictures.items():
         own = [_motion(name, fit, found.motions[name]), _residual(name, fit, found.motions[name])]
@@ -88,7 +88,7 @@ def _motion(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
 def _residual(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
     motion = one.motion
     gap = motion.to_s - motion.from_s
-    # a late clock is off by what the rate has changed between the frames
+    # the effect of a late clock is the change of the rate between the frames
     found = turned_by_readings(one, fit.offset_s)
     ahead, behind = turned_by_readings(one, fit.offset_s - 0.01), turned_by_readings(one, fit.offset_s + 0.01)
     speeding = np.degrees((ahead - behind) / 0.02 / gap[:, None])

@@ -4,7 +4,7 @@ It works on recordings. A camera's clock is fitted to the host's in `groundstati
 
 Pan and tilt are cubic splines of time; the readings are values of them, the pictures differences of them at later or
 earlier times, through a small scale and roll of the camera. For each offset, drift, scale and roll the splines' least
-squares are linear and are solved on the way (variable projection); what is left over is minimised by
+squares are linear and are eliminated (variable projection); the residual is minimised by
 `scipy.optimize.least_squares`. Equations: docs/derivation.md, section 19.
 """
 
@@ -40,18 +40,18 @@ class TimingFitError(GroundstationError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TimingFit:
-    """What was found for one station.
+    """The result for one station.
 
     Attributes
     ----------
-    offset_s, sigma_s : to be added to the PTU clock's offset: its readings are truly so much later than they say,
-        by the camera's clock, at ``middle_s``.
-    drift, drift_sigma : of that, s/s; 0 and None where the data do not determine it.
-    scale, roll_rad : of the camera, found on the way.
+    offset_s, sigma_s : to be added to the PTU clock's offset: the lag of its readings behind their stamps,
+        in the camera's clock, at ``middle_s``.
+    drift, drift_sigma : of the offset, s/s; 0 and None where the data do not determine it.
+    scale, roll_rad : of the camera, estimated together with it.
     reading_sigma_rad, turn_sigma_rad : scatter of readings and of the pictures' turns about the fit.
-    spacing_s : of the splines' knots. ``kept`` (n,): pairs used. ``lasting_factor``: by how much errors that last have
-        raised the sigma.
-    residual_rad : (n, 2) of the pairs; ``rate_rad_s`` (n,) how fast the head turned at each.
+    spacing_s : of the splines' knots. ``kept`` (n,): pairs used. ``lasting_factor``: factor of the sigma due to
+        correlated errors.
+    residual_rad : (n, 2) of the pairs; ``rate_rad_s`` (n,) rate of the head at each.
     """
 
     offset_s: float
@@ -71,9 +71,9 @@ class TimingFit:
 
 
 def solve_timing(name: str, readings: FloatArray, motion: ImageMotion, reading_sigma_rad: float) -> TimingFit:
-    """Find the offset from readings (m, 3) of session time, pan, tilt and a camera's turns.
+    """Estimate the offset from readings (m, 3) of session time, pan, tilt and a camera's turns.
 
-    Raises `TimingFitError`, one line, where they cannot tell it.
+    Raises `TimingFitError`, one line, where they do not determine it.
     """
     _require_enough(name, readings, motion, reading_sigma_rad)
     t, first = np.unique(readings[:, 0], return_index=True)
@@ -195,7 +195,7 @@ def _solved(
         good = white < OUTLIER_SIGMA * noise_factor(white)
         places = np.flatnonzero(kept)
         kept[places[~good]] = False
-        # what the windows' own agreement does not know of, the same for all pairs
+        # variance beyond the windows' own agreement, the same for all pairs
         variance = float(np.sum(off_turn.reshape(2, -1)[:, good] ** 2)) / max(2 * good.sum() - taken[1], 1.0)
         added, extra = extra, max(variance - float(np.mean(used.sigma_rad[good] ** 2)), 0.0)
         settled = good.all() and abs(sigma - before) < 0.02 * sigma and abs(extra - added) < 0.05 * (variance + extra)
@@ -205,7 +205,7 @@ def _solved(
 
 
 def _criterion(model: MotionSpline, left: FloatArray, n: int, m: int, sigma: float) -> float:
-    """Return Bayes' information criterion; the turns scatter no less than the windows' agreement says."""
+    """Return Bayes' information criterion; the turns scatter no less than the windows' agreement implies."""
     count = 2 * (len(model.knots) - CUBIC - 1)
     readings = n * np.log(np.sum((left[:n] * sigma) ** 2) / n)
     turns = float(np.sum(left[n : n + m] ** 2)) - 2.0 * float(np.sum(np.log(model.weight_turn)))
@@ -270,10 +270,10 @@ def _answer(name: str, model: MotionSpline, p: FloatArray, kept: MaskArray) -> T
 
 
 def _covariance(model: MotionSpline, p: FloatArray) -> tuple[FloatArray, float]:
-    """Return (JᵀJ)⁻¹ of what the splines leave over (4, 4), and by how much errors that last raise the offset's sigma.
+    """Return (JᵀJ)⁻¹ of the residuals (4, 4), and the factor of the offset's sigma due to correlated errors.
 
-    Successive turns share a frame, and a picture's coding lasts: turns of one second count as one observation, if that
-    says more than chance would.
+    Successive turns share a frame, and coding errors persist: turns of one second count as one observation, if their
+    scatter exceeds chance.
     """
     jacobian, left = model.jacobian(p), model.residual(p)
     information = jacobian.T @ jacobian + np.diag(1.0 / model.prior() ** 2)

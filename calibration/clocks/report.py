@@ -1,4 +1,4 @@
-"""What a calibration of clocks has found, in words."""
+"""The result of a calibration of clocks, in words."""
 
 from itertools import pairwise
 
@@ -99,7 +99,7 @@ def _compared(found: TimingCalibration) -> list[str]:
 
 
 def _ptu_sigma_s(found: TimingCalibration, name: str) -> float:
-    """Return one sigma of a PTU's clock against its camera's; a flight knows the one only together with the other."""
+    """Return one sigma of a PTU's clock against its camera's; a flight determines only a combination of the two."""
     if name in found.by_pictures:
         return max(found.by_pictures[name].sigma_s, FLOOR_CLOCK_S)
     flown = found.flight_ptu(name)

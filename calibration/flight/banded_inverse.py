@@ -1,8 +1,8 @@
-"""The inverse of a banded positive definite matrix where the matrix itself is not zero, from its Cholesky factor.
+"""The elements of the inverse of a banded positive definite matrix within its band, from its Cholesky factor.
 
-An inverse is full, but how well each difference of a path is known asks only for what stands within the band. From
+An inverse is full, but the covariance of each difference of a path needs only the elements within the band. From
 Z L = L⁻ᵀ, whose part below the diagonal is zero, Z_ij = (δ_ij / L_jj − Σ_{k>j} Z_ik L_kj) / L_jj from the last column
-to the first, which never leaves the band (K. Takahashi, J. Fagan and M.-S. Chin, 8th PICA conference, 1973).
+to the first, which stays within the band (K. Takahashi, J. Fagan and M.-S. Chin, 8th PICA conference, 1973).
 """
 
 import numpy as np

@@ -33,23 +33,23 @@ _WORST_EXCLUDED_SHARE = 0.4
 # a pose of which nothing was known has to come out better than this, one sigma
 _WORST_ROTATION_RAD = float(np.radians(2.0))
 _WORST_POSITION_M = 10.0
-# what a rig states of a pose, and how well, is not overruled by one flight that is this far off
+# a pose and its sigma in the rig are not replaced by one flight that deviates this much
 _POSES = ("runway_from_base.", "head_from_camera.", "ptu_position.")
 _MOST_SIGMAS_OFF = 5.0
-# what is doubted first, and what only where that is not all; a lens only where the position is surveyed: without
-# one, focal length and distance go together
+# parameters freed first, and those only if that is not enough; a lens only with a surveyed position: without
+# one, focal length and distance are correlated
 _DOUBTED = (("position", "readout", "drift"), ("position", "readout", "drift", "lens"))
 _FAR_BETTER = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRequest:
-    """What to calibrate.
+    """Task of a calibration by a flight.
 
-    ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known; ``report`` is a
-    folder for report.html and its pictures. ``point_sigma_m`` is how far along the body the point that pixels are of
-    may lie from the nose, on top of the offset in session.toml; the same all the time, 1 sigma. None
-    is `POINT_SIGMA_M` for ``detections``, which a program found, and nothing for pixels that the session itself gives.
+    ``free`` is the list of --free, times are the session's, in s; ``hold`` fixes all known parameters; ``report`` is a
+    folder for report.html and its pictures. ``point_sigma_m`` is the 1 sigma of a constant displacement of the observed
+    point from the nose along the body, in addition to the offset in session.toml. None
+    is `POINT_SIGMA_M` for ``detections`` of a program, and zero for pixels of the session itself.
     """
 
     session: Path
@@ -66,7 +66,7 @@ class FlightRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightCalibration:
-    """What was found: the fit, the rig with it, the words for a person, and the files written."""
+    """The result: the fit, the rig with it, the text for the user, and the files written."""
 
     fit: FlightFit
     rig: Rig
@@ -137,10 +137,10 @@ def _problem(session: Session, data: FlightData, free: FreeParameters) -> Flight
 def _doubted(
     session: Session, start: StartingPoint, held: FlightSolution, words: Sequence[str]
 ) -> tuple[FlightSolution, list[str]]:
-    """Return a solution with surveyed positions, shutters … free where that explains the pixels far better, and why.
+    """Return a solution with surveyed positions, shutters … free where that improves the fit much, and the reason.
 
     A station without an earlier calibration has a position from a map or a tape: it is known, but not to a pixel. The
-    start is the first one's: what is freed here moves no pose's first guess.
+    initial values are those of the first solution: freeing parameters changes no pose's initial value.
     """
     more = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
     names = held.joint.problem.names
@@ -163,7 +163,7 @@ def _doubted(
 
 
 def _require_fit(session: Session, fit: FlightFit) -> None:
-    """Raise `FlightFitError` where the answer is none."""
+    """Raise `FlightFitError` where the solution is invalid."""
     for name, station in fit.stations.items():
         width = session.rig[name].lens.image_size_px[0]
         usable, kept = int(station.usable.sum()), int(station.kept.sum())
@@ -185,7 +185,7 @@ def _require_fit(session: Session, fit: FlightFit) -> None:
 
 
 def _require_agreement(session: Session, fit: FlightFit) -> None:
-    """Raise `FlightFitError` where the flight contradicts what the rig itself states of a pose, and how well."""
+    """Raise `FlightFitError` where the flight contradicts a pose of the rig and its stated sigma."""
     for k, name in enumerate(fit.problem.names):
         station, _, short = name.partition(".")
         stated = station in session.rig.names and short in session.rig[station].covariance_parameters

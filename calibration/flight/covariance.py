@@ -25,9 +25,9 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
 
 
 def with_covariance(solution: FlightSolution, point_sigma_m: float = 0.0) -> FlightFit:
-    """Return the fit with (JᵀWJ)⁻¹, the flight's part of it raised by the reduced chi-square and by what lasts.
+    """Return the fit with (JᵀWJ)⁻¹, the flight's part enlarged by the reduced chi-square and correlated errors.
 
-    ``point_sigma_m``: so far along the body the point seen may lie from where it is taken to be, the same all the time.
+    ``point_sigma_m``: 1 sigma of a constant displacement of the observed point along the body.
     """
     joint, change, fits = solution.joint, solution.change, solution.stations
     problem = joint.problem
@@ -36,7 +36,7 @@ def with_covariance(solution: FlightSolution, point_sigma_m: float = 0.0) -> Fli
     prior = np.diag(np.where(known, 1.0 / problem.prior_sigma, 0.0) ** 2)
     flown = linearised.information - prior
     count = 2 * sum(int(fit.kept.sum()) for fit in fits.values()) + int(known.sum())
-    # what the pixels add to that which fixes and readings leave over by themselves
+    # information of the pixels beyond the residual freedom of fixes and readings
     chi_square = (linearised.chi_square - joint.base) / max(count - len(change), 1)
     covariance = inverse(flown / max(1.0, chi_square) + prior)
     alone = np.sqrt(np.diag(covariance))
@@ -71,10 +71,10 @@ def _about_solution(problem: FlightProblem, change: FloatArray) -> FloatArray:
 
 
 def moved_by_point(joint: PathResiduals, change: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return what the solution (p,) makes of a point seen 1 m behind where it is taken to be.
+    """Return the effect on the solution (p,) of an observed point 1 m behind the assumed one.
 
-    It is considered, not solved for: a clock that is late puts an aircraft that flies straight just as far behind. Zero
-    where the place of the antenna is to be found, which is the same.
+    It is considered, not estimated: a late clock moves an aircraft in straight flight back in the same way. Zero
+    where the antenna's position is estimated, which is equivalent.
     """
     problem = joint.problem
     if ANTENNA[0] in problem.names:
@@ -86,11 +86,11 @@ def moved_by_point(joint: PathResiduals, change: FloatArray, covariance: FloatAr
 
 
 def _raised(joint: PathResiduals, change: FloatArray, covariance: FloatArray, flown: FloatArray) -> FloatArray:
-    """Return the covariance (p, p), raised by what lasts: combination by combination, never parameter by parameter.
+    """Return the covariance (p, p), enlarged for correlated errors: by combinations, never by single parameters.
 
-    Parameters that go together are known in combinations a thousand times better than alone: to raise one of them by
-    itself would turn the combination, and state another one as well known. What was known before the flight, and is not
-    in ``flown`` (p, p), the information of the flight alone, has no errors that last.
+    Correlated parameters are known in combinations a thousand times better than alone: enlarging one of them by
+    itself would rotate the combination, and make another one appear well known. Prior information, which is not
+    in ``flown`` (p, p), the information of the flight alone, has no correlated errors.
     """
     sigma = np.sqrt(np.diag(covariance))
     size, axes = np.linalg.eigh(covariance / np.outer(sigma, sigma))
@@ -106,11 +106,11 @@ def _raised(joint: PathResiduals, change: FloatArray, covariance: FloatArray, fl
 def correlated_error_factor(
     joint: PathResiduals, change: FloatArray, covariance: FloatArray, gain: FloatArray
 ) -> FloatArray:
-    """Return by how much (p,) errors that last raise the sigma of each combination: blocks of time against expectation.
+    """Return the factor (p,) of each combination's sigma due to correlated errors: blocks of time against expectation.
 
-    ``gain`` (p, p) has in each column what a block's gradient does to a combination. Looks of one block, of all
-    stations, count as one observation: steps of an encoder and a biased target point do not average out within it. What
-    chance makes of so few blocks raises nothing.
+    ``gain`` (p, p) has in each column the effect of a block's gradient on a combination. Observations of one block, of
+    all stations, count as one: steps of an encoder and a biased target point do not average out within it. Scatter
+    within chance for so few blocks has no effect.
     """
     p = len(covariance)
     blocks = joint.scores(change, covariance, _BLOCK_S)

@@ -31,7 +31,7 @@ _LEAST_NOISE_FACTOR = 1e-6
 
 
 class FlightFitError(GroundstationError):
-    """The flight does not determine what is asked for, or does not fit at all."""
+    """The flight does not determine the requested parameters, or does not fit at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,11 +63,11 @@ class FlightFit:
 
     Attributes
     ----------
-    change, sigma : (p,) what was found and one sigma.
+    change, sigma : (p,) the estimate and one sigma.
     covariance : (p, p), rotations as small angles about the solution, in the frame of their name.
     reduced_chi_square : of the kept residuals by the assumed noise.
-    lasting_factor : (p,) by how much errors that last have raised each sigma.
-    point_sigma_m : so far along the body the point seen may lie from where it is taken to be; in the covariance.
+    lasting_factor : (p,) factor of each sigma due to correlated errors.
+    point_sigma_m : 1 sigma of the observed point's displacement along the body; included in the covariance.
     condition : of the information, its parameters scaled to unit diagonal.
     parts : the paths of aircraft and heads, with their smoothness.
     """
@@ -95,9 +95,9 @@ class FlightFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightSolution:
-    """The change (p,) of least cost and how each station fits; its covariance comes from `with_covariance`.
+    """The change (p,) of least cost and the fit of each station; its covariance comes from `with_covariance`.
 
-    ``paths`` are as smooth as their samples alone have it; those of ``joint`` as pixels and samples together do.
+    ``paths`` have the smoothness of their samples alone; those of ``joint`` that of pixels and samples together.
     """
 
     change: FloatArray

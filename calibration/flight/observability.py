@@ -72,9 +72,9 @@ class CorrelatedParameters:
 
     Attributes
     ----------
-    members : their names, the weightiest first; ``signs`` +1 or -1 of each.
-    share : the combination's variance over what it would be if they had nothing to do with each other.
-    advice : what to fly or to measure.
+    members : their names, largest first; ``signs`` +1 or -1 of each.
+    share : the combination's variance over that without correlation.
+    advice : flight or measurement that would separate them.
     """
 
     members: tuple[str, ...]
@@ -87,7 +87,7 @@ class CorrelatedParameters:
         """The members, and how they go together."""
         if len(self.members) == 1:
             return self.members[0]
-        # what is well known is the combination: along what is not, signs that agree there go apart
+        # the combination is well known: along the unknown direction, equal signs there are opposite
         together = "together" if self.signs[0] != self.signs[1] else "against each other"
         names = ", ".join(self.members[:-1]) + " and " + self.members[-1]
         return f"{names} (may be wrong {together})" if len(self.members) == 2 else names

@@ -1,4 +1,4 @@
-"""Gathering a flight's observations from a session folder: pixels, angles, and the DGPS fixes that can be trusted."""
+"""Gathering a flight's observations from a session folder: pixels, angles, and valid DGPS fixes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,9 +23,9 @@ from groundstation.sources.external_detections import read_detections
 from groundstation.sources.ptu_readings import PtuReadings
 from groundstation.tracking.synchronise import SynchroniseConfig
 
-# a filter's gates judge by the rig that is to be corrected: what they refused is judged here once more
+# a filter's gates depend on the rig that is to be corrected: pixels refused by them are tested again here
 _SEEN = ("ok", "late", "gated", "excluded")
-# more than so many pixels of one station teach nothing that so many do not
+# more pixels of one station add no information
 MOST_LOOKS = 2500
 _ASSUMED_SIGMA_PX = 1.0
 _AROUND_S = 5.0
@@ -38,9 +38,9 @@ _OWN_S = 1e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightData:
-    """What a session has to calibrate with.
+    """Data of a session for the calibration.
 
-    ``looks`` by station; ``track`` the antenna's path in the DGPS clock; ``excluded`` what was left out, in words.
+    ``looks`` by station; ``track`` the antenna's path in the DGPS clock; ``excluded`` the omissions, in words.
     """
 
     looks: dict[str, StationObservations]
@@ -58,9 +58,9 @@ class _Pixels:
 
 
 def gather_flight(session: Session, detections: Path | None, from_s: float | None, to_s: float | None) -> FlightData:
-    """Read pixels between two session times, the PTUs' readings around them, and DGPS without what is broken.
+    """Read pixels between two session times, the PTUs' readings around them, and the valid part of DGPS.
 
-    Raises `SessionError` or `RigError` for what is missing.
+    Raises `SessionError` or `RigError` for missing data.
     """
     for station in session.rig.stations:
         if "lens" not in station.known:
@@ -129,7 +129,7 @@ def _thinned(found: _Pixels) -> _Pixels:
 
 
 def _track(session: Session, excluded: list[str]) -> ReferenceTrack:
-    """Return the path through the good fixes, and say what was left out."""
+    """Return the path through the valid fixes, and report the omissions."""
     fixes = load_dgps(session, on_note=excluded.append)
     if not fixes:
         raise SessionError(session.name, got="no DGPS", wanted="dgps.csv, the aircraft's own track")
@@ -205,10 +205,10 @@ def _own_readings(exposed_s: FloatArray, readings_s: FloatArray) -> bool:
 def _curves(t_s: FloatArray, angles_rad: FloatArray) -> tuple[AngleCurve, ...]:
     """Return smooth curves through readings (n, 2), from gap to gap, by generalised cross-validation.
 
-    Straight lines between noisy readings are quietest half-way between them, and cut the corners of a head that turns
-    ever faster: an offset of the PTU's clock would be drawn there. And where a head holds the aircraft, what is left of
-    its turning must not be the readings' noise. However far apart readings are, how the head moves between them is
-    unknown, and has to be taken for that (`calibration.flight.paths`).
+    Straight lines between noisy readings have the least noise half-way between them, and cut the corners of a head that
+    accelerates: an offset of the PTU's clock would be biased. And where a head follows the aircraft, its residual
+    turning must not be the readings' noise. Between distant readings the motion of the head is
+    unknown, and treated as such (`calibration.flight.paths`).
     """
     if len(t_s) < _LEAST_STRETCH:
         return ()

@@ -1,4 +1,4 @@
-"""report.html of a flight's calibration: the verdict first, then parameters, residuals, what was left out."""
+"""report.html of a flight's calibration: the verdict first, then parameters, residuals, omissions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ _WORDS = (1,)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightPage:
-    """What the page shows.
+    """Content of the page.
 
-    ``notes`` are lines of what was decided on the way; ``excluded`` of what was left out; ``antenna_m`` (3,) as the
-    session has it.
+    ``notes`` are lines on decisions; ``excluded`` on omissions; ``antenna_m`` (3,) as in the
+    session.
     """
 
     session: str
@@ -44,7 +44,7 @@ class FlightPage:
 
 
 def write_flight_page(folder: Path, content: FlightPage) -> list[Path]:
-    """Write report.html and the pictures as PNG into ``folder``, made if missing; returns what was written."""
+    """Write report.html and the pictures as PNG into ``folder``, created if missing; returns the written files."""
     pictures = flight_pictures(content.after, content.fit, content.verdict)
     return write_page(folder, flight_page(content, pictures), pictures)
 

@@ -1,4 +1,4 @@
-"""Which parameters a flight is to find, and what is known of them before."""
+"""Choice of the parameters that a flight estimates, and their priors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ FREE_WORDS = (
     "lens",
     "antenna",
 )
-# one sigma before, of what is freed although it is known and the rig does not say how well
+# one sigma a priori, of parameters that are freed although known, without a sigma in the rig
 KNOWN_ROTATION_RAD = float(np.radians(1.0))
 KNOWN_POSITION_M = 0.3
 KNOWN_CLOCK_S = 0.1
@@ -50,7 +50,7 @@ class FreeParameters:
 
 
 def free_words(text: str) -> tuple[str, ...]:
-    """Return the words of --free; raises `InputError` for one that is none."""
+    """Return the words of --free; raises `InputError` for an unknown one."""
     words = tuple(word.strip() for word in text.split(",") if word.strip())
     for word in words:
         if word not in FREE_WORDS:
@@ -59,10 +59,10 @@ def free_words(text: str) -> tuple[str, ...]:
 
 
 def choose_parameters(rig: Rig, words: Sequence[str], dgps_clock_open: bool) -> FreeParameters:
-    """Return what the rig's ``known`` and the sigmas of its clocks leave open, and what ``words`` free besides.
+    """Return the parameters left open by the rig's ``known`` and the sigmas of its clocks, and those of ``words``.
 
-    ``dgps_clock_open`` where nothing says how the log's clock stands to the session's. Raises `InputError` where
-    there is nothing to find.
+    ``dgps_clock_open`` where the relation of the log's clock to the session's is unknown. Raises `InputError` where
+    there is nothing to estimate.
     """
     chosen: dict[str, float] = {}
     for station in rig.stations:
@@ -101,7 +101,7 @@ def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
         clocks["ptu_clock"] = station.ptu_clock
     for clock, model in clocks.items():
         if model.sigma_s > 0.0 or clock in words:
-            # who names it doubts what the rig says of it
+            # naming a parameter overrides the rig's value of it
             chosen[f"{clock}.offset"] = max(model.sigma_s, KNOWN_CLOCK_S if clock in words else 0.0)
     if "drift" in words:
         chosen["camera_clock.drift"] = KNOWN_DRIFT

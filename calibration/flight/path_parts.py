@@ -10,8 +10,8 @@ from calibration.flight.problem import SLOW_S, FlightProblem
 from calibration.flight.smooth_path import PathBasis, Smoothness, find_smoothness, path_basis
 from groundstation.arrays import FloatArray
 
-# knots of a head stand so many readings apart; where these are slow, so long: what a head does between two of them is
-# unknown, and no coarser for that
+# knots of a head are this number of readings apart, or this long where readings are slow: the motion between two of
+# them is unknown, but not smoother for that
 _READINGS_EACH_KNOT = 2.0
 _SLOW_KNOT_S = 0.04
 # heads in mrad, the antenna in m: numbers of one size
@@ -71,7 +71,7 @@ class PathSamples:
 
 
 def path_samples(problem: FlightProblem) -> list[PathSamples]:
-    """Return what is known of the antenna between gaps of the fixes, and of each head where it has a curve."""
+    """Return the samples of the antenna between gaps of the fixes, and of each head where it has a curve."""
     step_s = problem.track.step_s
     found = [
         PathSamples(station=None, t_s=fixes.t_s, samples=fixes.position_m, sigma=fixes.sigma_m, step_s=step_s)

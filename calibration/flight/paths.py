@@ -1,8 +1,8 @@
 """Residuals of a flight, with the paths of the aircraft and of the PTUs unknown (docs/derivation.md, section 16).
 
-What is known of a path are its noisy samples (fixes, readings) and that it is smooth; the pixels tell of it, too. For
-each change of the calibration the paths that fit best are found on the way (variable projection), so that neither the
-fixes' nor the encoders' noise passes for motion, and what frames and stations share of it is counted once:
+A path is constrained by its noisy samples (fixes, readings), its smoothness, and the pixels. For
+each change of the calibration the best paths are solved for (variable projection), so that neither the
+fixes' nor the encoders' noise counts as motion, and errors common to frames and stations count once:
 
     r = (W (h(c, θ) − z), (B θ − y) / σ, D θ / s),    θ(c) = argmin |r|²,    dr/dc = (I − A A⁺) J_c   (Kaufman 1975)
 
@@ -58,10 +58,10 @@ class BlockScores:
 
 @dataclass(slots=True, eq=False)
 class PathResiduals:
-    """Residuals in sigmas and their derivatives by a change (p,) of the calibration, the paths found on the way.
+    """Residuals in sigmas and their derivatives by a change (p,) of the calibration, with the paths eliminated.
 
-    ``factors`` are the pixels' noise found over assumed and ``kept`` the looks, by station; ``at`` is the change at
-    which the pixels' weights are taken. Rows: pixels by station, then the paths' samples and smoothness.
+    ``factors`` are the ratios of estimated to assumed pixel noise and ``kept`` the observations, by station; ``at`` is
+    the change at which the pixels' weights are computed. Rows: pixels by station, then the paths' samples and smoothness.
     """
 
     problem: FlightProblem
@@ -129,7 +129,7 @@ class PathResiduals:
         return found
 
     def loosened(self, change: FloatArray) -> tuple[PathPart, ...]:
-        """Return the paths of the antenna set free where pixels and fixes together say that they break."""
+        """Return the paths of the antenna with the breaks freed that pixels and fixes together show."""
         at = self._solve(change)
         return tuple(self._loosened(part, at) if part.station is None else part for part in self.parts)
 
@@ -150,10 +150,10 @@ class PathResiduals:
         return replace(part, smoothness=tuple(smooth))
 
     def scores(self, change: FloatArray, covariance: FloatArray, block_s: float) -> "BlockScores":
-        """Return what each block of time has to say against a solution, and what noise alone would.
+        """Return the score of each block of time, and its covariance by noise alone.
 
-        The covariance (p, p) is that of a fit whose noise is as assumed. What a path takes up it takes up in its
-        neighbour, too: blocks go against each other, and only the expectation tells what is too much.
+        The covariance (p, p) is that of a fit whose noise is as assumed. A path that yields in one block yields in its
+        neighbour, too: blocks are negatively correlated, and only the expectation shows an excess.
         """
         at = self._solve(change)
         linear = at.linear
@@ -234,7 +234,7 @@ class PathResiduals:
         for name, looks in along.looks.items():
             seen, kept = along.predict(name, change), self.kept[name]
             predicted[name] = seen
-            # a look that lost its reference meanwhile pulls nowhere
+            # an observation that lost its reference meanwhile has no weight
             white = self._white[name] * seen.usable[kept][:, None, None]
             off = (seen.pixel_px - looks.pixel_px)[kept]
             residuals.append(np.einsum("nij,nj->ni", white, off).ravel())

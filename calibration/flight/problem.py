@@ -1,15 +1,15 @@
-"""A flight as a least-squares problem: what each parameter does to each pixel (docs/derivation.md, section 16).
+"""A flight as a least-squares problem: effect of each parameter on each pixel (docs/derivation.md, section 16).
 
 Parameters are differences from the rig's values, in rad, m, s, s/s. Names are ``station.parameter``: those of
 `groundstation.geometry.calibration`, and
 
-- ``camera_clock.offset``: exposures were so much later than the rig's clock says; ``camera_clock.drift`` about the
+- ``camera_clock.offset``: lag of the exposures behind the rig's clock; ``camera_clock.drift`` about the
   middle of the flight,
-- ``ptu_clock.offset``: likewise for the PTU's readings,
+- ``ptu_clock.offset``: the same for the PTU's readings,
 - ``readout``: added to the rolling shutter's time from first row to last,
 
-and without a station ``dgps_clock.offset`` (the log's stamps are so much later than session time) and
-``dgps_antenna.x .y .z`` (added to the antenna's place from the nose).
+and without a station ``dgps_clock.offset`` (lag of the log's stamps behind session time) and
+``dgps_antenna.x .y .z`` (added to the antenna's position from the nose).
 """
 
 from collections.abc import Mapping
@@ -41,7 +41,7 @@ _STEP_SCALES = {
     "principal": 1.0,
 }
 _OTHER_STEP = 0.01
-# readings further apart than this, usually, tell little of what a head does between them
+# readings usually further apart than this do not show the motion of a head between them
 SLOW_S = 0.035
 
 
@@ -56,19 +56,19 @@ class AngleCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StationObservations:
-    """What one station saw.
+    """Observations of one station.
 
     Attributes
     ----------
     t_s : (n,) the frames' stamps, session clock as the rig has it.
     pixel_px, sigma_px : (n, 2) u and v and one sigma of each.
-    sigma_given : whether the sigmas come with the pixels; else they are relative only.
+    sigma_given : whether the sigmas come with the pixels; otherwise they are relative only.
     row_share : (n,) the pixel's row from the middle row, in picture heights.
     readings_s, readings_rad : (m,), (m, 2) the PTU's stamps and pan and tilt, pan without jumps; none where fixed.
-    max_gap_s : readings further apart than this do not bracket an exposure.
-    curves : smooth curves through stretches of readings; between them straight lines.
-    own_readings : readings are slow, and each exposure has one of its own: as long as clocks are held nothing is to be
-        known of how the head moves between them.
+    max_gap_s : largest gap of readings that bracket an exposure.
+    curves : smooth curves through intervals of readings; between them straight lines.
+    own_readings : readings are slow, and each exposure has one of its own: while clocks are fixed the motion of the
+        head between them is not needed.
     """
 
     t_s: FloatArray
@@ -86,7 +86,7 @@ class StationObservations:
         return len(self.t_s)
 
     def keep(self, mask: MaskArray) -> "StationObservations":
-        """Return the looks of ``mask`` (n,) only."""
+        """Return the observations of ``mask`` (n,) only."""
         return StationObservations(
             t_s=self.t_s[mask],
             pixel_px=self.pixel_px[mask],
@@ -117,7 +117,7 @@ class AnglesAtObservations:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PixelPredictions:
-    """Pixels as predicted for one station's n looks, and what p parameters do to them.
+    """Predicted pixels of one station's n observations, and their derivatives by p parameters.
 
     ``pixel_px`` (n, 2); ``jacobian`` (n, 2, p); ``covariance_px2`` (n, 2, 2) of pixel, angle and reference;
     ``usable`` (n,): there are angles and reference, and the point is in front of the camera. ``own_px2`` (n, 2, 2) is
@@ -138,7 +138,7 @@ class PixelPredictions:
 
 
 def angles_at(looks: StationObservations, t_s: FloatArray) -> AnglesAtObservations:
-    """Return a station's angles at instants (n,), by its curves, else between readings; a fixed one's are zero."""
+    """Return a station's angles at instants (n,), by its curves, otherwise between readings; zero if fixed."""
     n = len(t_s)
     t, angles = looks.readings_s, looks.readings_rad
     if len(t) < 2:
@@ -172,11 +172,11 @@ def angles_at(looks: StationObservations, t_s: FloatArray) -> AnglesAtObservatio
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightProblem:
-    """Stations, what they saw, the path flown, and which parameters are free.
+    """Stations, their observations, the path flown, and the free parameters.
 
     Attributes
     ----------
-    names : of the p free parameters; ``prior_sigma`` (p,) infinite where nothing is known before.
+    names : of the p free parameters; ``prior_sigma`` (p,) infinite without a prior.
     antenna_in_body_m : (3,) from the nose: x forward, y right, z down.
     """
 
@@ -246,7 +246,7 @@ class FlightProblem:
         depth = np.zeros(n)
         packed = perturbed_packed(rig.geometry().packed, turn)
         project_calibration_many(packed, points, angles.angles_rad, pixel, by_state, by_rig, depth)
-        # the kernel's small angles turn what has been turned already
+        # the kernel's small angles rotate the already rotated frame
         for part in _TURNS:
             by_rig[:, :, part] = by_rig[:, :, part] @ left_jacobian(turn[part])
         by_point, by_angle = by_state[:, :, :3], by_state[:, :, 3:]

@@ -1,4 +1,4 @@
-"""What a flight's calibration is good for: one sigma of a fix along, across and up, next to the fix's own noise."""
+"""Quality of a flight's calibration: one sigma of a fix along, across and up, next to the fix's own noise."""
 
 from dataclasses import dataclass
 
@@ -27,9 +27,9 @@ class RangeQuality:
     Attributes
     ----------
     range_m : from the middle of the stations.
-    calibration_m, noise_m : (3,) one sigma along, across and up: of what is left of the calibration, and of one
+    calibration_m, noise_m : (3,) one sigma along, across and up: of the remaining calibration error, and of one
         fix by pixels and encoders.
-    flown : whether the aircraft was there; else it is a point beyond, in the direction of the flight.
+    flown : whether the aircraft was there; otherwise it is a point beyond, in the direction of the flight.
     """
 
     range_m: float
@@ -44,7 +44,7 @@ class RangeQuality:
 
 
 def range_qualities(after: Rig, fit: FlightFit) -> list[RangeQuality]:
-    """Return what a fix is worth at 100, 200 and 400 m for heads that turn, else at the ranges that were flown."""
+    """Return the quality of a fix at 100, 200 and 400 m for stations with PTUs, otherwise at the ranges flown."""
     problem = fit.problem
     if len(problem.stations) < 2:
         return []

@@ -13,7 +13,7 @@ from groundstation.evaluation.position_series import ReferenceSeries, smooth_vel
 
 _CUBIC = 3
 _LEAST_FIXES = _CUBIC + 1
-# fewer do not tell their noise from their path
+# fewer do not separate noise from path
 _LEAST_TO_SMOOTH = 12
 # a nose's motion from the antenna's, and the step of its derivative by the arm
 _POINTING_ROUNDS = 2
@@ -87,8 +87,8 @@ class ReferenceTrack:
     def pointed(self, antenna_in_body_m: FloatArray) -> "ReferenceTrack":
         """Return the same path with the body along its nose's motion, for an antenna (3,) m there from the nose.
 
-        In a turn the antenna moves elsewhere than the nose: metres of lever arm would be put centimetres wrong. A
-        longer arm also turns the body: ``runway_from_body`` is then what the arm's change does to the antenna's place.
+        In a turn the antenna and the nose move differently: metres of lever arm would be centimetres wrong. A
+        longer arm also rotates the body: ``runway_from_body`` is then the derivative of the antenna's position.
         """
         other = copy(self)
         steps = _STEP_M * np.eye(3)

@@ -46,7 +46,7 @@ def format_flight_report(
 
 
 def rig_header(session: str, fit: FlightFit) -> str:
-    """Return the comment at the head of the rig file: where it comes from and why sigmas are what they are."""
+    """Return the comment at the head of the rig file: its origin and the reason of its sigmas."""
     worst = max(float(fit.lasting_factor.max()), 1.0)
     return (
         f"# found by a flight: session {session!r}\n"
@@ -103,7 +103,7 @@ def parameter_row(before: Rig, after: Rig, fit: FlightFit, k: int, antenna_m: Fl
 
 
 def gross_times(fit: FlightFit, name: str) -> str:
-    """Say when a station's pixels were left out, in brackets; empty where none was."""
+    """Return when a station's pixels were left out, in brackets; empty if none was."""
     station = fit.stations[name]
     t = fit.problem.looks[name].t_s[station.usable & ~station.kept]
     if not len(t):
@@ -113,7 +113,7 @@ def gross_times(fit: FlightFit, name: str) -> str:
 
 
 def _verdict_lines(verdict: FlightVerdict) -> list[str]:
-    """Return the verdict: first what the flight could not tell, then what the rig is good for and what to do next."""
+    """Return the verdict: first the undetermined parameters, then the rig's quality and the next steps."""
     lines = ["verdict:", *(f"  {text}" for text in verdict.apart), f"  {verdict.summary}"]
     lines += [f"  {text}" for text in verdict.notes]
     if verdict.ranges:

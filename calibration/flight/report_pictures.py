@@ -1,4 +1,4 @@
-"""The pictures of a flight's calibration: where it flew, what is left over, what goes together, what it is good for."""
+"""The pictures of a flight's calibration: flown path, residuals, correlations, quality."""
 
 import io
 from collections.abc import Callable

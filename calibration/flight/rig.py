@@ -1,4 +1,4 @@
-"""The rig that comes out of a flight: every station with what was found, and how well, alone and together."""
+"""The rig resulting from a flight: every station with its estimates, and their separate and joint covariance."""
 
 import math
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ def solved_rig(rig: Rig, fit: FlightFit, session: str, antenna_in_body_m: FloatA
 def _reference(
     before: RigReference | None, fit: FlightFit, session: str, antenna_in_body_m: FloatArray | None
 ) -> RigReference | None:
-    """Return what was found of the DGPS clock and the antenna, and what was known of the rest."""
+    """Return the estimated DGPS clock and antenna, and the prior values of the rest."""
     problem, found = fit.problem, before or RigReference()
     if DGPS_OFFSET in problem.names:
         place = problem.names.index(DGPS_OFFSET)
@@ -87,7 +87,7 @@ def _floor(name: str) -> float:
 
 
 def _solved(before: Station, fit: FlightFit) -> Station:
-    """Return one station with what was found. ``before`` is the rig's own, the fit may have started elsewhere."""
+    """Return one station with its estimates. ``before`` is the rig's own, the fit may have started elsewhere."""
     problem, name = fit.problem, before.name
     own = {short: place for place, short in problem.own(name)}
     station = problem.stations[name].changed(problem.station_change(fit.change, name))
@@ -125,7 +125,7 @@ def _solved(before: Station, fit: FlightFit) -> Station:
 
 
 def _drifted_s(fit: FlightFit, station: str) -> float:
-    """Return one sigma of what a camera's clock has drifted at the flight's ends, s: a rig carries offsets alone."""
+    """Return one sigma of a camera clock's drift at the flight's ends, s: a rig contains offsets only."""
     drift = f"{station}.camera_clock.drift"
     if drift not in fit.problem.names:
         return 0.0
@@ -134,7 +134,7 @@ def _drifted_s(fit: FlightFit, station: str) -> float:
 
 
 def _covariance(station: Station, fit: FlightFit) -> tuple[tuple[str, ...], FloatArray]:
-    """Return names and matrix: what was found, not below the floors, and what the rig states of the rest."""
+    """Return names and matrix: the estimates, with lower limits, and the rig's covariance of the rest."""
     own = [(k, short) for k, short in fit.problem.own(station.name) if short in CALIBRATION_PARAMETERS]
     found = [short for _, short in own]
     rest = [k for k, short in enumerate(station.covariance_parameters) if short not in found]

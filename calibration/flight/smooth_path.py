@@ -1,21 +1,21 @@
 """Smooth paths: cubic splines with a prior on the differences of their coefficients (docs/derivation.md, section 16).
 
 A path is Σ c_k B_k(t), cubic B-splines on even knots. Its differences of order m, c_{k+3} − 3c_{k+2} + 3c_{k+1} − c_k
-for m = 3, c_{k+2} − 2c_{k+1} + c_k for m = 2, are taken to be white noise of s: a jerk or an acceleration that changes
-at random. How large s is, the samples tell: it maximises
+for m = 3, c_{k+2} − 2c_{k+1} + c_k for m = 2, are modelled as white noise of s: a jerk or an acceleration that changes
+at random. The size of s is estimated from the samples: it maximises
 
-    −2 log p = Q/σ² + log|BᵀB + DᵀD σ²/s²| + (K − m) log(s²/σ²),     Q what is left over, in both parts,
+    −2 log p = Q/σ² + log|BᵀB + DᵀD σ²/s²| + (K − m) log(s²/σ²),     Q the residual, in both parts,
 
 the probability of the samples with all paths integrated out (Eilers and Marx 1996 for the splines). Cross-validation,
 which needs no σ, follows an encoder's steps where the head turns slowly.
 
-Which m the samples tell, too: the path of an aircraft in gusts is rougher than any random jerk, and a spline too smooth
-for it is wrong for longer than a fix. For that the second differences get a mean g β, β unknown, so that either order
-leaves the same paths free, parabolas (restricted likelihood, Harville 1974); log|DDᵀ|, else a constant, counts then.
+So is m: the path of an aircraft in gusts is rougher than any random jerk, and errors of a spline that is too smooth
+for it last longer than a fix. For that the second differences get a mean g β, β unknown, so that either order
+leaves the same paths free, parabolas (restricted likelihood, Harville 1974); log|DDᵀ|, else constant, counts then.
 
-A craft that rounds out, a head that is sent elsewhere: for an instant a path is less smooth than it is elsewhere. Where
-the difference found is more than 4.5 of its own sigmas, √(s² − (D N⁻¹ Dᵀ)_kk) with N the normal matrix, it and its
-neighbours are set free, and s is estimated again (de Jong and Penzer 1998).
+A flare, or a head that is commanded elsewhere: at an instant a path is less smooth than elsewhere. Where
+the estimated difference is more than 4.5 of its own sigmas, √(s² − (D N⁻¹ Dᵀ)_kk) with N the normal matrix, it and its
+neighbours are freed, and s is estimated again (de Jong and Penzer 1998).
 """
 
 from dataclasses import dataclass, replace
@@ -110,9 +110,9 @@ def path_basis(from_s: float, to_s: float, step_s: float) -> PathBasis:
 
 
 def find_smoothness(basis: PathBasis, t_s: FloatArray, values: FloatArray, sigma: FloatArray) -> Smoothness:
-    """Return how smooth a path is that was sampled as ``values`` (n,) with noise ``sigma`` (n,).
+    """Return the smoothness of a path that was sampled as ``values`` (n,) with noise ``sigma`` (n,).
 
-    The noise is taken as stated, or larger where the samples say so more clearly than chance would.
+    The noise is as stated, or larger where the samples show it beyond chance.
     """
     usual = float(np.sqrt(np.mean(sigma**2)))
     fits = [_fit(Evidence(basis, t_s, values - values.mean(), sigma / usual, order), usual) for order in ORDERS]
@@ -173,7 +173,7 @@ class Evidence:
 
         ratio = most_probable(None)
         noise = float(np.sqrt(self._residual(penalty, ratio)[0] / max(self._samples - self.order, 1)))
-        # what is stated is knowledge: what chance finds above it, too, raises nothing
+        # the stated noise is prior information: an excess within chance has no effect
         freedom = self._samples - self.order
         raised = freedom > 0 and noise >= stated * float(np.sqrt(chi_square_quantile(_CHANCE, freedom) / freedom))
         return (ratio, noise) if raised else (most_probable(stated), stated)
@@ -184,7 +184,7 @@ class Evidence:
         penalty = _bands(D.T @ diags(weight) @ D)
         root = cholesky_banded(self._normal + penalty / ratio**2, lower=True)
         found = np.abs(D @ cho_solve_banded((root, True), self._right)) / noise
-        # a difference touches neighbours only, so that the inverse within the band is all that it asks for
+        # a difference involves neighbours only, so that the inverse within the band is sufficient
         Z = _symmetric(banded_inverse(root))
         taken = np.asarray((D @ Z).multiply(D).sum(axis=1)).ravel()
         variance = ratio**2 / weight - taken

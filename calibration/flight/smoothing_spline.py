@@ -1,9 +1,9 @@
-"""A smooth curve through noisy samples, as smooth as generalised cross-validation has it, by bands.
+"""A smooth curve through noisy samples, with smoothness by generalised cross-validation, in banded form.
 
-`scipy.interpolate.make_smoothing_spline` draws the same curve, but takes far longer over how smooth it is to be. In the
+`scipy.interpolate.make_smoothing_spline` gives the same curve, but takes far longer to determine its smoothness. In the
 form of C. H. Reinsch, Numer. Math. 10 (1967): of the f that minimises Σ (y − f)² + λ ∫ f''², the second derivatives γ
-are (R + λ QᵀQ) γ = Qᵀy, what is left over is λ Q γ, and the trace that the criterion of P. Craven and G. Wahba, Numer.
-Math. 31 (1979), asks for is λ tr((R + λ QᵀQ)⁻¹ QᵀQ), for which the bands of the inverse are enough (M. F. Hutchinson
+are (R + λ QᵀQ) γ = Qᵀy, the residual is λ Q γ, and the trace in the criterion of P. Craven and G. Wahba, Numer.
+Math. 31 (1979), is λ tr((R + λ QᵀQ)⁻¹ QᵀQ), for which the bands of the inverse are sufficient (M. F. Hutchinson
 and F. R. de Hoog, Numer. Math. 47, 1985).
 """
 

@@ -18,7 +18,7 @@ _SCAN_STEPS = 41
 # directions, or places, spread less than this across their line are a line
 _LEAST_SPREAD_RAD = 2e-4
 _LEAST_PLACE_SPREAD = 0.005
-# a pose whose bearings miss by more is none
+# largest misfit of the bearings of a valid pose
 _MOST_MISS_RAD = float(np.radians(5.0))
 
 
@@ -37,9 +37,9 @@ class _Started:
 
 
 def find_start(problem: FlightProblem) -> StartingPoint:
-    """Find a pose for each station that lacks one, and the clocks with it.
+    """Estimate a pose for each station that lacks one, and the clocks with it.
 
-    Raises `FlightFitError` where a pose cannot be found from what was seen.
+    Raises `FlightFitError` where the observations do not give a pose.
     """
     stations, offsets = dict(problem.stations), {}
     for name, station in problem.stations.items():
@@ -62,7 +62,7 @@ def find_start(problem: FlightProblem) -> StartingPoint:
 
 
 def _start(problem: FlightProblem, station: Station, looks: StationObservations) -> _Started:
-    """Scan the clock's offset; at each, the pose without a guess."""
+    """Scan the clock's offset; at each, the pose without an initial value."""
     name = station.name
     if len(looks) < MIN_OBSERVATIONS:
         raise FlightFitError(f"station {name}: got {len(looks)} pixels; wanted at least {MIN_OBSERVATIONS}")

@@ -1,4 +1,4 @@
-"""The verdict on a flight's calibration: what it could not tell, what it is good for, what to do next."""
+"""The verdict on a flight's calibration: undetermined parameters, quality, next steps."""
 
 from dataclasses import dataclass
 
@@ -23,15 +23,15 @@ _LASTING = 3.0
 _GROSS_SHARE = 0.05
 # of the sigma stated with the pixels; and of pixels without a sigma
 _MOST_NOISE, _WORST_LABELS_PX = 3.0, 4.5
-# sigmas from what was known before: worth a word, and none of chance's
+# significant deviations from the prior
 _NOTED, _CONTRADICTED = 3.0, 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightVerdict:
-    """Words for a person; each list may be empty.
+    """Text for the user; each list may be empty.
 
-    ``summary`` one sentence; ``apart`` what was not told apart or not learnt; ``notes``; ``next_steps``.
+    ``summary`` one sentence; ``apart`` inseparable or undetermined parameters; ``notes``; ``next_steps``.
     """
 
     summary: str
@@ -43,7 +43,7 @@ class FlightVerdict:
 
 
 def judge_flight(after: Rig, fit: FlightFit) -> FlightVerdict:
-    """Judge a fit and the rig that came of it."""
+    """Evaluate a fit and the resulting rig."""
     mixed, weak, ranges = correlated_parameters(fit), unobservable_parameters(fit), range_qualities(after, fit)
     apart = [f"cannot tell apart: {c.words}" for c in mixed[:_MOST]]
     if len(mixed) > _MOST:
@@ -114,7 +114,7 @@ def _notes(fit: FlightFit) -> list[str]:
 
 
 def _of_shutters(after: Rig, fit: FlightFit) -> list[str]:
-    """Return what a shutter below zero means: chance about a global one, or a picture that is upside down."""
+    """Return the meaning of a negative shutter time: chance about a global one, or a picture that is upside down."""
     lines = []
     for k, name in enumerate(fit.problem.names):
         station, _, short = name.partition(".")
@@ -149,7 +149,7 @@ def _of_slow_readings(fit: FlightFit) -> list[str]:
 
 
 def _far_off(fit: FlightFit, sigmas: float) -> dict[str, float]:
-    """Return what is far from where it was before, and by how many sigmas."""
+    """Return the parameters far from their values before, and the deviations in sigmas."""
     prior = fit.problem.prior_sigma
     off = np.abs(fit.change) / np.where(np.isfinite(prior), prior, np.inf)
     return {fit.problem.names[k]: float(off[k]) for k in np.flatnonzero(off > sigmas)}

@@ -1,1 +1,1 @@
-"""Where stations stand and look, from landmarks; and whether that still holds."""
+"""Poses of stations from landmarks, and the check whether they are still valid."""

@@ -1,4 +1,4 @@
-"""What a station's readings of landmarks are worth: angles by its axes' calibration, variances that count repeats."""
+"""Weights of a station's readings of landmarks: angles by its axes' calibration, variances that count repeats."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ _HARMONICS = 50
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LandmarkObservations:
-    """One station's n looks at landmarks, of one day.
+    """One station's n observations of landmarks, of one day.
 
     Attributes
     ----------
-    today : whether the mount may have moved since the other looks, or since the rig was calibrated.
-    landmark : (n,) place of each look's landmark in the problem's list.
+    today : whether the mount may have moved since the other observations, or since the rig was calibrated.
+    landmark : (n,) index of each observation's landmark in the problem's list.
     angles_rad : (n, 2) pan and tilt, by the rig's `ptu_axes`; zero of a fixed station.
     pixel_px : (n, 2) u, v.
     pixel_variance : (n,) of each axis, px²; ``angle_variance`` (n,) of each angle, rad².
@@ -42,7 +42,7 @@ class LandmarkObservations:
 def gather_observations(
     sightings: Sequence[LandmarkSighting], station: Station, landmarks: Mapping[str, int], *, today: bool = False
 ) -> LandmarkObservations:
-    """Return the looks of one station out of a table's sightings; ``landmarks`` maps a name to its place."""
+    """Return the observations of one station in a table of sightings; ``landmarks`` maps a name to its position."""
     own = tuple(s for s in sightings if s.station == station.name)
     angles = np.zeros((len(own), 2))
     if not station.fixed:
@@ -90,7 +90,7 @@ def lasting_variance(step_rad: float, sigma_rad: float) -> float:
 
 
 def reading_variances(station: Station) -> tuple[float, float]:
-    """Return the variance, rad², of an angle's error that lasts while a head stands, and of what each reading adds."""
+    """Return the variance, rad², of an angle's error that lasts while a head is at rest, and of each reading's own."""
     # of no noise at all the sum over harmonics is an even twelfth of the step
     lasting = (
         lasting_variance(station.ptu_resolution_rad, station.ptu_sigma_rad)
@@ -101,7 +101,7 @@ def reading_variances(station: Station) -> tuple[float, float]:
 
 
 def _angle_variance(station: Station, stops: NDArray[np.int64]) -> FloatArray:
-    """Return each look's variance such that the mean over a stop has the variance that it truly has."""
+    """Return each observation's variance such that the mean over a stop has the correct variance."""
     if station.fixed:
         return np.zeros(len(stops))
     lasting, fleeting = reading_variances(station)
@@ -109,7 +109,7 @@ def _angle_variance(station: Station, stops: NDArray[np.int64]) -> FloatArray:
 
 
 def _copies(pixel_px: FloatArray, stops: NDArray[np.int64]) -> FloatArray:
-    """Return how often (n,) each look's very pixel stands in its stop: the same picture counts once."""
+    """Return the number (n,) of copies of each observation's pixel in its stop: the same picture counts once."""
     if not len(stops):
         return np.zeros(0)
     key = np.column_stack([stops, pixel_px])

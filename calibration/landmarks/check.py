@@ -29,7 +29,7 @@ FALSE_ALARM = 0.01
 POWER = 0.99
 # further than this is another set-up, not a knock
 MOST_MOVED_RAD = float(np.radians(3.0))
-# chi-square by which a slipped camera must explain the looks better than a base that has turned
+# chi-square by which a slipped camera must fit better than a rotated base
 _CLEARLY = 15.0
 _WORST_MISFIT = 5.0
 EFFECT_RANGE_M = 400.0
@@ -37,16 +37,16 @@ EFFECT_RANGE_M = 400.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StationMovement:
-    """By how much one station's base has turned, or its camera on the head.
+    """Movement of one station's base, or of its camera on the head.
 
     Attributes
     ----------
     group : of the rotation that has changed, ``runway_from_base`` or ``head_from_camera``.
     turned_rad, sigma_rad : (3,) about the axes x (tilt), y (roll), z (pan) of the base, or of the head.
     change_rad : (3,) the same rotation in the frame of the group, runway or head.
-    statistic, threshold : chi-square of three degrees of freedom, and what it exceeds by chance too rarely.
-    detectable_rad : (3,) the turn about each axis that this check finds in 99 of 100 cases.
-    landmarks : names of those that were used.
+    statistic, threshold : chi-square of three degrees of freedom, and its limit by the false alarm rate.
+    detectable_rad : (3,) the rotation about each axis that this check detects in 99 of 100 cases.
+    landmarks : names of the used ones.
     """
 
     station: str
@@ -72,9 +72,9 @@ class StationMovement:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Check:
-    """What a check has found; ``corrected`` is the rig itself where nothing has moved.
+    """The result of a check; ``corrected`` is the rig itself where nothing has moved.
 
-    ``along_m`` is how far a point at 400 m is put wrong along the runway by what has moved, None for one station.
+    ``along_m`` is the resulting error along the runway of a point at 400 m, None for one station.
     """
 
     rig: Rig
@@ -86,7 +86,7 @@ class Check:
 
     @property
     def moved(self) -> tuple[StationMovement, ...]:
-        """Return what has moved."""
+        """Return the stations that have moved."""
         return tuple(m for m in self.movements if m.moved)
 
 
@@ -116,7 +116,7 @@ def solve_check(
         _require_two(looks, seen, stations[looks.station])
     then = [gather_observations(reference, station, places) for station in stations.values()]
     then = [looks for looks in then if len(looks)]
-    # what the rig says of an orientation may come from these very sightings: it is estimated from them again
+    # the rig's orientation may come from these very sightings: it is estimated from them again
     free = [f"{looks.station}.runway_from_base.{axis}" for looks in then for axis in AXES]
     before = rig.calibration_covariance()
 
@@ -170,7 +170,7 @@ def _best(solve: Callable[[frozenset[str]], LandmarkFit], turning: Sequence[str]
 
 
 def _cost(fit: LandmarkFit) -> float:
-    """Return the sum of squares in sigmas, of what was left out as much as just stays in."""
+    """Return the sum of squares in sigmas; each omission counts as much as a sighting just within the limit."""
     known = fit.unknowns[fit.problem.known]
     return float((np.minimum(fit.length, OUTLIER_SIGMA) ** 2).sum() + known @ known)
 
@@ -191,7 +191,7 @@ def _require_two(looks: LandmarkObservations, landmarks: Sequence[Landmark], sta
 
 
 def _require_fit(fit: LandmarkFit, names: Sequence[str]) -> None:
-    """Raise `LandmarkFitError` where what was seen contradicts itself."""
+    """Raise `LandmarkFitError` where the observations contradict each other."""
     for name in names:
         require_most_kept(fit, name)
         kept = inlier_landmarks(fit, name)
@@ -209,7 +209,7 @@ def _require_fit(fit: LandmarkFit, names: Sequence[str]) -> None:
 
 
 def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> StationMovement:
-    """Test whether one station has turned: what the looks alone know of the turn, all else being uncertain."""
+    """Test whether one station has turned: the information of the observations alone, all else being uncertain."""
     problem = fit.problem
     places = problem.places(f"{station.name}.moved")
     unknowns = [int(np.flatnonzero(problem.spread[k])[0]) for k in places]
@@ -219,7 +219,7 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Station
         fit.information[np.ix_(unknowns, unknowns)]
         - across @ inverse_with_floor(fit.information[np.ix_(rest, rest)]) @ across.T
     )
-    # what was known of the turn before, which is no evidence, is taken out again
+    # the prior on the turn, which is no evidence, is removed again
     by_looks = (marginal - np.eye(3)) / MOVED_SIGMA_RAD**2 / fit.raised**2
     slipped = station.name in problem.slipped
     # the base's own axes; the head's are those of its group already

@@ -1,4 +1,4 @@
-"""The rig as it stands after a check: turned by what was found, and less well known than before."""
+"""The rig after a check: rotated by the estimate, with a larger covariance than before."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,13 +14,13 @@ from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Rig
 
-# of what was found so much stays uncertain: a mount that has given way once, or another part of it than was taken
+# remaining share of uncertainty: a mount that has yielded once, or another part of it than assumed
 _DOUBT = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Turn:
-    """What has turned: ``names`` (3) of the rotation's parameters, ``change_rad`` (3,) in the frame of their name."""
+    """The rotation: ``names`` (3) of its parameters, ``change_rad`` (3,) in the frame of their name."""
 
     station: str
     names: tuple[str, ...]
@@ -37,7 +37,7 @@ def corrected_rig(rig: Rig, fit: LandmarkFit, moved: Sequence[Turn], referred: s
 
 
 def _turned(rig: Rig, fit: LandmarkFit, moved: Sequence[Turn]) -> Rig:
-    """Return the rig turned by what was found against a reference; what the turn is uncertain by comes on top."""
+    """Return the rig rotated by the estimate against a reference; the rotation's covariance is added."""
     if not moved:
         return rig
     before = rig.calibration_covariance()
@@ -59,7 +59,7 @@ def _turned(rig: Rig, fit: LandmarkFit, moved: Sequence[Turn]) -> Rig:
 
 
 def _replaced(rig: Rig, fit: LandmarkFit, moved: Sequence[Turn]) -> Rig:
-    """Return the rig with stations as today's looks have them, within what it says of all but their orientation."""
+    """Return the rig with poses from the new observations, within its covariance of all but their orientation."""
     if not moved:
         return rig
     problem = fit.problem

@@ -25,7 +25,7 @@ _CAPTION = (
 
 
 def check_pictures(check: Check, alarm_deg: float) -> list[ReportPicture]:
-    """Draw one picture for each station that was looked at; needs no window system."""
+    """Draw one picture for each observed station; needs no window system."""
     expected, first, pictures = expected_px(check), 0, []
     for looks in check.fit.problem.looks:
         rows = slice(first, first + len(looks))
@@ -50,7 +50,7 @@ def check_pictures(check: Check, alarm_deg: float) -> list[ReportPicture]:
 
 
 def expected_px(check: Check) -> FloatArray:
-    """Return where all looks (n, 2) would have seen their landmarks, had nothing moved since the rig was calibrated."""
+    """Return where all landmarks (n, 2) would have been observed, had nothing moved since the rig was calibrated."""
     problem, unknowns = check.fit.problem, check.fit.unknowns.copy()
     for movement in check.movements:
         for place in problem.places(f"{movement.station}.moved"):

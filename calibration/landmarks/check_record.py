@@ -24,12 +24,12 @@ def record_path(rig: Path) -> Path:
 def check_record(
     files: dict[str, Path], sightings: Sequence[LandmarkSighting], check: Check | None, decision: str, reason: str = ""
 ) -> dict[str, Any]:
-    """Return one check as JSON has it.
+    """Return one check for JSON.
 
     Parameters
     ----------
-    files : what was read, by role; each is named with the beginning of its SHA-256, so that it can be told later.
-    check : None where the check ended in an error, which ``reason`` then is.
+    files : the files read, by role; each is named with the beginning of its SHA-256, to identify it later.
+    check : None where the check ended in an error, given in ``reason``.
     """
     times = [s.t_s for s in sightings if s.t_s is not None]
     record: dict[str, Any] = {

@@ -56,7 +56,7 @@ def keep_reference(sightings: Path, rig: Path) -> Path:
 
 
 def find_reference(rig: Path, asked: Path | None) -> ComparisonTable:
-    """Return the table asked for, else the one next to the rig, if there is one; ``none`` asks for none."""
+    """Return the requested table, otherwise the one next to the rig, if it exists; ``none`` for no reference."""
     if asked is not None:
         if str(asked) == NONE:
             return ComparisonTable(path=None, kept=False, note="compared with the rig alone")
@@ -105,7 +105,7 @@ def _in_roundings(sighting: LandmarkSighting, stamped: bool) -> list[float]:
 
 
 def other_set_up(check: Check) -> str | None:
-    """Return which station the reference saw standing otherwise than the rig says, in words, or None."""
+    """Return the station whose pose in the reference differs from the rig's, in words, or None."""
     problem = check.fit.problem
     for movement in check.movements:
         names = [f"{movement.station}.runway_from_base.{axis}" for axis in AXES]

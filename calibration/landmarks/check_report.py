@@ -1,4 +1,4 @@
-"""What a check has found, in a line for each station, and as a page."""
+"""The result of a check, in a line for each station, and as a page."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ TABLE_HEAD = ("station", "pan", "tilt", "roll", "chi-square", "alarm above", "wo
 
 
 def format_check(check: Check, alarm_deg: float, decision: str) -> str:
-    """Return a line for each station, what was left out and what the check could not see."""
+    """Return a line for each station, the omissions and the limits of the check."""
     lines = [station_line(check, m) for m in check.movements]
     lines += [f"{name}: not looked at, not checked" for name in check.unseen]
     lines += [f"left out: {text}" for text in rejected(check.fit)]
@@ -47,7 +47,7 @@ def station_line(check: Check, movement: StationMovement) -> str:
 
 
 def notes(check: Check, alarm_deg: float) -> list[str]:
-    """Return what the reader must know of the check itself: what it would not have seen."""
+    """Return the limits of the check itself: movements that it would not detect."""
     found = []
     for movement in check.movements:
         least = np.degrees(movement.detectable_rad)
@@ -91,7 +91,7 @@ def table_rows(check: Check) -> list[tuple[str, ...]]:
 
 
 def write_check_report(folder: Path, check: Check, alarm_deg: float, decision: str, name: str) -> list[Path]:
-    """Write report.html and its pictures into ``folder``, made if missing; returns what was written."""
+    """Write report.html and its pictures into ``folder``, created if missing; returns the written files."""
     pictures = check_pictures(check, alarm_deg)
     figures = [png_figure(p.title, p.caption, p.png) for p in pictures]
     body = "\n".join(

@@ -19,16 +19,16 @@ _MISFIT_PROBABILITY = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LandmarkFit:
-    """The solution of a `LandmarkProblem` of p parameters, q unknowns and n looks.
+    """The solution of a `LandmarkProblem` of p parameters, q unknowns and n observations.
 
     Attributes
     ----------
-    change, covariance : (p,), (p, p) what was found, rotations as small angles about the solution.
-    information : (q, q) of the unknowns, those known before included, noise as stated.
-    kept : (n,) looks that were used; ``length`` (n,) of the residuals in sigmas, ``residual_px`` (n, 2).
-    rejected_landmarks : name to how many sigmas its coordinates are off.
-    chi_square, freedom : of what was kept, and its degrees of freedom.
-    raised : the factor on all sigmas for a fit that is worse than its noise, else 1.
+    change, covariance : (p,), (p, p) the estimate, rotations as small angles about the solution.
+    information : (q, q) of the unknowns, with their priors, noise as stated.
+    kept : (n,) observations used; ``length`` (n,) of the residuals in sigmas, ``residual_px`` (n, 2).
+    rejected_landmarks : name to the error of its coordinates in sigmas.
+    chi_square, freedom : of the observations used, and its degrees of freedom.
+    raised : the factor on all sigmas for a fit that is worse than its noise, otherwise 1.
     """
 
     problem: LandmarkProblem
@@ -56,7 +56,7 @@ class LandmarkFit:
 
 
 def solve_landmarks(problem: LandmarkProblem, start: FloatArray | None = None) -> LandmarkFit:
-    """Find the unknowns, zero at the start if not given (q,); leaves out looks and landmarks that do not fit."""
+    """Estimate the unknowns, initially zero if not given (q,); leaves out misfitting observations and landmarks."""
     unknowns = np.zeros(len(problem.known)) if start is None else start
     kept = np.ones(len(problem.pixel_px), dtype=np.bool_)
     rejected: dict[str, float] = {}
@@ -104,7 +104,7 @@ def _finished(
 def information_with(
     problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, *, pixel: float = 1.0, angle: float = 1.0
 ) -> FloatArray:
-    """Return the information (q, q) that the same looks would give with other noise: factors on the variances."""
+    """Return the information (q, q) of the same observations with other noise: factors on the variances."""
     seen = problem.evaluate(unknowns)
     by_pixel, by_angle = problem.variances
     noise = pixel * by_pixel[:, None, None] * np.eye(2)

@@ -26,7 +26,7 @@ from groundstation.rig.rig_toml import rig_to_toml
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurveyRequest:
-    """What to survey with; ``free`` is the list of --free, ``report`` a folder or None."""
+    """Options of a survey; ``free`` is the list of --free, ``report`` a folder or None."""
 
     sightings: Path
     landmarks: Path
@@ -38,7 +38,7 @@ class SurveyRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SurveyDone:
-    """What was found, the words for a person, and the files that were written."""
+    """The result, the text for the user, and the files written."""
 
     survey: Survey
     text: str
@@ -49,7 +49,7 @@ def run_survey(request: SurveyRequest) -> SurveyDone:
     """Survey, and write the rig; raises `GroundstationError`, one line, and writes nothing where that cannot be."""
     words = survey_words(request.free)
     _require_toml(request.out)
-    # the sightings themselves may stand there already
+    # the sightings themselves may be there already
     refuse_keeping_onto(request.out, (request.landmarks, request.rig))
     rig = load_rig(request.rig)
     sightings, landmarks = read_sightings(request.sightings), read_landmarks(request.landmarks)
@@ -65,9 +65,9 @@ def run_survey(request: SurveyRequest) -> SurveyDone:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckRequest:
-    """What to check; ``out`` None refuses what has moved, a path corrects it.
+    """Options of a check; ``out`` None refuses a moved rig, a path corrects it.
 
-    Without a ``reference`` the survey's table next to the rig is taken, where there is one; ``none`` takes none.
+    Without a ``reference`` the survey's table next to the rig is used, if it exists; ``none`` uses none.
     """
 
     sightings: Path
@@ -93,7 +93,7 @@ Ask = Callable[[Rig, Sequence[LandmarkSighting], Mapping[str, Landmark]], Compar
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CheckDone:
-    """What was found and decided: ``good`` where a session may start with the rig, or with the corrected one."""
+    """The result and decision: ``good`` where a session may start with the rig, or with the corrected one."""
 
     check: Check
     text: str
@@ -102,10 +102,10 @@ class CheckDone:
 
 
 def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
-    """Check, decide, write the corrected rig if asked for, and always a line of record.
+    """Check, decide, write the corrected rig if requested, and always a line of record.
 
-    ``ask`` gives a second opinion of the rig that would be used; if that is against it, the rig is refused. Raises
-    `GroundstationError`, one line, where the check cannot be made; that stands in the record, too.
+    ``ask`` is a second test of the rig that would be used; if it fails, the rig is refused. Raises
+    `GroundstationError`, one line, where the check cannot be made; that is in the record, too.
     """
     record = request.record or record_path(request.rig)
     files = {"rig": request.rig, "sightings": request.sightings, "landmarks": request.landmarks}
@@ -121,7 +121,7 @@ def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
             raise InputError("--alarm-deg", got=f"{request.alarm_deg:g}", wanted="a number above 0 to 10")
         sightings = read_sightings(request.sightings)
         check, reference = _compared(request, sightings, reference)
-        # with --out, what has moved has been put right
+        # with --out, a movement has been corrected
         rig = check.rig if request.out is None else check.corrected
         opinion = None if ask is None else ask(rig, sightings, read_landmarks(request.landmarks))
     except GroundstationError as error:
@@ -132,7 +132,7 @@ def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
     if request.out is not None and word != "refused":
         _write(request.out, _header(check, request) + rig_to_toml(check.corrected))
         written.append(request.out)
-        # what has moved is seen by today's sightings only
+        # a movement is observed by the new sightings only
         table = request.sightings if check.moved or reference.path is None else reference.path
         written.append(keep_reference(table, request.out))
     append_record(record, check_record(files, sightings, check, word, decision))
@@ -147,7 +147,7 @@ def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
 def _compared(
     request: CheckRequest, sightings: Sequence[LandmarkSighting], reference: ComparisonTable
 ) -> tuple[Check, ComparisonTable]:
-    """Check against the reference; one kept from another set-up of the stations is none, and the note says so."""
+    """Check against the reference; one of another set-up of the stations is not used, with a note."""
     rig, landmarks = load_rig(request.rig), read_landmarks(request.landmarks)
     kept = reference_path(request.rig)
     if reference.path is None and kept.is_file():

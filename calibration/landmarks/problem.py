@@ -33,7 +33,7 @@ _TURNS = (slice(0, 3), slice(6, 9))
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearisedSightings:
-    """Predicted pixels (n, 2) of all looks, ``jacobian`` (n, 2, q) by the unknowns, ``by_angle`` (n, 2, 2)."""
+    """Predicted pixels (n, 2) of all observations, ``jacobian`` (n, 2, q) by the unknowns, ``by_angle`` (n, 2, 2)."""
 
     pixel_px: FloatArray
     jacobian: FloatArray
@@ -43,14 +43,14 @@ class LinearisedSightings:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LandmarkProblem:
-    """Who looked at what, and which p parameters depend on which q unknowns.
+    """The observations, and the dependence of p parameters on q unknowns.
 
     Attributes
     ----------
     names : (p,) of the parameters.
     spread : (p, q) a change is spread · unknowns.
-    known : (q,) unknowns that are standard normal before anything is seen; of the others nothing is known.
-    slipped : stations whose camera has turned on its head, where of others the base has.
+    known : (q,) unknowns with a standard normal prior; the others have none.
+    slipped : stations whose camera has turned on its head, rather than the base.
     """
 
     stations: Mapping[str, Station]
@@ -69,12 +69,12 @@ class LandmarkProblem:
 
     @property
     def pixel_px(self) -> FloatArray:
-        """All looks' pixels (n, 2)."""
+        """All observations' pixels (n, 2)."""
         return np.concatenate([looks.pixel_px for looks in self.looks])
 
     @property
     def variances(self) -> tuple[FloatArray, FloatArray]:
-        """All looks' variances (n,) of a pixel's axis, px², and of an angle, rad²."""
+        """All observations' variances (n,) of a pixel's axis, px², and of an angle, rad²."""
         return (
             np.concatenate([looks.pixel_variance for looks in self.looks]),
             np.concatenate([looks.angle_variance for looks in self.looks]),
@@ -109,9 +109,9 @@ class LandmarkProblem:
         return CALIBRATION_PARAMETERS.index("head_from_camera.x" if station in self.slipped else "runway_from_base.x")
 
     def evaluate(self, unknowns: FloatArray) -> LinearisedSightings:
-        """Predict all looks' pixels at unknowns (q,)."""
+        """Predict all observations' pixels at unknowns (q,)."""
         at = unknowns.tobytes()
-        # a solver asks for residuals, slopes and noise at one place
+        # a solver requests residuals, slopes and noise at one point
         if at not in self._newest:
             self._newest.clear()
             self._newest[at] = self._evaluate(self.spread @ unknowns)
@@ -184,10 +184,10 @@ def pose_problem(
     moved: Sequence[str] = (),
     slipped: frozenset[str] = frozenset(),
 ) -> LandmarkProblem:
-    """Return the problem of finding ``free`` parameters, of which nothing is known, and the rest within ``before``.
+    """Return the problem of estimating ``free`` parameters without a prior, and the rest within ``before``.
 
-    ``before`` is a joint covariance of ``station.parameter``; what it says of ``free`` ones is not used. Landmarks are
-    uncertain by their own sigmas. Stations of ``moved`` may have turned by `MOVED_SIGMA_RAD` between looks, those of
+    ``before`` is a joint covariance of ``station.parameter``; its part of ``free`` ones is not used. Landmarks are
+    uncertain by their own sigmas. Stations of ``moved`` may have turned by `MOVED_SIGMA_RAD` between them, those of
     ``slipped`` not with their base but with the camera on the head.
     """
     blocks: list[tuple[tuple[str, ...], FloatArray, bool]] = []

@@ -1,7 +1,7 @@
 """Outlier rejection: single sightings against the rest of their standstill, landmarks against the other landmarks.
 
-A far landmark with a wrong coordinate can pull a free position so that others look wrong, and no convex loss helps. So
-each landmark, and each station's sightings of it, is left out in turn, and the one goes without which the rest fits.
+A far landmark with a wrong coordinate can pull a free position so that others appear wrong, and no convex loss helps.
+Each landmark, and each station's sightings of it, is left out in turn; the one without which the rest fits is removed.
 """
 
 from collections.abc import Iterator
@@ -22,12 +22,12 @@ _CLEARLY = 15.0
 
 
 class LandmarkFitError(GroundstationError):
-    """The sightings do not determine what is asked for, or contradict each other."""
+    """The sightings do not determine the requested parameters, or contradict each other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rejection:
-    """Looks (n,) to leave out, and landmarks with how many sigmas they are off; nothing where all fit."""
+    """Observations (n,) to leave out, and landmarks with their errors in sigmas; empty where all fit."""
 
     looks: MaskArray
     landmarks: dict[str, float]
@@ -40,7 +40,7 @@ class Rejection:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _ExclusionTrial:
-    """One try: what is left out, its names, how well the rest fits, and whether nothing gross remains."""
+    """One trial: the omission, its names, the fit of the rest, and whether no gross error remains."""
 
     looks: MaskArray
     landmark: int
@@ -50,9 +50,9 @@ class _ExclusionTrial:
 
 
 def single_sightings(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> MaskArray:
-    """Return looks (n,) that are off the median of the same station's other looks at the same landmark.
+    """Return observations (n,) off the median of the same station's other observations of the same landmark.
 
-    That is true whatever the pose: a slip of one picture, not of the landmark.
+    This holds whatever the pose: an error of one picture, not of the landmark.
     """
     white = white_residuals(problem, unknowns)
     off = kept & ~np.isfinite(white).all(axis=1)
@@ -95,7 +95,7 @@ def find_outlier(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray
 
 
 def _groups(problem: LandmarkProblem) -> Iterator[MaskArray]:
-    """Yield the looks (n,) of each station, day and landmark."""
+    """Yield the observations (n,) of each station, day and landmark."""
     total, start = sum(len(looks) for looks in problem.looks), 0
     for looks in problem.looks:
         for k in np.unique(looks.landmark):
@@ -131,7 +131,7 @@ def _gross(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> b
 
 
 def _parts(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> Iterator[tuple[int, MaskArray, bool]]:
-    """Yield what may be left out: landmark, looks (n,), and whether that is all of the landmark's."""
+    """Yield possible omissions: landmark, observations (n,), and whether those are all of the landmark's."""
     numbers = _landmark_numbers(problem)
     present = np.unique(numbers[kept])
     if len(present) < 3:
@@ -162,7 +162,7 @@ def _try(
 
 
 def _off(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, left: _ExclusionTrial) -> float:
-    """Return by how many sigmas of one sighting and of its own coordinates a landmark misses, by what is left."""
+    """Return a landmark's misfit in sigmas of one sighting and of its own coordinates, by the remaining sightings."""
     solved = solve_kept(problem, unknowns, kept & ~left.looks, robust=False)
     seen = problem.evaluate(solved)
     by_pixel, by_angle = problem.variances

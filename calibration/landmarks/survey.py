@@ -1,4 +1,4 @@
-"""`groundstation calibrate survey`: where stations stand and look, from landmarks, all stations together."""
+"""`groundstation calibrate survey`: poses of all stations together, from landmarks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import PARTS, Rig, Station
 
 FREE_WORDS = ("position", "boresight", "focal")
-# a pose that is uncertain by more than this is none
+# largest uncertainty of a valid pose
 _WORST_ROTATION_RAD = float(np.radians(0.5))
 _WORST_POSITION_M = 1.0
 _WORST_MISFIT = 5.0
@@ -36,7 +36,7 @@ _WORST_MISFIT = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Survey:
-    """What was found: the fit, the rig with it, and what the user should know."""
+    """The result: the fit, the rig with it, and notes for the user."""
 
     before: Rig
     rig: Rig
@@ -45,7 +45,7 @@ class Survey:
 
 
 def survey_words(text: str) -> tuple[str, ...]:
-    """Return the words of --free; raises `InputError` for one that is none."""
+    """Return the words of --free; raises `InputError` for an unknown one."""
     words = tuple(word.strip() for word in text.split(",") if word.strip())
     for word in words:
         if word not in FREE_WORDS:
@@ -60,9 +60,9 @@ def solve_survey(
     words: Sequence[str] = (),
     path: Path = Path("sightings.csv"),
 ) -> Survey:
-    """Find each seen station's orientation, and its position within what the rig says of it.
+    """Estimate the orientation of each station with sightings, and its position within the rig's covariance.
 
-    Raises `InputError` for a table at fault, `LandmarkFitError` where the landmarks cannot tell; both in one line.
+    Raises `InputError` for a faulty table, `LandmarkFitError` where the landmarks are insufficient; both in one line.
     """
     require_consistent(sightings, landmarks, rig.names, path)
     seen = seen_landmarks(sightings, landmarks, path)
@@ -112,7 +112,7 @@ def require_lens(stations: Mapping[str, Station], rig: Rig) -> None:
 
 
 def prior_covariance(rig: Rig, names: Sequence[str], words: Sequence[str]) -> ParameterCovariance:
-    """Return the joint covariance of what the rig knows of stations, and of what is freed though it is known."""
+    """Return the rig's joint covariance of stations, with parameters that are freed though known."""
     known = rig.calibration_covariance()
     keep = []
     for k, name in enumerate(known.names):
@@ -143,7 +143,7 @@ def prior_covariance(rig: Rig, names: Sequence[str], words: Sequence[str]) -> Pa
 
 
 def looks_of(fit: LandmarkFit, name: str) -> list[tuple[LandmarkObservations, NDArray[np.int64]]]:
-    """Return a station's looks with the numbers (n,) of their rows in the fit."""
+    """Return a station's observations with the numbers (n,) of their rows in the fit."""
     start, found = 0, []
     for looks in fit.problem.looks:
         if looks.station == name:
@@ -202,7 +202,7 @@ def require_determined(fit: LandmarkFit, stations: Mapping[str, Station]) -> Non
 
 
 def _apart_from_boresight(fit: LandmarkFit, station: str, names: Sequence[str]) -> FloatArray:
-    """Return the covariance of parameters with the boresight held: base and boresight may stand for each other."""
+    """Return the covariance of parameters with the boresight fixed: base and boresight may be equivalent."""
     held = [fit.problem.names[k] for k in fit.problem.places(f"{station}.head_from_camera")]
     block = fit.block(names)
     if not held:

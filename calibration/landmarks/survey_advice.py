@@ -1,4 +1,4 @@
-"""What a survey is good for, and what would better it, in words."""
+"""The quality of a survey, and ways to improve it, in words."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ TABLE_HEAD = ("range", "relative pan", "relative tilt", "across", "along", "up")
 
 
 def advise_survey(survey: Survey) -> SurveyAdvice:
-    """Judge a survey: what its errors do along the runway, up to which range it is good, what to do next."""
+    """Evaluate a survey: its errors along the runway, its range of use, the next steps."""
     names = [s.name for s in posed(survey.rig)]
     if len(names) < 2:
         verdict = [f"one station with a pose ({', '.join(names) or 'none'}): a position needs two"]
@@ -68,7 +68,7 @@ def advise_survey(survey: Survey) -> SurveyAdvice:
 
 
 def _geometry(survey: Survey) -> list[str]:
-    """Return what the number and place of landmarks leave open."""
+    """Return the directions that number and positions of landmarks leave undetermined."""
     steps = []
     for name in survey.rig.names:
         if not any(looks.station == name for looks in survey.fit.problem.looks):
@@ -90,10 +90,10 @@ def _geometry(survey: Survey) -> list[str]:
 
 
 def _remedies(survey: Survey) -> list[str]:
-    """Return what takes most off the error along the runway, by the same looks with one source of error less.
+    """Return the most effective remedy of the error along the runway: the same observations with one error source less.
 
-    The rig states a little more than the fit (mounts settle), and no look betters that: what a remedy takes off the
-    fit's variance it takes off the rig's.
+    The rig states slightly more than the fit (mounts settle), which no observation improves: a remedy reduces the
+    rig's variance by as much as the fit's.
     """
     fit, rig = survey.fit, survey.rig
     stated = reach_at(rig, _JUDGED_M)

@@ -1,4 +1,4 @@
-"""The pictures of a survey: who saw what from where, what is left over, what it is good for."""
+"""The pictures of a survey: observations, residuals, quality."""
 
 import io
 from collections.abc import Callable

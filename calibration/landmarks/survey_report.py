@@ -1,4 +1,4 @@
-"""What a survey has found, as text and as a page with pictures."""
+"""The result of a survey, as text and as a page with pictures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +26,7 @@ _MOST_REJECTED = 12
 
 
 def format_survey(survey: Survey) -> str:
-    """Return parameters, residuals, what was left out, notes, verdict and next steps as text."""
+    """Return parameters, residuals, omissions, notes, verdict and next steps as text."""
     advice = advise_survey(survey)
     lines = [f"{'parameter':<32}{'value':>12}{'sigma':>12}  unit"]
     lines += [f"{name:<32}{value:>12}{sigma:>12}  {unit}" for name, value, sigma, unit in parameter_rows(survey)]
@@ -66,7 +66,7 @@ def parameter_rows(survey: Survey) -> list[tuple[str, str, str, str]]:
 
 
 def fit_lines(survey: Survey) -> list[str]:
-    """Return one line for each station: how well its looks fit, and what noise was taken for them."""
+    """Return one line for each station: the fit of its observations, and their assumed noise."""
     lines = []
     for name in survey.rig.names:
         for looks, rows in looks_of(survey.fit, name):
@@ -94,7 +94,7 @@ def fit_lines(survey: Survey) -> list[str]:
 
 
 def rejected(fit: LandmarkFit) -> list[str]:
-    """Return what was left out and why."""
+    """Return the omissions and their reasons."""
     lines = [
         f"landmark {name}: its coordinates are {value:.0f} sigma off what the others say"
         for name, value in fit.rejected_landmarks.items()
@@ -124,7 +124,7 @@ def rig_header(survey: Survey, sightings: str, landmarks: str) -> str:
 
 
 def write_survey_report(folder: Path, survey: Survey, name: str) -> list[Path]:
-    """Write report.html and its pictures as PNG into ``folder``, made if missing; returns what was written."""
+    """Write report.html and its pictures as PNG into ``folder``, created if missing; returns the written files."""
     pictures = survey_pictures(survey)
     page = survey_page(survey, advise_survey(survey), [png_figure(p.title, p.caption, p.png) for p in pictures], name)
     try:

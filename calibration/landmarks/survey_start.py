@@ -1,4 +1,4 @@
-"""Where a station stands and looks, from landmarks and no guess at all: the start of the bundle adjustment."""
+"""Pose of a station from landmarks, without an initial value: the start of the bundle adjustment."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,12 +26,12 @@ _ON_A_LINE = 0.005
 _MOST_TRIPLES = 250
 _SEED = 20240501
 _FAR_M = 1e8
-# a pose whose bearings miss by more is none: another landmark, or other angles
+# largest misfit of the bearings of a valid pose: otherwise another landmark, or other angles
 _MOST_MISS_RAD = float(np.radians(2.0))
 # three bearings and points leave up to four poses; these many are followed to the end
 _FOLLOWED = 6
 _SAME_PLACE_M, _SAME_TURN_RAD = 0.05, 1e-3
-# a base stands on a tripod: of two poses that fit alike, the one that is level to this
+# a base stands on a tripod: of two poses with an equal fit, the one that is level to this
 _LEVEL = float(np.cos(np.radians(30.0)))
 _AS_GOOD = 9.0
 _OFF_AXIS = float(np.cos(np.radians(80.0)))
@@ -50,13 +50,13 @@ class _Bearings:
 def find_station(
     station: Station, looks: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
 ) -> Station:
-    """Return the station with an orientation, and a position if it has none, that its looks at landmarks agree with.
+    """Return the station with an orientation, and a position if it has none, that agree with its observations.
 
-    Raises `LandmarkFitError`, which says what is missing.
+    Raises `LandmarkFitError`, which states what is missing.
     """
     known = "position" in station.known
     _require_enough(station, looks, landmarks, known)
-    # angles and pixels mean bearings in the base's frame, whatever the rig says of its orientation
+    # angles and pixels are bearings in the base's frame, independent of the rig's orientation
     seen = _seen(station, looks, landmarks)
     if known:
         towards = np.where(seen.far[:, None], station.ptu_position_m + seen.points_m, seen.points_m)
@@ -179,7 +179,7 @@ def _judged(seen: _Bearings, runway_from_base: FloatArray, position_m: FloatArra
 
 
 def _different(guesses: list[PoseGuess]) -> list[PoseGuess]:
-    """Return the guesses without those that are nearly one that comes before."""
+    """Return the candidates without near copies of an earlier one."""
     kept: list[PoseGuess] = []
     for guess in guesses:
         if all(
@@ -202,13 +202,13 @@ def _moved(station: Station, guess: PoseGuess) -> Station:
 def _refined(
     candidates: list[Station], looks: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
 ) -> Station:
-    """Return the candidate that fits its own looks best; raises `LandmarkFitError` where another fits as well."""
+    """Return the candidate with the best fit to its own observations; raises `LandmarkFitError` for an equal rival."""
     found: list[tuple[float, Station]] = []
     for station in candidates:
         fit = _own_fit(station, looks, landmarks, before)
         cost = float((np.minimum(fit.length, 10.0) ** 2).sum())
         change = fit.problem.station_change(fit.change, station.name, today=False)
-        # of what was known before only the pose moves: the rest stays where that knowledge is centred
+        # only the pose changes: the other parameters stay at their prior means
         change[3 if "position" in station.known else 6 :] = 0.0
         found.append((cost, station.changed(change)))
     found.sort(key=lambda pair: pair[0])
@@ -244,5 +244,5 @@ def found_stations(
     landmarks: Sequence[Landmark],
     before: ParameterCovariance,
 ) -> dict[str, Station]:
-    """Return every station with a pose, each found by itself."""
+    """Return every station with a pose, each estimated by itself."""
     return {own.station: find_station(stations[own.station], own, landmarks, before) for own in looks}

@@ -1,4 +1,4 @@
-"""What a calibration of a lens is good for, and what to do next, in words."""
+"""The quality of a lens calibration, and the next steps, in words."""
 
 from dataclasses import dataclass
 
@@ -17,14 +17,14 @@ _BORDER = 0.15
 _PLACES = (("upper left", "top", "upper right"), ("left", "middle", "right"), ("lower left", "bottom", "lower right"))
 _FEW_HERE = 12
 _STRONG = 0.95
-# the middle of the image is what is left without this part of it on each side
+# the middle of the image is the part without this share on each side
 _OUTSIDE_MIDDLE = 0.2
 _WORDS = ((0.003, "Very good"), (0.01, "Good"), (0.03, "Usable"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LensAdvice:
-    """The ``verdict`` in a sentence or two; ``notes`` on what was found; ``next_steps``, most useful first."""
+    """The ``verdict`` in a sentence or two; ``notes`` on the result; ``next_steps``, most useful first."""
 
     verdict: str
     notes: tuple[str, ...]
@@ -61,7 +61,7 @@ def tilts_deg(found: Intrinsics) -> FloatArray:
 
 
 def advise(found: Intrinsics) -> LensAdvice:
-    """Judge a calibration and say what would better it."""
+    """Evaluate a calibration and state how to improve it."""
     angle = middle_angle_deg(found)
     reach = ACROSS_M / float(np.radians(angle)) if angle > 0 else float("inf")
     word = next((word for limit, word in _WORDS if angle <= limit), "Not good enough")
@@ -122,7 +122,7 @@ def corners_by_place(found: Intrinsics) -> dict[str, int]:
 
 
 def _next_steps(found: Intrinsics, angle_deg: float) -> list[str]:
-    """Return what to do, the most useful first."""
+    """Return the next steps, the most useful first."""
     steps = []
     tilts = tilts_deg(found)
     steep = int(np.sum(tilts > 20.0))

@@ -66,7 +66,7 @@ def parse_board(text: str) -> CalibrationBoard:
 
     Raises
     ------
-    IntrinsicsError : it is none, or describes a board that cannot be.
+    IntrinsicsError : it is invalid, or describes an impossible board.
     """
     kind, *parts = text.strip().split(":")
     if kind not in ("charuco", "chessboard") or not (len(parts) in (3, 4) if kind == "charuco" else len(parts) == 2):

@@ -1,4 +1,4 @@
-"""A board's corners in one picture, to a fraction of a pixel, and how sharp the picture is there."""
+"""A board's corners in one picture, to a fraction of a pixel, and the sharpness of the picture there."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from calibration.lens.boards import CalibrationBoard
 from groundstation.arrays import FloatArray, ImageArray
 
-# a homography has 8 unknowns: 4 corners say nothing about the lens, twice as many begin to
+# a homography has 8 unknowns: 4 corners contain no information on the lens, twice as many some
 FEWEST_CORNERS = 8
 # half the window that a chessboard's saddle point is fitted in, parts of a square
 _WINDOW = 0.25
@@ -19,14 +19,14 @@ _CHESSBOARD_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY | cv2.C
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BoardView:
-    """The corners found in one picture.
+    """The corners detected in one picture.
 
     Attributes
     ----------
-    name : the picture's, as the user knows it.
-    ids : (n,) which of ``CalibrationBoard.corners_m``.
+    name : the picture's, for the user.
+    ids : (n,) indices into ``CalibrationBoard.corners_m``.
     board_m : (n, 3) the corners on the board, in m.
-    pixel : (n, 2) where they were found, px.
+    pixel : (n, 2) their pixels, px.
     edge_px : width of the edges next to the corners, px (median); a sharp picture has about 2.
     """
 

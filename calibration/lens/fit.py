@@ -1,10 +1,10 @@
-"""The lens that fits the corners best, by OpenCV's solver, and the covariance of what it found.
+"""The lens that fits the corners best, by OpenCV's solver, and its covariance.
 
 With J the derivative of all predicted pixels by all parameters (lens and one pose for each view) and s² the variance of
 the residuals over their degrees of freedom, the covariance is s² (JᵀJ)⁻¹. The lens's part of the inverse is that of the
 Schur complement, in which the poses are eliminated view by view. OpenCV's solver stops early where parameters of very
-different size correlate, as with long lenses (k3 there is of the order of 100); Gauss and Newton's steps on scaled
-columns take it the rest of the way.
+different size are correlated, as with long lenses (k3 there is of the order of 100); Gauss-Newton steps on scaled
+columns complete the convergence.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ _STEPS = 30
 _STEP_IS_NOTHING = 1e-4
 # scaled to correlations, a smaller eigenvalue than this is no information at all
 _NO_INFORMATION = 1e-13
-# what goes together in a lens: focal lengths; the distortion along the radius; the centre and what is tangential
+# correlated parameters of a lens: focal lengths; radial distortion; centre and tangential distortion
 _GROUPS = ((0, 1), (4, 5, 8), (2, 3, 6, 7))
 # of lenses whose corners' errors are all new, so many keep the sigmas that follow from that
 _CHANCE = 0.95
@@ -44,10 +44,10 @@ class LensFit:
     Attributes
     ----------
     lens : the lens.
-    covariance : (9, 9) of `lens_model.PARAMETERS`, px and the distortion's units; zero in the rows of what was held.
-    white_sigma : (9,) one sigma of each if every corner's error were new; ``covariance`` adds what a view's share.
-    opencv_sigma : (9,) the standard deviations that OpenCV states.
-    residual : for each view (n, 2), found minus predicted, px.
+    covariance : (9, 9) of `lens_model.PARAMETERS`, px and the distortion's units; zero in the rows of fixed ones.
+    white_sigma : (9,) one sigma of each if every corner's error were independent; ``covariance`` adds those of views.
+    opencv_sigma : (9,) the standard deviations reported by OpenCV.
+    residual : for each view (n, 2), detected minus predicted, px.
     rotation, translation_m : for each view (3,), board to camera: Rodrigues vector, m.
     rms_px : root mean square distance of a corner from its prediction; sigma_px: the same for one coordinate, over
         the degrees of freedom.
@@ -88,8 +88,8 @@ def fit_lens(
 
     Parameters
     ----------
-    held : which of `HOLDABLE` stay zero; ``p`` is p1 and p2.
-    start : a lens near the answer, to be faster; None lets OpenCV find one.
+    held : those of `HOLDABLE` that stay zero; ``p`` is p1 and p2.
+    start : a lens near the solution, for speed; None lets OpenCV find one.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def _normal(lines: Sequence[_Linearised], columns: list[int]) -> _LensNormalEqua
     matrix = np.zeros((len(columns), len(columns)))
     right = np.zeros(len(columns))
     for line in lines:
-        # an orthogonal basis of what a pose can do is kinder to a long lens than its normal equations
+        # an orthogonal basis of a pose's effects is better conditioned for a long lens than its normal equations
         basis, _ = np.linalg.qr(line.by_pose / np.linalg.norm(line.by_pose, axis=0))
         by_lens = line.by_lens[:, columns] / scale
         rest = by_lens - basis @ (basis.T @ by_lens)
@@ -196,7 +196,7 @@ def _normal(lines: Sequence[_Linearised], columns: list[int]) -> _LensNormalEqua
 
 
 def _finished(views: Sequence[BoardView], solution: _LensSolution, columns: list[int]) -> _LensSolution:
-    """Return the solution at the bottom of the valley in which it lies; raises where the valley has no bottom."""
+    """Return the converged solution; raises where the cost has no minimum."""
     lines = _linearise(views, solution)
     for _ in range(_STEPS):
         cost = sum(float(line.residual @ line.residual) for line in lines)
@@ -287,18 +287,18 @@ def _over_views(lines: Sequence[_Linearised], columns: list[int], normal: _LensN
         basis, _ = np.linalg.qr(line.by_pose / np.linalg.norm(line.by_pose, axis=0))
         by_lens = line.by_lens[:, columns] / normal.scale
         rest = by_lens - basis @ (basis.T @ by_lens)
-        # the fit has followed each view by its share in the whole: what it would be off without it
+        # the fit has followed each view by its leverage: the residual without it
         scores.append(np.linalg.lstsq(unit - rest.T @ rest @ inverse, rest.T @ line.residual, rcond=None)[0])
     meat = np.array(scores).T @ np.array(scores) * (len(lines) - 1) / len(lines)
     return np.asarray(inverse @ meat @ inverse / np.outer(normal.scale, normal.scale))
 
 
 def _raised(covariance: FloatArray, seen: FloatArray, views: int, columns: list[int]) -> FloatArray:
-    """Return a covariance (p, p), raised where the views scatter by more: ``seen`` (p, p), by the jackknife.
+    """Return a covariance (p, p), enlarged where the views scatter by more: ``seen`` (p, p), by the jackknife.
 
-    Combination by combination within `_GROUPS`: parameters of one are known together far better than alone, and one
-    raised by itself would turn that. What chance makes of so few views, in the worst of p combinations, raises nothing;
-    what is added is widened to the variance of Student's t, n/(n − 2) with n + 1 views.
+    Combination by combination within `_GROUPS`: correlated parameters are known far better together than alone, and
+    enlarging one by itself would rotate that. Scatter within chance for so few views, in the worst of p combinations,
+    has no effect; the addition is widened to the variance of Student's t, n/(n − 2) with n + 1 views.
     """
     sigma = np.sqrt(np.diag(covariance))
     unit, seen = covariance / np.outer(sigma, sigma), seen / np.outer(sigma, sigma)
@@ -310,8 +310,8 @@ def _raised(covariance: FloatArray, seen: FloatArray, views: int, columns: list[
     ratio = np.diag(axes.T @ seen @ axes) / np.maximum(np.diag(size), _NO_INFORMATION)
     freedom = max(views - 1, 1)
     limit = chi_square_quantile(_CHANCE ** (1.0 / len(ratio)), freedom) / freedom
-    # a variance told by so few views is uncertain itself: Student's t with that freedom is wider; that of the corners'
-    # own noise is told by all of them
+    # a variance estimated from so few views is itself uncertain: Student's t with that freedom is wider; that of the
+    # corners' own noise is estimated from all of them
     wider = freedom / (freedom - 2.0) if freedom > _LEAST_FREEDOM else 1.0
     raised = np.sqrt(np.where(ratio > limit, 1.0 + wider * (ratio - 1.0), 1.0))
     spread = sigma[:, None] * axes * raised

@@ -1,4 +1,4 @@
-"""A lens from pictures of a board: find corners, choose views, fit, judge; refuse rather than return a wrong lens."""
+"""A lens from pictures of a board: find corners, choose views, fit, evaluate; a wrong lens is refused."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -28,17 +28,17 @@ _WORST_FOCAL = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Intrinsics:
-    """What a calibration of a lens found.
+    """Result of a lens calibration.
 
     Attributes
     ----------
-    board : the board that was looked for.
+    board : the board that was searched for.
     fit : lens, covariance, residuals of ``views``.
-    held_out : the same on views that a fit has not seen.
-    held_out_without_k3_px : the held-out error of a lens without k3; None where k3 was held, or is told apart from 0.
+    held_out : the same on views that the fit does not use.
+    held_out_without_k3_px : the held-out error of a lens without k3; None where k3 was fixed, or differs from 0.
     map : the lens's uncertainty over the image.
     views : the views used; verdicts: one on each picture.
-    held : which coefficients were held at zero.
+    held : coefficients fixed at zero.
     """
 
     board: CalibrationBoard
@@ -63,7 +63,7 @@ def calibrate_intrinsics(
     held: frozenset[str] = frozenset(),
     progress: Callable[[int], None] | None = None,
 ) -> Intrinsics:
-    """Find a lens from pictures of a board.
+    """Estimate a lens from pictures of a board.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def calibrate_intrinsics(
 
     Raises
     ------
-    IntrinsicsError : no board, too few different views, or what was found is not good enough to be used.
+    IntrinsicsError : no board, too few different views, or a result of insufficient quality.
     """
     finder = CornerFinder(board)
     found: list[BoardView] = []
@@ -106,11 +106,11 @@ def solve_intrinsics(
     held: frozenset[str] = frozenset(),
     others: tuple[ViewVerdict, ...] = (),
 ) -> Intrinsics:
-    """Fit and judge the lens of views that are chosen already; ``others`` are verdicts on pictures without a board.
+    """Fit and evaluate the lens of chosen views; ``others`` are verdicts on pictures without a board.
 
     Raises
     ------
-    IntrinsicsError : too few different views, or what was found is not good enough to be used.
+    IntrinsicsError : too few different views, or a result of insufficient quality.
     """
     verdicts = (*chosen.verdicts, *others)
     _check_enough(chosen.views, verdicts)

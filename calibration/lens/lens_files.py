@@ -23,12 +23,12 @@ _STATION = re.compile(r"^[ \t]*\[\[[ \t]*station[ \t]*\]\]", re.MULTILINE)
 _TOML_KEYS = frozenset({"image_size_px", "focal_px", "principal_point_px", "distortion", "covariance"})
 _OPENCV_MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "M1")
 _OPENCV_DISTORTION = ("distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "D", "D1")
-# what ROS and Kalibr call k1 k2 p1 p2 (k3); OpenCV's own files say nothing
+# names of ROS and Kalibr for k1 k2 p1 p2 (k3); OpenCV's own files have none
 _SAME_MODEL = ("", "plumb_bob", "radtan", "radial-tangential")
 
 
 def format_of(path: Path, asked: str | None) -> str:
-    """Return the format to write: what was ``asked`` for, else by suffix; raises `IntrinsicsError` for another one."""
+    """Return the format to write: ``asked`` if given, else by suffix; raises `IntrinsicsError` for an unknown one."""
     suffix = path.suffix.lower()
     formats = {".toml": ("toml",), ".yaml": ("opencv", "kalibr"), ".yml": ("opencv", "kalibr")}.get(suffix)
     if formats is None:
@@ -201,7 +201,7 @@ def _numbers(value: Any, where: str, count: int) -> list[float]:
 def _lens(
     where: str, size: Sequence[float] | FloatArray, intrinsics: Sequence[float] | FloatArray, distortion: Any
 ) -> Lens:
-    """Return the lens; raises where size or focal length is none."""
+    """Return the lens; raises where size or focal length is invalid."""
     w, h = (float(v) for v in size)
     if w != int(w) or h != int(h) or not 1 <= min(w, h) <= max(w, h) <= 100_000:
         raise IntrinsicsError(where, got=f"an image of {w:g}x{h:g} px", wanted="whole numbers of px, 1 to 100000")

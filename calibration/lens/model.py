@@ -1,4 +1,4 @@
-"""A lens with what is known of its errors, and the same lens without its sixth-order coefficient."""
+"""A lens with its covariance, and the same lens without its sixth-order coefficient."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,7 @@ class ReducedLens:
 
 
 def without_k3(calibrated: CalibratedLens) -> ReducedLens:
-    """Put k3's part into k1 and k2, as well as that goes over the image (least squares); focal and centre stay."""
+    """Approximate k3 by k1 and k2 over the image (least squares); focal length and centre stay."""
     lens = calibrated.lens
     w, h = lens.image_size_px
     grid = np.stack(np.meshgrid(np.linspace(0, w - 1, 41), np.linspace(0, h - 1, 31)), axis=-1).reshape(-1, 2)

@@ -1,7 +1,7 @@
-"""The part of YAML that lens files are written in: nested keys, numbers, words, lists.
+"""The subset of YAML in lens files: nested keys, numbers, words, lists.
 
 OpenCV's own reader refuses Kalibr's files (lists at their key's indent), and YAML libraries refuse OpenCV's header and
-matrices and read ``1e-05`` as a word. What lies outside this part is an error or, where it is not read, a string.
+matrices and read ``1e-05`` as a word. Text outside this subset is an error or, where it is not read, a string.
 """
 
 import re
@@ -30,7 +30,7 @@ def parse_yaml(text: str, where: str) -> dict[str, Any]:
 
     Raises
     ------
-    IntrinsicsError : it is not of this part of YAML, with ``where`` and the line.
+    IntrinsicsError : it is not in this subset of YAML, with ``where`` and the line.
     """
     lines = _lines(text, where)
     if not lines:
@@ -124,7 +124,7 @@ def _items(lines: list[_YamlLine], start: int, where: str, depth: int) -> tuple[
     while i < len(lines) and lines[i].indent == indent and _is_item(lines[i]):
         rest = lines[i].text[1:].strip()
         if _KEY.match(rest) or rest.startswith("- "):
-            # the item is a block of its own, which begins behind the dash
+            # the item is a separate block, which begins after the dash
             inner = lines[i].text[1:]
             shifted = _YamlLine(number=lines[i].number, indent=indent + 1 + len(inner) - len(inner.lstrip()), text=rest)
             lines[i] = shifted

@@ -36,13 +36,13 @@ class HeldOutViews:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class UncertaintyMap:
-    """One sigma (larger axis) of where a far direction is seen, over the image.
+    """One sigma (larger axis) of the image of a far direction, over the image.
 
     Attributes
     ----------
     u_px (columns,), v_px (rows,) : the grid.
     lens_px : (rows, columns) of the lens alone.
-    aligned_px : (rows, columns) after the camera's orientation has been found with this same lens: what is left.
+    aligned_px : (rows, columns) the remainder after the camera's orientation has been estimated with this same lens.
     aligned_deg : the same as an angle.
     """
 
@@ -90,10 +90,10 @@ def _residual(view: BoardView, lens: Lens, rotation: FloatArray, translation_m: 
 
 
 def uncertainty_map(lens: Lens, covariance: FloatArray, columns: int = _MAP_COLUMNS) -> UncertaintyMap:
-    """Return how uncertain the image of a far direction is, all over the image.
+    """Return the uncertainty of the image of a far direction, all over the image.
 
-    A turn of the camera looks much like a shift of the principal point, and the camera's orientation is found in the
-    field with this very lens. The second map is without the part of each error that such a turn takes away: the
+    A rotation of the camera is similar to a shift of the principal point, and the camera's orientation is estimated in
+    the field with this lens. The second map is without the part of each error that such a rotation absorbs: the
     small rotation that fits the error best over the whole grid (least squares).
     """
     w, h = lens.image_size_px

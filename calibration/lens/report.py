@@ -21,7 +21,7 @@ from groundstation.files.output_names import below
 
 
 def write_lens_report(folder: Path, found: Intrinsics, name: str) -> list[Path]:
-    """Write report.html and the pictures as PNG into ``folder``, made if missing; returns what was written."""
+    """Write report.html and the pictures as PNG into ``folder``, created if missing; returns the written files."""
     folder.mkdir(parents=True, exist_ok=True)
     pictures = lens_pictures(found)
     written = [folder / "report.html"]

@@ -1,4 +1,4 @@
-"""The pictures of a lens calibration: where corners were seen, what is left over, where the lens is uncertain."""
+"""The pictures of a lens calibration: corners, residuals, uncertainty of the lens."""
 
 import io
 from collections.abc import Callable

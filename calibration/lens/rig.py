@@ -1,4 +1,4 @@
-"""A calibrated lens put into a station of a rig: its keys replaced, its covariance, and all else as the rig has it."""
+"""A calibrated lens put into a station of a rig: its keys replaced, its covariance, and all other keys unchanged."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +13,10 @@ from groundstation.rig.rig_toml import rig_to_toml
 
 
 def with_lens(rig: Rig, name: str, calibrated: CalibratedLens) -> Rig:
-    """Return the rig with another lens of station ``name``, and what is known of that lens.
+    """Return the rig with another lens of station ``name``, and its covariance.
 
-    What was known of the lens before goes, from the station's covariance and from the shared one, with its
-    correlations; what is known of all else stays to the digit. Raises `RigError` for a station that there is not.
+    The old lens is removed from the station's covariance and from the shared one, with its
+    correlations; all other entries stay identical. Raises `RigError` for a missing station.
     """
     before = rig[name]
     of_lens = [k for k, parameter in enumerate(before.covariance_parameters) if parameter in PARAMETERS]

@@ -1,4 +1,4 @@
-"""Which views to calibrate from: sharp ones, no two alike, together as different as can be; each with a reason."""
+"""Choice of views for a calibration: sharp and as different as possible; each with a reason."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from calibration.lens.corners import FEWEST_CORNERS, BoardView
 from groundstation.arrays import FloatArray
 
 MOST_VIEWS = 40
-# alike: the board's outline is at the same place within this part of the image's diagonal
+# similar: the board's outline is at the same place within this part of the image's diagonal
 _ALIKE = 0.02
 # blurred: edges wider than this, and clearly wider than in the other pictures
 _BLURRED_PX = 3.5
@@ -43,7 +43,7 @@ class ViewVerdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChosenViews:
-    """The ``views`` to use, the most telling first, and a verdict on each view that was offered."""
+    """The ``views`` to use, the most informative first, and a verdict on each offered view."""
 
     views: tuple[BoardView, ...]
     verdicts: tuple[ViewVerdict, ...]
@@ -110,7 +110,7 @@ def _farthest_first(
 
 
 def _place(view: BoardView, board: CalibrationBoard, image_size_px: tuple[int, int]) -> FloatArray:
-    """Return where the board's outline lies (8,), in diagonals: place, distance, turn and tilt in one."""
+    """Return the position of the board's outline (8,), in diagonals: place, distance, turn and tilt in one."""
     found: Any = cv2.findHomography(view.board_m[:, :2], view.pixel)
     homography = found[0]
     diagonal = float(np.hypot(*image_size_px))

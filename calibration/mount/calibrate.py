@@ -28,16 +28,16 @@ from groundstation.rig.rig_toml import rig_to_toml
 
 # residuals of so many sigmas are no noise, whatever their number
 _WORST_NOISE_FACTOR = 30.0
-# readings this close are one standstill, if nothing else tells
+# readings this close are one standstill, unless specified
 _SAME_RAD = 1e-9
 _WRONG_SENSE_SIGMAS = 6.0
 # a direction known no better is not written down: 8 m along the runway at 400 m
 _WORST_DEG = 0.03
-# as far as a camera that was screwed on by eye is off: what tells less makes a rig worse as often as better
+# error of a camera mounted by eye: less information than this makes a rig worse as often as better
 _WORST_UNTIED_DEG = 0.1
 # more is no job for a morning, where other marks do with a tenth
 _MOST_SIGHTINGS = 3_000
-# a rig that knows its orientation is not so far off
+# a rig with a known orientation is closer than this
 _FARTHEST_RAD = float(np.radians(30.0))
 
 
@@ -52,7 +52,7 @@ class StationMount:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MountCalibration:
-    """All stations that were seen from, and the rig with what was found."""
+    """All stations with sightings, and the rig with the estimates."""
 
     stations: tuple[StationMount, ...]
     rig: Rig
@@ -113,7 +113,7 @@ def calibrate_station(
             sightings=seen,
             marks=start.marks,
             names=names,
-            # what is known before was known of the rig's own values
+            # the prior is that of the rig's own values
             prior_sigma=_about(prior, station, start.station, names),
         )
         try:
@@ -136,9 +136,9 @@ def calibrate_station(
 
 
 def _require_signs(station: Station, fit: MountFit) -> None:
-    """Raise `MountFitError` where a camera comes out elsewhere than anybody who knew its orientation would have it.
+    """Raise `MountFitError` where a camera's orientation is not plausible.
 
-    A head that reads the wrong way round is one whose camera looks backwards, or stands on its head.
+    An axis with the wrong sign gives a camera that points backwards, or is upside down.
     """
     if "orientation" not in station.known:
         return
@@ -152,7 +152,7 @@ def _require_signs(station: Station, fit: MountFit) -> None:
 
 
 def _require_senses(fit: MountFit) -> None:
-    """Raise `MountFitError` where a backlash comes out clearly negative: the senses are the wrong way round."""
+    """Raise `MountFitError` where a backlash is clearly negative: the senses are inverted."""
     axes = fit.problem.axes(fit.change)
     for name, value in (("pan", axes.pan_backlash_rad), ("tilt", axes.tilt_backlash_rad)):
         if value < -_WRONG_SENSE_SIGMAS * fit.sigma(f"{name}_backlash") and f"{name}_backlash" in fit.problem.names:
@@ -162,10 +162,10 @@ def _require_senses(fit: MountFit) -> None:
 
 
 def _require_told(fit: MountFit, words: Sequence[str]) -> None:
-    """Raise `MountFitError` where so few sightings leave open where the camera looks, with how many would do.
+    """Raise `MountFitError` where too few sightings determine the camera's orientation, with the number needed.
 
-    A standstill tells two angles: with fewer standstills than unknowns of the mount hardly anything would be left
-    over to notice a wrong sighting by.
+    A standstill gives two angles: with fewer standstills than unknowns of the mount hardly any redundancy would be left
+    to detect a wrong sighting.
     """
     if "boresight" not in words:
         return
@@ -173,7 +173,7 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     count, standing = len(seen), len(np.unique(fit.problem.stand[fit.kept]))
     unknowns = sum(not name.startswith(("mark ", *POSITION)) for name in fit.problem.names)
     told = pointing_sigma(fit, told=True).worst_deg
-    # one board of unknown place cannot tell it better, and is good for the rest
+    # one board at an unknown position cannot determine it better, but is useful for the rest
     tied = any(mark.kind.known for mark in fit.problem.marks)
     if not tied:
         _require_aimed(fit, told)
@@ -190,10 +190,10 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
 
 
 def _require_aimed(fit: MountFit, told_deg: float) -> None:
-    """Raise `MountFitError` where marks of unknown place tell the boresight's pan and tilt less than a rig's eye does.
+    """Raise `MountFitError` where marks of unknown position give the boresight's pan and tilt worse than the prior.
 
-    A point's own direction takes up what pan and tilt are off by; only how its pixels turn and spread with the
-    angles is left, which is next to nothing near the horizon. A board's corners have directions to each other.
+    A point's own direction absorbs an error of pan and tilt; only the rotation and spread of its pixels with the
+    angles remain, which are nearly zero near the horizon. A board's corners have directions to each other.
     """
     marks = fit.problem.marks
     if told_deg <= _WORST_UNTIED_DEG or any(mark.kind is MarkKind.BOARD for mark in marks):
@@ -233,11 +233,11 @@ def _require_ready(station: Station, marks: Sequence[Mark]) -> None:
 def calibrate_mounts(
     rig: Rig, seen: Mapping[str, MountSightings], marks: Sequence[Mark], free: str = ""
 ) -> MountCalibration:
-    """Calibrate every station that has sightings, each by itself."""
+    """Calibrate every station that has sightings, each separately."""
     words = mount_words(free)
     found = [calibrate_station(rig[name], sightings, marks, words) for name, sightings in seen.items()]
     after = {one.after.name: one.after for one in found}
-    # what was known of it together with other stations was known of the values of before
+    # correlations with other stations were those of the previous values
     fitted = {f"{one.after.name}.{name}" for one in found for name in one.fit.problem.names}
     shared = rig.shared_covariance
     keep = [k for k, name in enumerate(shared.names) if name not in fitted or name.split(".")[1] == "ptu_position"]

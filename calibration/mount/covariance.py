@@ -1,4 +1,4 @@
-"""What sightings determine of a mount, what they do not, and how well: information, held parameters, covariance."""
+"""Determined and undetermined parameters of a mount: information, fixed parameters, covariance."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ BASE = tuple(f"runway_from_base.{axis}" for axis in "xyz")
 
 
 def whitened(problem: MountProblem, sought: PredictedSightings, kept: MaskArray) -> Linearisation:
-    """Return residuals and Jacobian of what is kept, in sigmas and uncorrelated."""
+    """Return residuals and Jacobian of the kept sightings, in sigmas and uncorrelated."""
     seen = problem.sightings
     own = np.flatnonzero(kept)
     own = own[np.argsort(seen.pointing[own], kind="stable")]
@@ -49,9 +49,9 @@ def information(problem: MountProblem, change: FloatArray, kept: MaskArray) -> F
 
 
 def undetermined(problem: MountProblem, change: FloatArray, kept: MaskArray) -> dict[str, float]:
-    """Return the parameters that are hardly better known than before, with what they are taken to have.
+    """Return the parameters that are hardly better known than a priori, with their assumed sigmas.
 
-    One after the other, the worst first: with it held, the others may be determined after all.
+    One after the other, the worst first: with it fixed, the others may be determined.
     """
     held: dict[str, float] = {}
     known = information(problem, change, kept)
@@ -85,7 +85,7 @@ def considered(
     held: dict[str, float],
     factor: float,
 ) -> FloatArray:
-    """Return the covariance of what is free and, behind it, of the held ones, which what is free has to bear."""
+    """Return the covariance of the free parameters, with the effect of the fixed ones, and of these."""
     full = np.zeros(len(problem.names))
     places = [problem.names.index(name) for name in freed.names]
     full[places] = change

@@ -31,7 +31,7 @@ from groundstation.errors import GroundstationError
 _ROBUST_ROUNDS = 4
 _FINAL_ROUNDS = 3
 _LEAST_KEPT_SHARE = 0.6
-# every fifth standstill is kept apart to judge by
+# every fifth standstill is held out for evaluation
 _HELD_OUT_EACH = 5
 _LEAST_STANDSTILLS = 4
 
@@ -42,7 +42,7 @@ class MountFitError(GroundstationError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RejectedSighting:
-    """A sighting that was left out: where it comes from, and why."""
+    """A sighting that was left out: its origin, and the reason."""
 
     label: str
     reason: str
@@ -50,10 +50,10 @@ class RejectedSighting:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeldOutStandstills:
-    """Standstills that the fit did not see.
+    """Standstills that the fit does not use.
 
-    ``rms_px`` of their n sightings, per axis; ``noise_px`` what pixel and encoder noise alone make; ``expected_px``
-    what they make with the uncertainty of the fit; ``residual_px`` (n, 2).
+    ``rms_px`` of their n sightings, per axis; ``noise_px`` by pixel and encoder noise alone; ``expected_px``
+    with the uncertainty of the fit; ``residual_px`` (n, 2).
     """
 
     rms_px: float
@@ -90,7 +90,7 @@ class MountFit:
     held_out: HeldOutStandstills | None
 
     def sigma(self, name: str) -> float:
-        """Return one sigma of a parameter; of a held one what it was taken to have."""
+        """Return one sigma of a parameter; of a fixed one its assumed sigma."""
         if name in self.problem.names:
             place = self.problem.names.index(name)
             return float(np.sqrt(self.covariance[place, place]))
@@ -98,7 +98,7 @@ class MountFit:
 
     @property
     def rms_px(self) -> float:
-        """Root mean square residual per axis of what was used, px."""
+        """Root mean square residual per axis of the used sightings, px."""
         return float(np.sqrt(np.mean(self.residual_px[self.kept] ** 2)))
 
 
@@ -111,7 +111,7 @@ def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
         raise MountFitError(f"station {problem.station.name}: got nothing that tells {missing[0]}; wanted {wanted}")
     freed = problem.without(tuple(held))
     at = np.array([change[problem.names.index(name)] for name in freed.names])
-    # held means: as the rig says, not where the fit had drawn it
+    # fixed means at the rig's value, not at that of the fit
     reasons: dict[int, str] = {}
     for _ in range(2):
         at = minimise(kept_problem(freed, kept), at).parameters
@@ -205,7 +205,7 @@ def find_outliers(problem: MountProblem, change: FloatArray) -> tuple[MaskArray,
     for number in np.unique(seen.pointing):
         own = np.flatnonzero((seen.pointing == number) & ~gross)
         if len(own) >= 3:
-            # what is left once two common angles have been taken out of one standstill
+            # degrees of freedom after two common angles of one standstill
             common = sought.by_angle[own].reshape(-1, 2)
             middle = np.median(off[own], axis=0)
             shift = np.linalg.lstsq(common, np.tile(middle, len(own)), rcond=None)[0]
@@ -221,7 +221,7 @@ def find_outliers(problem: MountProblem, change: FloatArray) -> tuple[MaskArray,
 
 
 def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor: float) -> HeldOutStandstills | None:
-    """Fit without every fifth standstill and judge by these; None where too few are left to fit to."""
+    """Fit without every fifth standstill and evaluate on these; None where too few are left for a fit."""
     seen = problem.sightings
     stands = np.unique(problem.stand[kept])
     apart = np.isin(problem.stand, stands[_HELD_OUT_EACH // 2 :: _HELD_OUT_EACH]) & kept
@@ -248,7 +248,7 @@ def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor
 
 
 def require_enough(problem: MountProblem) -> None:
-    """Raise `MountFitError` where it is plain that the sightings cannot do it, with what is missing."""
+    """Raise `MountFitError` where the sightings are clearly insufficient, with what is missing."""
     seen, where = problem.sightings, f"station {problem.station.name}"
     stands = len(np.unique(problem.stand))
     if stands < _LEAST_STANDSTILLS:

@@ -36,7 +36,7 @@ _CAPTIONS = {
 
 
 def write_mount_page(folder: Path, found: Sequence[StationMount]) -> list[Path]:
-    """Write report.html and its pictures as PNG into ``folder``, made if missing; returns what was written."""
+    """Write report.html and its pictures as PNG into ``folder``, created if missing; returns the written files."""
     folder.mkdir(parents=True, exist_ok=True)
     written, parts = [folder / "report.html"], []
     for one in found:

@@ -1,4 +1,4 @@
-"""Which parameters of a mount are sought, what is known of them before, and the station that comes out."""
+"""Parameters of a mount, their priors, and the resulting station."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ LEVER = tuple(f"camera_in_head.{axis}" for axis in "xyz")
 POSITION = tuple(f"ptu_position.{axis}" for axis in "xyz")
 WORDS = ("boresight", "lever", "lean", "scale", "backlash", "base", "zero")
 USUAL_WORDS = ("boresight", "lever", "lean", "scale", "backlash", "base")
-# one sigma before, where neither rig nor sightings say: what a head off the shelf and a ruler leave open
+# one sigma a priori, without other information: manufacturing tolerances of a PTU and a ruler
 KNOWN_ROTATION_RAD = float(np.radians(1.0))
 KNOWN_LEVER_M = 0.02
 KNOWN_LEAN_RAD = float(np.radians(0.1))
@@ -29,13 +29,13 @@ UNKNOWN_DISTANCE_M = 50.0
 UNKNOWN_LOG_DISTANCE = 1.8
 # no hour of sightings vouches for less: mounts settle
 FLOOR_ROTATION_RAD = float(np.radians(0.0002))
-# where a station works: the errors of its axes are put into the covariance by what they do here
+# angles of operation: the errors of the axes are put into the covariance by their effect here
 _WORK_PAN_RAD = float(np.radians(30.0))
 _WORK_TILT_RAD = float(np.radians(15.0))
 
 
 def mount_words(text: str) -> tuple[str, ...]:
-    """Return the words of --free, the usual ones for none; raises `InputError` for one that is none."""
+    """Return the words of --free, the default ones for none; raises `InputError` for an unknown one."""
     words = tuple(word.strip() for word in text.split(",") if word.strip()) or USUAL_WORDS
     for word in words:
         if word not in WORDS:
@@ -44,10 +44,10 @@ def mount_words(text: str) -> tuple[str, ...]:
 
 
 def choose_mount(station: Station, marks: Sequence[Mark], words: Sequence[str]) -> dict[str, float]:
-    """Return names and one sigma before of what is to be found of a station, its marks included.
+    """Return names and prior sigmas of a station's parameters to estimate, with its marks.
 
-    Without a mark of known place or direction the base stays: any turn of it could be one of the marks. The zeros
-    turn the same way as the base about its vertical and the boresight about the tilt axis, and take their place.
+    Without a mark of known position or direction the base stays: any rotation of it is equivalent to one of the marks.
+    The zeros are equivalent to the base's turn about its vertical and the boresight about the tilt axis, and replace them.
     """
     rotation = KNOWN_ROTATION_RAD if "orientation" in station.known else np.inf
     chosen: dict[str, float] = {}
@@ -99,10 +99,10 @@ def _reported(station: Station, parameter: str, otherwise: float) -> float:
 
 
 def solved_station(before: Station, fit: MountFit) -> Station:
-    """Return the station with what was found, and how well.
+    """Return the station with its estimates and covariance.
 
-    The rig's covariance has no names for the axes' errors: what they leave uncertain of pan and tilt, where a station
-    works, is added to the boresight about the head's vertical and about the tilt axis.
+    The rig's covariance has no names for the axes' errors: their uncertainty of pan and tilt at the angles
+    of operation is added to the boresight about the head's vertical and about the tilt axis.
     """
     station = fit.problem.station_at(fit.change)
     axes = station.ptu_axes
@@ -121,7 +121,7 @@ def solved_station(before: Station, fit: MountFit) -> Station:
 
 def _covariance(before: Station, fit: MountFit) -> tuple[tuple[str, ...], FloatArray]:
     free = list(fit.problem.names)
-    # surveyed positions stay what the rig says: they were only allowed for
+    # surveyed positions stay those of the rig: their errors were only taken into account
     found = [n for n in CALIBRATION_PARAMETERS if n in free and n not in POSITION]
     kept = [k for k, name in enumerate(before.covariance_parameters) if name not in found]
     held = [n for n in fit.held if n in CALIBRATION_PARAMETERS and n not in before.covariance_parameters]
@@ -138,14 +138,14 @@ def _covariance(before: Station, fit: MountFit) -> tuple[tuple[str, ...], FloatA
         if name in (*BORESIGHT, *BASE):
             covariance[k, k] += FLOOR_ROTATION_RAD**2
     for name, variance in axis_variances(fit).items():
-        # what is held stays what it was, in its covariance, too
+        # fixed parameters stay unchanged, in their covariance, too
         if name in names and name not in fit.held:
             covariance[names.index(name), names.index(name)] += variance
     return names, 0.5 * (covariance + covariance.T)
 
 
 def axis_variances(fit: MountFit) -> dict[str, float]:
-    """Return what the axes' errors leave uncertain of the boresight's pan and tilt, rad², where a station works."""
+    """Return the variance of the boresight's pan and tilt due to the axes' errors, rad², at the angles of operation."""
 
     def variance(parts: dict[str, float]) -> float:
         return sum((fit.sigma(name) * effect) ** 2 for name, effect in parts.items() if name in fit.problem.names)

@@ -1,4 +1,4 @@
-"""How well the direction in which a calibrated camera looks is known, where a station works."""
+"""Uncertainty of the direction of a calibrated camera, at the angles of operation."""
 
 from dataclasses import dataclass, replace
 
@@ -16,7 +16,7 @@ _WORK_PAN_DEG, _WORK_TILT_DEG = (-30.0, 0.0, 30.0), (0.0, 7.5, 15.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointingSigma:
-    """One sigma of where the camera looks from its base, where a station works: across, up and roll, degrees."""
+    """One sigma of the camera's direction from its base, at the angles of operation: across, up and roll, degrees."""
 
     pan_deg: float
     tilt_deg: float
@@ -29,10 +29,10 @@ class PointingSigma:
 
 
 def pointing_sigma(fit: MountFit, told: bool = False) -> PointingSigma:
-    """Return how well the direction of a mark in the middle of the picture is known, given true readings.
+    """Return the uncertainty of the direction of a mark in the middle of the picture, given true readings.
 
-    Root mean square over pan −30 to 30° and tilt 0 to 15°; what is held counts with what it may be off. ``told``
-    leaves out what held lever arms and axes may be off: that no number of such sightings would better.
+    Root mean square over pan −30 to 30° and tilt 0 to 15°; fixed parameters count with their assumed sigmas. ``told``
+    leaves out fixed lever arms and axes, which no number of such sightings would improve.
     """
     covariance = _given_held(fit) if told else fit.joint_covariance
     problem = replace(fit.problem, names=fit.joint_names, prior_sigma=np.zeros(len(fit.joint_names)))
@@ -84,7 +84,7 @@ def _predicted(problem: MountProblem, seen: MountSightings, marks: tuple[Mark, .
 
 
 def _given_held(fit: MountFit) -> FloatArray:
-    """Return the joint covariance if what is held, but for rotations, were as it is taken to be."""
+    """Return the joint covariance if fixed parameters, except rotations, had exactly their assumed values."""
     whole = fit.joint_covariance
     given = [k for k, n in enumerate(fit.joint_names) if n in fit.held and n not in (*BORESIGHT, *BASE)]
     if not given:

@@ -1,6 +1,6 @@
-"""A camera on its pan-tilt head as a least-squares problem: what each parameter does to each sighting.
+"""A camera on its pan-tilt unit as a least-squares problem: effect of each parameter on each sighting.
 
-Parameters are differences from the station that one starts from, in rad, m and without unit: those of
+Parameters are differences from the initial station, in rad, m and without unit: those of
 `groundstation.geometry.calibration` (``runway_from_base``, ``ptu_position``, ``head_from_camera``, ``camera_in_head``),
 the fields of `groundstation.rig.ptu_axes.PtuAxes` without their unit (``lean``, ``pan_scale``, …), and for each mark
 ``mark NAME.part``.
@@ -32,7 +32,7 @@ _TURNS = (slice(0, 3), slice(6, 9))
 
 
 class MarkKind(Enum):
-    """What is known of a mark: its place; its direction; that it is a point, a direction, or a board somewhere."""
+    """Kinds of marks: known position; known direction; unknown point, direction or board."""
 
     POINT = "point"
     DIRECTION = "direction"
@@ -123,15 +123,15 @@ def _cross_matrices(vectors: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MountSightings:
-    """What one station saw, n sightings.
+    """Observations of one station, n sightings.
 
     Attributes
     ----------
-    reading_rad : (n, 2) pan and tilt as read; ``sense`` (n, 2) how each axis moved last, +1, −1 or 0.
+    reading_rad : (n, 2) pan and tilt as read; ``sense`` (n, 2) the last direction of motion of each axis, +1, −1 or 0.
     pixel_px : (n, 2); ``sigma_px`` (n,) of u and of v.
     pointing : (n,) number of the reading: sightings of one share all of its errors.
-    mark : (n,) number of the mark; ``body_m`` (n, 3) which point of a board, zero else.
-    label : (n,) where it comes from, as the user knows it.
+    mark : (n,) number of the mark; ``body_m`` (n, 3) the point of a board, otherwise zero.
+    label : (n,) its origin, for the user.
     """
 
     reading_rad: FloatArray
@@ -172,9 +172,9 @@ class PredictedSightings:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MountProblem:
-    """A station, its sightings, the marks, and p free parameters with one sigma (p,) before (inf: nothing known).
+    """A station, its sightings, the marks, and p free parameters with prior sigmas (p,) (inf: no prior).
 
-    ``stand`` (n,) numbers the standstills of the sightings, over which what a step hides stays the same.
+    ``stand`` (n,) numbers the standstills of the sightings, in which the error within an encoder's step is constant.
     """
 
     station: Station
@@ -273,7 +273,7 @@ class MountProblem:
         }
 
     def _left(self, change: FloatArray, by_rig: FloatArray) -> None:
-        """Turn the kernel's small angles into those about what has been turned already."""
+        """Convert the kernel's small angles into those about the rotated frame."""
         full = np.array([self.value(change, name) for name in CALIBRATION_PARAMETERS])
         for part in _TURNS:
             by_rig[:, :, part] = by_rig[:, :, part] @ left_jacobian(full[part])

@@ -1,4 +1,4 @@
-"""What a mount's calibration has found, in words: parameters, residuals, what it is good for, what to do next."""
+"""The result of a mount's calibration, in words: parameters, residuals, quality, next steps."""
 
 import numpy as np
 
@@ -92,7 +92,7 @@ def _residuals(fit: MountFit) -> list[str]:
 
 
 def verdict(one: StationMount) -> list[str]:
-    """Return the verdict's lines: how well, at which range, what is not determined, what to do next."""
+    """Return the verdict's lines: uncertainty by range, undetermined parameters, next steps."""
     fit = one.fit
     at = pointing_sigma(fit)
     word = "good" if at.worst_deg <= GOOD_DEG else "usable" if at.worst_deg <= USABLE_DEG else "not good enough"
@@ -116,7 +116,7 @@ def verdict(one: StationMount) -> list[str]:
 
 
 def _boresight(fit: MountFit) -> list[str]:
-    """Return how well the boresight is known by itself, apart from base and axes, and what would tell it better."""
+    """Return the uncertainty of the boresight itself, apart from base and axes, and a way to improve it."""
     free = [name for name in BORESIGHT if name in fit.problem.names]
     if len(free) < len(BORESIGHT):
         return []

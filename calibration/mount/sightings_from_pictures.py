@@ -55,9 +55,9 @@ class PictureSightings:
 def sightings_of_pictures(
     folder: Path, rig: Rig, board: CalibrationBoard | None, progress: Callable[[int], None] = lambda _: None
 ) -> PictureSightings:
-    """Find the board, or the lamp where there is none, in every picture of ``folder``/pictures.csv.
+    """Find the board, or without one the lamp, in every picture of ``folder``/pictures.csv.
 
-    Raises `InputError` where the table or a picture is at fault, or nothing is found at all.
+    Raises `InputError` for a faulty table or picture, or if nothing is found.
     """
     listed = _read_table(folder, rig)
     finder = CornerFinder(board) if board is not None else None
@@ -114,7 +114,7 @@ def _sightings(rows: Sequence[tuple[_ListedPicture, FloatArray, FloatArray]], si
 def find_lamp(grey: ImageArray) -> FloatArray | str:
     """Return the centroid (2,) of the brightest compact blob of a grey picture (h, w), or why there is none.
 
-    The centroid is weighted by what rises above the surroundings; a smooth background is taken out first.
+    The centroid is weighted by the level above the surroundings; a smooth background is subtracted first.
     """
     picture = grey.astype(np.float32)
     raised = picture - cv2.medianBlur(grey, 31).astype(np.float32)

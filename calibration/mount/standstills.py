@@ -1,7 +1,7 @@
-"""What a head's standing still does to a mount's sightings: which rows share it, and the error that they share.
+"""Standstills of a head in a mount's sightings: the rows of each, and the error that they share.
 
-The step of an encoder hides where within it an axis stands; while the head stands that error stays, however often and
-at whatever times the angles are read.
+The position of an axis within an encoder's step is unknown; while the head is at rest that error is constant, whatever
+the number and times of the readings.
 """
 
 import numpy as np
@@ -30,10 +30,10 @@ def standstills(reading_rad: FloatArray, sense: FloatArray, station: Station) ->
 
 
 def with_shared_error(white: FloatArray, by_angle: FloatArray, stand: IntArray, variance: float) -> FloatArray:
-    """Return rows that are white but for an error of both angles that each standstill shares, wholly white.
+    """Return wholly white rows from rows that are white except for an error of both angles shared in each standstill.
 
-    ``white`` (m, k) residuals and derivatives, ``by_angle`` (m, 2) what the angles do to each, ``stand`` (m,) its
-    standstill's number, ``variance`` of the shared error, rad²; they come back in the order of standstills. With B
+    ``white`` (m, k) residuals and derivatives, ``by_angle`` (m, 2) their derivatives by the angles, ``stand`` (m,) its
+    standstill's number, ``variance`` of the shared error, rad²; they are returned in the order of standstills. With B
     the rows' ``by_angle`` and BᵀB = V diag(λ) Vᵀ, (I + s² B Bᵀ)^-½ = I + B V diag(((1 + s²λ)^-½ − 1)/λ) Vᵀ Bᵀ.
     """
     order = np.argsort(stand, kind="stable")
@@ -43,7 +43,7 @@ def with_shared_error(white: FloatArray, by_angle: FloatArray, stand: IntArray, 
     across = np.add.reduceat(by_angle[:, :, None] * white[:, None, :], first, axis=0)
     values, vectors = np.linalg.eigh(squares)
     values = np.maximum(values, np.finfo(np.float64).tiny)
-    # ((1 + x)^-½ − 1) without loss of what is small
+    # ((1 + x)^-½ − 1) without cancellation for small x
     gain = np.expm1(-0.5 * np.log1p(variance * values)) / values
     middle = (vectors * gain[:, None, :]) @ np.swapaxes(vectors, 1, 2) @ across
     return np.asarray(white + (by_angle[:, None, :] @ middle[place])[:, 0])

@@ -1,4 +1,4 @@
-"""Where to start a mount from: without a guess, by trying how the camera may be turned on its head."""
+"""Initial values of a mount: all possible rotations of the camera about its axis are tried."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotati
 from groundstation.rig.rig import Station
 
 _QUARTERS_RAD = tuple(np.radians(a) for a in (0.0, 90.0, 180.0, 270.0))
-# a rig whose own orientation misses the marks by more is not believed
+# largest misfit of the marks at which a rig's own orientation is used
 _NEAR_RAD = float(np.radians(3.0))
 _FAR_M = 1e6
 _LEAST_KNOWN = 2
@@ -37,7 +37,7 @@ def mount_starts(station: Station, seen: MountSightings, marks: Sequence[Mark]) 
         return _with_boards(own, seen, marks)
     starts: list[MountStart] = []
     for quarter in _QUARTERS_RAD:
-        # an ideal camera looks along the head's y; turned about it, as a camera may be screwed on
+        # the axis of an ideal camera is the head's y; rotations about it, as a camera may be mounted
         head_from_camera = rotation_y(quarter) @ rotation_x(-0.5 * np.pi)
         camera = replace(station, head_from_camera_wxyz=wxyz_from_matrix(head_from_camera))
         either = (_start(camera, seen, marks, turned=turned) for turned in (True, False))
@@ -85,7 +85,7 @@ def _start(station: Station, seen: MountSightings, marks: Sequence[Mark], turned
 
 
 def _with_boards(starts: list[MountStart], seen: MountSightings, marks: Sequence[Mark]) -> list[MountStart]:
-    """Return the starts, one for each of the two ways in which a flat board may stand."""
+    """Return the starts, one for each of the two possible poses of a flat board."""
     for number, mark in enumerate(marks):
         if mark.kind is not MarkKind.BOARD:
             continue

@@ -18,7 +18,7 @@ class ReportPicture:
 
 
 def write_page(folder: Path, text: str, pictures: Sequence[ReportPicture]) -> list[Path]:
-    """Write report.html and the pictures as PNG into ``folder``, made if missing; returns what was written."""
+    """Write report.html and the pictures as PNG into ``folder``, created if missing; returns the written files."""
     folder.mkdir(parents=True, exist_ok=True)
     written = [folder / "report.html"]
     written[0].write_text(text, encoding="utf-8")
