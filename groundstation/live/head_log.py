@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from groundstation.live.input_queue import DeviceLogLine, InputQueue
-from groundstation.pointing.pointing_law import HeadLimits
+from groundstation.pointing.head_limits import HeadLimits
 from ptu_drivers.messages import UnitDescription
 from ptu_drivers.motion_guard import GuardReport
 

@@ -22,7 +22,7 @@ from groundstation.live.input_queue import InputQueue, Item
 from groundstation.live.motion_guard_process import GuardProcess
 from groundstation.live.restart_delay import RestartDelay
 from groundstation.messages import PointingCommand, PtuSample
-from groundstation.pointing.pointing_law import HeadLimits
+from groundstation.pointing.head_limits import HeadLimits
 from ptu_drivers.messages import UnitDescription
 from ptu_drivers.motion_guard import HALTING_S, LEASE_S, GuardReport, MotionLeases
 

@@ -14,7 +14,7 @@ from typing import Protocol
 from groundstation.live.input_queue import DeviceLogLine, Item
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.messages import PointingCommand, PtuSample, Purpose
-from groundstation.pointing.pointing_law import LEASE_S, AxisLimits, HeadLimits
+from groundstation.pointing.head_limits import LEASE_S, AxisLimits, HeadLimits
 from groundstation.tracking.log_throttle import LogThrottle
 from ptu_drivers.errors import LimitError, PtuError
 from ptu_drivers.interface import PanTiltUnit

@@ -9,13 +9,17 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import rotation_y
-from groundstation.geometry.station import StationGeometry
 from groundstation.pointing.sun import SunOverPlace
+
+if TYPE_CHECKING:
+    # its compiled kernels cost the PTUs' process, which is sent the axis, half a second of a core
+    from groundstation.geometry.station import StationGeometry
 
 # below it, refraction (0.6°) and the disc's radius (0.3°) counted, nothing of the Sun is over the horizon
 _SUN_SET_RAD = math.radians(-1.0)
@@ -55,7 +59,7 @@ class LensAxis:
     lean_rad: float
 
     @classmethod
-    def of(cls, geometry: StationGeometry) -> "LensAxis":
+    def of(cls, geometry: "StationGeometry") -> "LensAxis":
         """Return a calibrated station's."""
         base_from_runway = geometry.packed[0:9].reshape(3, 3).T.copy()
         return cls(

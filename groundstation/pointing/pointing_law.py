@@ -19,6 +19,7 @@ from groundstation.geometry.aim import aim_at
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import PointingCommand, PtuSample, Purpose
+from groundstation.pointing.head_limits import AxisLimits, HeadLimits
 from groundstation.pointing.keep_out import KeepOut
 from groundstation.pointing.keep_out_pointing import KeepOutPilot
 
@@ -27,28 +28,6 @@ _GAIN_TIMES_LATENCY = 0.3
 _STOPS_AFTER_S = 0.1
 # a head that is held before a closed zone creeps no slower than that: the Sun moves at 0.004 °/s
 _STANDS_RAD_S = math.radians(0.1)
-# a unit that reports no lease: the default watchdog of the drivers, or the motion guard
-LEASE_S = 0.5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AxisLimits:
-    """What one axis may do: rad, rad/s, rad/s²; ``slowest_rad_s`` is the least speed that is not standing still."""
-
-    low_rad: float = -math.inf
-    high_rad: float = math.inf
-    fastest_rad_s: float = math.inf
-    slowest_rad_s: float = 0.0
-    acceleration_rad_s2: float = math.inf
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeadLimits:
-    """Limits of the two axes of a PTU; it holds a rate for at most ``lease_s`` after the last command."""
-
-    pan: AxisLimits
-    tilt: AxisLimits
-    lease_s: float = LEASE_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,8 @@ from groundstation.live.core import LiveCore, LiveStep, live_config
 from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.input_queue import Item
 from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackState, TrackStatus
-from groundstation.pointing.pointing_law import AxisLimits, HeadLimits, HeadPilot, PointingConfig
+from groundstation.pointing.head_limits import AxisLimits, HeadLimits
+from groundstation.pointing.pointing_law import HeadPilot, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.rig.rig import Rig, Station
 from groundstation.simulation.closed_loop_head import ClosedLoopHead

@@ -7,7 +7,8 @@ import pytest
 from groundstation.live.core import LiveCore
 from groundstation.live.frame_pairing import FramePairer
 from groundstation.messages import PtuSample
-from groundstation.pointing.pointing_law import AxisLimits, HeadLimits, HeadPilot, PointingConfig
+from groundstation.pointing.head_limits import AxisLimits, HeadLimits
+from groundstation.pointing.pointing_law import HeadPilot, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline

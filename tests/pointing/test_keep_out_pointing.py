@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from groundstation.geometry.aim import aim_at
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.messages import PtuSample, Purpose
+from groundstation.pointing.head_limits import AxisLimits, HeadLimits
 from groundstation.pointing.keep_out import KeepOut, Sector, SunZone
-from groundstation.pointing.pointing_law import AxisLimits, HeadLimits, HeadPilot, PointingConfig
+from groundstation.pointing.pointing_law import HeadPilot, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from ptu_drivers.messages import Reading
 from tests.live.test_keep_out_unit import LENS, NOON_S, PLACE, insist_outside, zones

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from groundstation.arrays import FloatArray
 from groundstation.geometry.aim import aim_at
 from groundstation.messages import Kinematics, PtuSample, Purpose
-from groundstation.pointing.pointing_law import AxisLimits, HeadLimits, HeadPilot, PointingConfig
+from groundstation.pointing.head_limits import AxisLimits, HeadLimits
+from groundstation.pointing.pointing_law import HeadPilot, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from tests.stereo_rig import make_rig
 
