@@ -15,7 +15,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
-from tests.architecture.sources import ROOT, nodes_of
+from tests.architecture.sources import ROOT, tree_of
 
 OURS = {"groundstation", "calibration", "ptu_drivers", "tests", "benchmarks"} | {
     p.stem for p in (ROOT / "benchmarks").iterdir()
@@ -35,23 +35,31 @@ def distributions(requirements: Iterable[str]) -> set[str]:
 
 def imports(path: Path) -> Iterator[tuple[str, bool]]:
     """Yield each imported top-level package that is not ours, and whether importing the module imports it."""
-    deferred = {n for f in nodes_of(path) if isinstance(f, ast.FunctionDef | ast.AsyncFunctionDef) for n in ast.walk(f)}
-    deferred |= {
-        n
-        for branch in nodes_of(path)
-        if isinstance(branch, ast.If) and ast.unparse(branch.test).endswith("TYPE_CHECKING")
-        for n in ast.walk(branch)
-    }
-    for node in nodes_of(path):
-        names: list[str] = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names = [node.module]
+    for node, on_import in import_statements(tree_of(path)):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module or ""]
         for name in names:
             top = name.partition(".")[0]
             if top not in sys.stdlib_module_names and top not in OURS:
-                yield top, node not in deferred
+                yield top, on_import
+
+
+def import_statements(scope: ast.AST, on_import: bool = True) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
+    """Yield absolute imports below a node, and whether they are on import: in no function, and not for types alone."""
+    for node in ast.iter_child_nodes(scope):
+        if isinstance(node, ast.Import) or (isinstance(node, ast.ImportFrom) and node.level == 0):
+            yield node, on_import
+        elif not isinstance(node, ast.expr):
+            # no expression has a statement in it
+            deferred = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or is_for_types(node)
+            yield from import_statements(node, on_import and not deferred)
+
+
+def is_for_types(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.If)
+        and isinstance(node.test, ast.Name | ast.Attribute)
+        and ast.unparse(node.test).endswith("TYPE_CHECKING")
+    )
 
 
 @cache
