@@ -61,7 +61,7 @@ class PathResiduals:
     """Residuals in sigmas and their derivatives by a change (p,) of the calibration, with the paths eliminated.
 
     ``factors`` are the ratios of estimated to assumed pixel noise and ``kept`` the observations, by station; ``at`` is
-    the change at which the pixels' weights are computed. Rows: pixels by station, then the paths' samples and smoothness.
+    the change at which the pixels' weights are computed. Rows: pixels by station, then the paths' residuals.
     """
 
     problem: FlightProblem

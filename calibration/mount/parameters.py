@@ -47,7 +47,7 @@ def choose_mount(station: Station, marks: Sequence[Mark], words: Sequence[str]) 
     """Return names and prior sigmas of a station's parameters to estimate, with its marks.
 
     Without a mark of known position or direction the base stays: any rotation of it is equivalent to one of the marks.
-    The zeros are equivalent to the base's turn about its vertical and the boresight about the tilt axis, and replace them.
+    The zeros are equivalent to the base's turn about its vertical and the boresight about the tilt axis.
     """
     rotation = KNOWN_ROTATION_RAD if "orientation" in station.known else np.inf
     chosen: dict[str, float] = {}

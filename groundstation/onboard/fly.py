@@ -33,7 +33,7 @@ from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundTrack:
-    """The ground's track: its file, where the threshold is in its frame (3 numbers, m), sigma where it says none, m."""
+    """The ground's track: its file, the threshold in its frame (3 numbers, m), sigma where it states none, m."""
 
     path: Path
     threshold_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -42,7 +42,7 @@ class GroundTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlyRequest:
-    """What the user asked for; ``runway`` is (table, airport, runway) or None for the camera file's rectangle."""
+    """Options of the user; ``runway`` is (table, airport, runway) or None for the camera file's rectangle."""
 
     video: Path
     camera: Path
@@ -56,10 +56,10 @@ class FlyRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlyResult:
-    """What came of it: pictures by outcome, epochs by the filter's status, agreement, files, a fault.
+    """The result: pictures by outcome, epochs by the filter's status, agreement, files, a fault.
 
-    ``agrees`` is True where there is no ground track to disagree with; ``agreement`` says it in words. ``unused`` says
-    why no picture's pose was used; empty where one was. ``damage`` says in words which pictures could not be decoded,
+    ``agrees`` is True without a ground track; ``agreement`` is the result in words. ``unused`` is the reason
+    why no picture's pose was used; empty where one was. ``damage`` describes the pictures that could not be decoded,
     None where all could.
     """
 
@@ -190,7 +190,7 @@ class _Flight:
         )
 
     def _reports(self, samples: Sequence[ImuSample]) -> Iterator[tuple[VideoFrame, NoseReport]]:
-        """Yield each frame with what came of it; samples up to its time have been felt before."""
+        """Yield each frame with its report; samples up to its time have been processed before."""
         fed = 0
         for frame in self._video.frames():
             while fed < len(samples) and samples[fed].t_s <= frame.t_s:
@@ -219,7 +219,7 @@ def series_of(fixes: Sequence[NoseFix]) -> PositionTrack:
 
 
 def format_fly_summary(result: FlyResult) -> str:
-    """Return what came of it, in lines for a person."""
+    """Return the result, in lines for the user."""
     pictures = sum(result.outcomes.values())
     lines = [
         f"{pictures} pictures: " + ", ".join(f"{name} {n}" for name, n in sorted(result.outcomes.items())),

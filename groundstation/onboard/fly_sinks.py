@@ -91,7 +91,7 @@ class FlyRecording:
         self._stream.disconnect()
 
     def write(self, image: ImageArray, report: NoseReport, corners_px: FloatArray | None, flat: Undistorter) -> None:
-        """Send one frame (h, w, 3) BGR and what came of it."""
+        """Send one frame (h, w, 3) BGR and its report."""
         send = self._stream
         send.set_time("time", duration=np.timedelta64(round(report.t_s * 1e9), "ns"))
         send.log("camera/image", rr.Image(image, color_model=rr.ColorModel.BGR).compress(jpeg_quality=_JPEG_QUALITY))

@@ -25,7 +25,7 @@ _PLACE_UI_POINTS = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnPose:
-    """One row of the table: file name, status in words, and what there is to draw; None where there is none."""
+    """One row of the table: file name, status in words, and the drawing; None without one."""
 
     filename: str
     status: str
@@ -41,7 +41,7 @@ def draw_poses(path: Path, lens: Lens, rows: Iterable[DrawnPose]) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Rerun says in its own words what it cannot open
+        # Rerun reports in its own words what it cannot open
         path.open("wb").close()
     except OSError as fault:
         wanted = "--rerun with a file that can be written"

@@ -51,7 +51,7 @@ def render_flight(
 ) -> tuple[Path, ...]:
     """Write a flight's files; returns them.
 
-    Raises `InputError` where the folder cannot be written, or one of the files is there already.
+    Raises `InputError` where the folder cannot be written, or one of the files already exists.
     """
     files = tuple(folder / name for name in ("nose.avi", "nose.toml", "imu.csv", "truth.csv"))
     refuse_existing(files)

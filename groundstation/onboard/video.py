@@ -23,7 +23,7 @@ from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgesRequest:
-    """What the user asked for: video, camera file, IMU table or None, output folder, Rerun or not."""
+    """Options of the user: video, camera file, IMU table or None, output folder, Rerun or not."""
 
     video: Path
     camera: Path
@@ -34,9 +34,9 @@ class EdgesRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgesResult:
-    """What came of it: frames by status, frames without a measurement by reason, files, and a fault on the way.
+    """The result: frames by status, frames without a measurement by reason, files, and a fault during the run.
 
-    ``damage`` says in words which frames could not be decoded, None where all could; they have no row.
+    ``damage`` describes the frames that could not be decoded, None where all could; they have no row.
     """
 
     statuses: dict[str, int]
@@ -142,7 +142,7 @@ def _run(
 
 
 def format_edges_summary(result: EdgesResult) -> str:
-    """Return what came of it, in lines for a person."""
+    """Return the result, in lines for the user."""
     frames = sum(result.statuses.values())
     lines = [f"{frames} frames: " + ", ".join(f"{name} {count}" for name, count in sorted(result.statuses.items()))]
     misses = {name: count for name, count in result.misses.items() if name != "none"}

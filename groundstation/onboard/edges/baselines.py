@@ -1,7 +1,7 @@
-"""What the tracker is compared with: the Hough transform on Canny's edges, and graph cuts (OpenCV's GrabCut).
+"""Baselines of the tracker: the Hough transform on Canny's edges, and graph cuts (OpenCV's GrabCut).
 
-Both look at one picture alone, between the same rows as the tracker. Neither is given where the edges are; GrabCut is
-given the trapezoid in which to cut, as it needs seeds.
+Both use one picture alone, between the same rows as the tracker. Neither gets the edges' positions; GrabCut
+gets the trapezoid in which to cut, because it needs seeds.
 """
 
 import math
@@ -21,10 +21,10 @@ _LEAST_ROWS = 6
 def hough_edges(
     image: ImageArray, rows_px: FloatArray, half_angle_rad: float = math.radians(75.0)
 ) -> FloatArray | None:
-    """Return the crossings (4,) of the strongest pair of Hough lines on Canny's edges, None where there is none.
+    """Return the crossings (4,) of the strongest pair of Hough lines on Canny's edges, None without one.
 
     Lines within ``half_angle_rad`` of the vertical count. A pair is two lines that do not cross between the rows and
-    come closer upwards; of these the one with the most votes, lines sorted by votes as OpenCV gives them.
+    converge upwards; of these the one with the most votes is used, lines sorted by votes as in OpenCV.
     """
     first, last = int(rows_px[0]), int(rows_px[1]) + 1
     grey = cv2.cvtColor(image[first:last], cv2.COLOR_BGR2GRAY)
@@ -61,8 +61,8 @@ def graph_cut_edges(
 ) -> FloatArray | None:
     """Return crossings (4,) of lines through the borders of GrabCut's foreground, None where it finds none.
 
-    Seeds: the inner half of the guessed trapezoid (4,) is foreground for sure, what is farther off than ``widths_px``
-    (2, 2; at the upper and lower row of both lines) background for sure, and the rest is cut.
+    Seeds: the inner half of the given trapezoid (4,) is certain foreground, the area farther off than ``widths_px``
+    (2, 2; at the upper and lower row of both lines) certain background, and the rest is cut.
     """
     first, last = int(np.ceil(rows_px[0])), int(np.floor(rows_px[1])) + 1
     rows = np.arange(first, last)

@@ -32,12 +32,12 @@ class NoseCamera:
 
     Attributes
     ----------
-    lens, mount : the camera, and how it is turned in the aircraft.
-    guess : the runway's width and length, roughly.
-    unsaid : which of both the file does not say, width_m or length_m; `RunwayGuess`' own stand for them.
-    heading_rad : which way one lands, clockwise from north; 0 where yaw is measured from the landing direction.
-    place : the threshold on Earth, None where the file does not say.
-    start : pose at the first frame, None where the file does not say.
+    lens, mount : the camera, and its orientation in the aircraft.
+    guess : the runway's approximate width and length.
+    unsaid : the missing ones of both in the file, width_m or length_m; `RunwayGuess`' own are used for them.
+    heading_rad : landing direction, clockwise from north; 0 where yaw is measured from the landing direction.
+    place : the threshold on Earth, None where the file does not give it.
+    start : pose at the first frame, None where the file does not give it.
     """
 
     lens: Lens

@@ -24,36 +24,36 @@ class TrackerConfig:
 
     Attributes
     ----------
-    measurement : what the filter measures.
-    use_strip : search about the prediction before going down, and settle to a fraction of a pixel after it.
-    bands_across : take the means along the image of a line across the runway; else along the lines' normals.
-    profile : of the runway, the profile across each edge says where it is; None: the strip or the descent (crossings
+    measurement : quantity that the filter measures.
+    use_strip : search about the prediction before the descent, and refine to a fraction of a pixel after it.
+    bands_across : take the means along the image of a line across the runway; otherwise along the lines' normals.
+    profile : for the runway, the profile across each edge is the measurement; None: the strip or the descent (crossings
         only).
-    paint_m : bright markings narrower than this are taken away first, painted lines and lamps; 0 for none.
-    first_band_m : width of the neighbourhoods where a pair is first looked at, on the ground; wide ones are not held
-        by markings within the runway.
+    paint_m : bright markings narrower than this are removed first, painted lines and lamps; 0 for none.
+    first_band_m : width of the neighbourhoods in the first measurement of a pair, on the ground; wide ones are not
+        attracted by markings within the runway.
     band_m, least_band_px, most_band_px : width of the neighbourhoods on the ground, and its limits in the picture.
-    attitude_sigma_rad, position_sigma_m : what a pose may be wrong by, again in each frame (crossings only).
-    lasting_attitude_rad, lasting_height_m : and for good: roll and pitch, and height; estimated (crossings only).
+    attitude_sigma_rad, position_sigma_m : errors of a pose, independent in each frame (crossings only).
+    lasting_attitude_rad, lasting_height_m : constant ones: roll and pitch, and height; estimated (crossings only).
     lasting_turn_rad, lasting_rise_m : process noise of these per frame.
     turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
-    start_turn_rad, start_shift_m, start_width : how far off a pair is expected to be: direction, place, factor in
-        width; place and width may be much farther off.
-    hypotheses : pairs followed side by side until one has proved to be the runway.
-    confirm_frames : that takes at least so many frames; 1 takes Algorithm 1's best pair at once, for good.
-    margin : by how much the best pair's score must exceed the others'.
-    doubt_agreement, doubt_missed, doubt_score, doubt_frames : a runway whose edges' colours agree less, that was missed
-        so often in a row, or whose score is lower, is compared with Algorithm 1's pairs; not again for so many frames.
-    check_frames : after so many frames it is compared in any case.
-    work : pieces of work a frame: following a pair is one (the runway three), Algorithm 1 one, a look at one of its
-        pairs one. Following comes first; a search has the rest, but one at least; where nothing is followed, all.
-    edge_sigma_m, edge_sigma_px : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders,
-        alike along an edge, and for blur and haze at either end; it does not average out, and is added to what is
-        reported (crossings only).
-    profile_sigma_m, profile_sigma_px : the same where a profile says what its markings leave open.
-    plain_contrast : contrast (0 to 1) below which an edge is faint, and ``edge_sigma_px`` grows as it falls.
+    start_turn_rad, start_shift_m, start_width : prior sigmas of a pair: direction, position, factor in
+        width; position and width have long tails.
+    hypotheses : pairs that are tracked in parallel until one is confirmed as the runway.
+    confirm_frames : minimum number of frames for that; 1 uses Algorithm 1's best pair at once and permanently.
+    margin : minimum lead of the best pair's score over the others'.
+    doubt_agreement, doubt_missed, doubt_score, doubt_frames : a runway with less agreement of its edges' colours, more
+        successive misses, or a lower score is compared with Algorithm 1's pairs; not again for so many frames.
+    check_frames : number of frames after which it is compared in any case.
+    work : units of work in a frame: tracking a pair is one (the runway three), Algorithm 1 one, a measurement of one of
+        its pairs one. Tracking has priority; a search gets the rest, but at least one; without tracked pairs, all.
+    edge_sigma_m, edge_sigma_px : possible distance between the visible edge and the pavement's, for paint, lamps and
+        shoulders, equal along an edge, and for blur and haze at either end; it does not average out and is added to the
+        reported covariance (crossings only).
+    profile_sigma_m, profile_sigma_px : the same for the ambiguity that remains in a profile with markings.
+    plain_contrast : contrast (0 to 1) below which an edge is faint, and ``edge_sigma_px`` increases as it decreases.
     gate : largest normalised innovation squared of an accepted measurement, 4 degrees of freedom.
-    coast_frames : how long the lines are predicted alone before they are sought again.
+    coast_frames : number of frames for which the lines are predicted without measurement before a new search.
     line_noise, process_noise : the paper's U and Q, per element (lines only).
     """
 

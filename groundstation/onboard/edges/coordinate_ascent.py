@@ -69,17 +69,17 @@ def _best_of_line(
 def best_displacements(
     scores: FloatArray, least: float, steps: FloatArray, offset: FloatArray, weight: FloatArray, out: FloatArray
 ) -> float:
-    """Fill ``out`` (4,) px with the displacements of both lines that score best, less what they cost by the prior.
+    """Fill ``out`` (4,) px with the displacements of both lines of the best score, less the cost of the prior.
 
-    Turned by gusts, both lines move together, and a line alone does not jump to its neighbour. Line by line, each
-    given the other, until neither moves: from either one's own best whatever the other does, by the prior's marginal
-    (Schur's complement of the inverse covariance). A line's own block of that would be the line given the other where
-    the prior expects it: tied as they are, none would leave that place.
+    In gusts both lines move together, and a line alone does not jump to its neighbour. Line by line, each
+    given the other, until neither moves: from either one's own best independent of the other, by the prior's marginal
+    (Schur's complement of the inverse covariance). A line's own block of that would be conditional on the other line at
+    its prior mean: with their correlation, none would leave that position.
 
     Parameters
     ----------
-    scores : (2, trials, trials), of either line at its displacements at the upper and the lower row, the middle none;
-        below ``least`` there is none.
+    scores : (2, trials, trials), of either line at its displacements at the upper and the lower row, the middle zero;
+        below ``least`` there is no edge.
     steps : (2,) px between displacements, at either row.
     offset, weight : the prior's mean (4,) px and inverse covariance (4, 4), in units of the scores.
     out : of the upper and the lower row of the first line, then of the second's.

@@ -1,9 +1,9 @@
-"""Algorithm 1: the runway's edges in one picture, without a first guess of where they are.
+"""Algorithm 1: the runway's edges in one picture, without a prior position.
 
 1. The response of each column: colours right and left of it, over the intersection of the regions of all angles.
 2. The N highest local maxima of the squared difference (the paper's minima of −½(u − v)²).
 3. For each, the best angle on a coarse grid, then on a fine one.
-4. The energy of every pair, and the lowest one that could be a runway.
+4. The energy of every pair, and the lowest one that is plausible as a runway.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The table edges.csv: one row for each frame, written as it comes."""
+"""The table edges.csv: one row per frame, written incrementally."""
 
 import math
 from pathlib import Path

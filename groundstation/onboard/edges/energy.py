@@ -2,20 +2,20 @@
 
 With spatially variant means (Eqs. 1 and 3)::
 
-    E(d) = −½ Σ_lines ∫ |u(t) − v(t)|² ds,  u(t) = 1/ℓ ∫₀^ℓ I(C(t) − sN) ds,  v(t) likewise outwards
+    E(d) = −½ Σ_lines ∫ |u(t) − v(t)|² ds,  u(t) = 1/ℓ ∫₀^ℓ I(C(t) − sN) ds,  v(t) the same outwards
 
-with C(t) = ((1−t)·x_top + t·x_bottom, y) and ℓ(t) held while the lines move. The gradient is derived again from these
+with C(t) = ((1−t)·x_top + t·x_bottom, y) and ℓ(t) constant while the lines move. The gradient is derived from these
 two equations: through I at the samples, through N and through ds; it is exact for the bilinear picture. The paper's
 (Eqs. 6 to 9, corrected: −t for t in 7 and 9) is `spatially_variant_as_printed`.
 
 With non-variant means (Eqs. 2, A2, A3) the regions end at fixed far sides, and E = −½ |u − v|² · 2 L₂ over both bands
 together, so that both energies have the same unit.
 
-The bands of one place are seen at one distance only if they lie along the image of a line across the runway; along
-the normals of lines that lean by 45° and more one side is much farther away than the other, and light and haze that
-change with distance pull the lines aside. Hence ``across``, which the paper has not.
+The bands of one place are at one distance only if they are along the image of a line across the runway; along
+the normals of lines inclined by 45° and more one side is much farther away than the other, and light and haze that
+change with distance bias the lines. Hence ``across``, which is not in the paper.
 
-Crossings x (4,): line 1 at the upper and lower row, line 2 likewise; line 1 is the left one. Colours run from 0 to 1.
+Crossings x (4,): line 1 at the upper and lower row, line 2 at both rows; line 1 is the left one. Colours are 0 to 1.
 """
 
 from typing import NamedTuple

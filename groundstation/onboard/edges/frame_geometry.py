@@ -1,4 +1,4 @@
-"""What a frame looks like to lines that are followed: rows, crossings of the prediction, bands, noise."""
+"""Geometry of a frame for line tracking: rows, crossings of the prediction, bands, noise."""
 
 import math
 from dataclasses import dataclass
@@ -97,7 +97,7 @@ def widths_of(
 
 
 def pose_noise(config: TrackerConfig, look: FrameGeometry) -> FloatArray:
-    """Return what the pose's uncertainty is at the crossings, (4, 4) px²."""
+    """Return the effect of the pose's uncertainty on the crossings, (4, 4) px²."""
     if config.measurement is MeasurementModel.LINES:
         return np.zeros((4, 4))
     return np.asarray(noise_of_pose(look.by_pose, config.attitude_sigma_rad, config.position_sigma_m))
@@ -112,7 +112,7 @@ def edge_noise(
 ) -> FloatArray:
     """Return the covariance (4, 4) px² of the definition of an edge, the same at both ends of a line.
 
-    Nearby markings displace faint edges farther, along a row the more so the more the line is inclined. A profile's own
+    Near markings displace faint edges farther, along a row more with the inclination of the line. A profile's own
     second moment of the alternatives replaces most of it. ``found`` is None where the edges were not measured.
     """
     per_m, noise = max(abs(float(mean[C] - mean[D])), 1.0), np.zeros((4, 4))

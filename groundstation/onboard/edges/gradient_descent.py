@@ -1,4 +1,4 @@
-"""Going down the energy from a first guess, the four crossings moving alone: a trapezoid stays one (Eq. 5)."""
+"""Descent of the energy from initial crossings, which move independently: a trapezoid stays one (Eq. 5)."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -24,17 +24,17 @@ class Energy(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DescentConfig:
-    """How one goes down.
+    """Numerics of the descent.
 
     Attributes
     ----------
-    energy : what is minimised.
+    energy : the minimised energy.
     places, samples : points along a line, and on either side of each.
     step_px : the first step; the paper's 0.5 (each step is the gradient scaled to that length).
-    least_step_px : where it ends; a step that finds nothing better is halved, one that does grows.
+    least_step_px : smallest step; a step without improvement is halved, one with improvement increased.
     most_steps : evaluations at most.
-    gamma : weight γ of the distance from the first guess, per px² (Eq. 3).
-    adaptive_gamma : multiply γ by 1 + (variance within the bands) / (squared difference of their means), at the guess.
+    gamma : weight γ of the distance from the initial crossings, per px² (Eq. 3).
+    adaptive_gamma : multiply γ by 1 + (variance within the bands) / (squared difference of their means), initially.
     """
 
     energy: Energy = Energy.SPATIALLY_VARIANT
@@ -161,12 +161,12 @@ def descend(
     config: DescentConfig,
     across: FloatArray | None = None,
 ) -> DescentResult:
-    """Go down from a guess.
+    """Descend from initial crossings.
 
     Parameters
     ----------
     image : (h, w, 3) uint8.
-    guess_px : crossings (4,), also d′ of the penalty.
+    guess_px : initial crossings (4,), also d′ of the penalty.
     rows_px : upper and lower row (2,).
     widths_px : band widths ℓ (2, 2): line 1 and 2, at the upper and lower row; along ``across``.
     across : direction of the bands (2,), a unit vector to the right; None for the normals (SPATIALLY_VARIANT only).

@@ -1,9 +1,9 @@
-"""Pairs of lines that may be the runway, followed side by side until one of them has proved to be.
+"""Hypotheses of the runway: pairs of lines tracked in parallel until one of them is confirmed.
 
-A taxiway next to a runway, a road, a repaired strip: in one picture two of their edges can be as contrasty a pair as
-the runway's. Over some frames they are not: on the ground they are too wide or too far aside once roll, pitch and
-height are settled by where the lines meet, they move against the pose, or what lies between them is another colour at
-either edge.
+A taxiway next to a runway, a road, a repaired strip: in one picture two of their edges can have the contrast of
+the runway's. Over some frames they differ: on the ground they are too wide or too far aside once roll, pitch and
+height are estimated from the lines' intersection, they move against the pose, or the area between them has different
+colours at its two edges.
 """
 
 import math
@@ -39,7 +39,7 @@ from groundstation.onboard.edges.strip import find_edges, refine_edges, search_e
 _FIRST_SIGMA_PX = 3.0
 # what an announced runway's edges may each be off by, for its width and for the pose's place
 _ANNOUNCED_M = 3.0
-# pairs of a picture that are looked at more closely, the lowest energies
+# pairs of a picture that are measured, those of the lowest energies
 _FIRST_PAIRS, _MORE_PAIRS = 4, 2
 # two pairs are the same lines up to so many px, or that part of their distance in the lower row
 _SAME_PX, _SAME_SHARE = 3.0, 0.08
@@ -48,7 +48,7 @@ _MOST_NIS = 25.0
 EXPECTED_NIS = 4.0
 # sigma of c and d of a pair that was only detected, m
 _ANYWHERE_M = 10.0
-# what the parts of a score weigh: agreement of the edges' colours, misfit to the pose, frames without edges
+# weights of a score: agreement of the edges' colours, misfit to the pose, frames without edges
 _AGREEMENT, _NIS, _MISSED = 4.0, 0.125, 4.0
 # frames over which these are means
 _MEMORY = 12
@@ -60,10 +60,10 @@ class Hypothesis:
 
     Attributes
     ----------
-    state, edges : the lines, and what the last frame showed of them.
-    frames, missed : since they were found; without edges since they were last seen.
+    state, edges : the lines, and their measurement in the last frame.
+    frames, missed : since the pair was found; without edges since the last measurement.
     agreement, nis, lost : means over the last frames: see `EdgeMeasurement`, NIS at most 25, share without edges.
-    markings : paint and lamps next to its edges, where it was followed by profiles.
+    markings : paint and lamps next to its edges, if it was tracked by profiles.
     """
 
     state: LineState
@@ -109,19 +109,19 @@ def score(hypothesis: Hypothesis, config: TrackerConfig) -> float:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class PairSearch:
-    """Algorithm 1 on one picture, and which of its pairs are still to be looked at from near by.
+    """Algorithm 1 on one picture, and its pairs that are still to be measured.
 
-    A look takes as long as following a pair for a frame, so a tracker that has a runway takes one look a frame.
+    A measurement takes as long as tracking a pair for a frame, so a tracker with a runway takes one per frame.
 
     Attributes
     ----------
     painted, image : the picture (h, w, 3), and without its paint.
     pose, rows, e : its geometry.
     middle : crossings (4,) of the announced runway.
-    known : the pairs that were followed when the picture was taken.
-    waiting : crossings (4,) of the pairs to look at, the announced runway first.
-    found : what was seen, of pairs that were not known.
-    miss : why there is nothing to be seen, if it stays so.
+    known : the pairs that were tracked when the picture was taken.
+    waiting : crossings (4,) of the pairs to measure, the announced runway first.
+    found : measurements of pairs that were not known.
+    miss : reason of the miss if none is found.
     """
 
     painted: ImageArray
@@ -137,16 +137,16 @@ class PairSearch:
 
 
 def find_pairs(camera: TrackerCamera, image: ImageArray, pose: NoseCameraPose) -> list[Hypothesis] | EdgeMiss:
-    """Run Algorithm 1, and return what its best pairs look like from near by; or why there is none."""
+    """Run Algorithm 1, and return measurements of its best pairs; or the reason of the miss."""
     search = begin_search(camera, image, pose, [])
     continue_search(camera, search, len(search.waiting))
     return search.found or search.miss
 
 
 def begin_search(camera: TrackerCamera, image: ImageArray, pose: NoseCameraPose, known: list[Hypothesis]) -> PairSearch:
-    """Run Algorithm 1; its pairs, and the announced runway, wait to be looked at in this very picture, which is kept.
+    """Run Algorithm 1; its pairs, and the announced runway, are queued for measurement in this picture, which is kept.
 
-    Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
+    Pairs that are ``known`` already are left out, and fewer are measured where there are some.
     """
     config, kappa = camera.config, camera.kappa
     e, middle = line_map(pose, kappa), np.zeros(4)
@@ -169,7 +169,7 @@ def begin_search(camera: TrackerCamera, image: ImageArray, pose: NoseCameraPose,
     half = 0.5 * config.guess.width_m
     search.rows, search.middle = rows, project_lines(np.array([1.0, 0.0, -half, half]), e, rows)[0]
     px_per_m = np.abs(search.middle[2:] - search.middle[:2]) / (2.0 * half)
-    # a picture that is looked at later is not the caller's, who may write the next one into it
+    # a picture for later measurement is copied, because the caller may overwrite it with the next one
     search.painted = image.copy()
     search.image = remove_markings(search.painted, rows, config.paint_m * float(px_per_m[1]))
     pairs = detect(search.image, rows, px_per_m, config.detection, lambda x: pair_weight(x, rows, pose, kappa, config))
@@ -183,7 +183,7 @@ def begin_search(camera: TrackerCamera, image: ImageArray, pose: NoseCameraPose,
 
 
 def continue_search(camera: TrackerCamera, search: PairSearch, looks: int) -> None:
-    """Take so many looks at pairs that wait, if as many do, and keep what is seen."""
+    """Measure this number of queued pairs, if there are as many, and keep the results."""
     for _ in range(min(looks, len(search.waiting))):
         crossings = search.waiting.pop(0)
         if crossings is search.middle:
@@ -209,9 +209,9 @@ def track_hypotheses(
 
     ``old`` with the best first; ``new`` were seen in a picture before this one and have not been followed yet.
     """
-    # one of several is given up sooner than the runway
+    # one of several is dropped sooner than the runway
     profile, most = camera.config.profile, camera.config.coast_frames // 2
-    # what is reported is the best one's, for which alone there is time to take profiles
+    # the report is the best one's, for which alone there is time for profiles
     best, layouts = (None, 0) if profile is None else (old[0], profile.layouts_beside)
     moved = [
         [
@@ -224,7 +224,7 @@ def track_hypotheses(
 
 
 def merge_hypotheses(camera: TrackerCamera, old: list[Hypothesis], new: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the best of both lists, at most as many as configured, the best first; of two alike the earlier."""
+    """Return the best of both lists, at most as many as configured, the best first; of two equal ones the earlier."""
     config, kept = camera.config, list[Hypothesis]()
     for one in sorted(old, key=lambda h: -score(h, config)) + new:
         if not any(same_lines(one, other) for other in kept):
@@ -249,7 +249,7 @@ def same_lines_px(edges: Edges, crossings_px: FloatArray, rows_px: FloatArray) -
 def _announced(
     camera: TrackerCamera, image: ImageArray, rows: FloatArray, pose: NoseCameraPose
 ) -> EdgeMeasurement | None:
-    """Return what is seen about where the announced runway lies by the pose, to within what both may be off by."""
+    """Return the measurement about the announced runway's position by the pose, within the errors of both."""
     config = camera.config
     half = 0.5 * config.guess.width_m
     state = _prior(config, np.array([1.0, 0.0, -half, half]))

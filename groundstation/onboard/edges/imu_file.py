@@ -58,8 +58,8 @@ class PoseLog:
 def load_imu(path: Path, camera: NoseCamera) -> PoseLog:
     """Read an IMU table; raises `ImuFileError`.
 
-    Columns: t_s, roll_deg, pitch_deg, yaw_deg, and lat_deg, lon_deg, alt_m (the camera file's [runway] then says
-    where the threshold is) or x_m, y_m, z_m in the threshold frame. Others are not looked at.
+    Columns: t_s, roll_deg, pitch_deg, yaw_deg, and lat_deg, lon_deg, alt_m (the camera file's [runway] then gives
+    the threshold) or x_m, y_m, z_m in the threshold frame. Others are ignored.
     """
     header, rows = _read(path)
     where = _LOCAL if set(_LOCAL) <= set(header) else _EARTH

@@ -1,8 +1,8 @@
-"""The Kalman filter on (a, b, c, d), a² + b² = 1, and the constant-velocity one in the picture to compare with.
+"""The Kalman filter on (a, b, c, d), a² + b² = 1, and the constant-velocity one in the picture as a baseline.
 
-The runway stands still: A = 1, B = 0 (Eqs. 21, 22). `update_lines` is the paper's: six numbers of two lines of the
+The runway is stationary: A = 1, B = 0 (Eqs. 21, 22). `update_lines` is the paper's: six numbers of two lines of the
 picture, y = C_k x (Eq. 33). `update_crossings` measures the lines where they cross two rows, in px with their own
-covariance, and knows that the pose is uncertain too. Both use the norm-constrained gain (Zanetti et al. 2009).
+covariance, and includes the pose's uncertainty. Both use the norm-constrained gain (Zanetti et al. 2009).
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class LineState:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineUpdate:
-    """What came of a measurement: the new state, innovation with covariance, and its normalised square."""
+    """Result of an update: the new state, innovation with covariance, and its normalised square."""
 
     state: LineState
     innovation: FloatArray
@@ -67,7 +67,7 @@ def _updated(state: LineState, h: FloatArray, innovation: FloatArray, noise: Flo
 def update_lines(state: LineState, c_k: FloatArray, lines: FloatArray, noise: FloatArray) -> LineUpdate:
     """Return the paper's update with two lines of the picture (6,) in px, noise U (6, 6), Eqs. 16 and 18.
 
-    C_k x has a scale of its own for each line; the measured lines, of unit normals, are given the predicted one's.
+    C_k x has a separate scale for each line; the measured lines, of unit normals, are given the predicted one's.
     """
     predicted = c_k @ state.mean
     pair = predicted.reshape(2, 3)

@@ -1,4 +1,4 @@
-"""One step of lines that are followed: predict, look about the prediction, go down, settle, gate, update."""
+"""One step of line tracking: predict, search about the prediction, descend, refine, gate, update."""
 
 import math
 from dataclasses import dataclass, replace
@@ -38,9 +38,9 @@ _WIDE_RUNWAY_M = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackingStep:
-    """What came of a step: the lines after it, as edges of the picture where rows hold them, and what was seen.
+    """Result of a step: the lines after it, as edges of the picture where rows contain them, and the measurement.
 
-    ``found`` is None where nothing was measured or accepted; ``miss`` says why.
+    ``found`` is None where nothing was measured or accepted; ``miss`` is the reason.
     """
 
     state: LineState
@@ -59,10 +59,10 @@ def track_lines(
     markings: Markings | None = None,
     layouts: int = 0,
 ) -> TrackingStep:
-    """Follow lines into a picture (h, w, 3) uint8 BGR.
+    """Track lines into a picture (h, w, 3) uint8 BGR.
 
-    Not ``thorough``: the strip's search alone says where they are, without the descent; for lines that are one of
-    several possibilities. So many ``layouts`` are compared, see `profile.edges_by_profile`.
+    Not ``thorough``: the strip's search alone measures them, without the descent; for one of several
+    hypotheses. This number of ``layouts`` is compared, see `profile.edges_by_profile`.
     """
     config = camera.config
     predicted = predict(state, process_noise(config, state))
@@ -131,7 +131,7 @@ def profiled(
     *,
     layouts: int,
 ) -> EdgeMeasurement:
-    """Return edges by profiles about a guess (4,), with a prior (4, 4) about where the look predicts them."""
+    """Return edges by profiles about initial crossings (4,), with a prior (4, 4) about the search's prediction."""
     px_per_m = scale_of(look, state)
     lamp_parallax = lamps_seen(look.pose.camera_threshold_m, state.mean, config.lamp_height_m)
     return edges_by_profile(
@@ -154,7 +154,7 @@ def scale_of(look: FrameGeometry, state: LineState) -> FloatArray:
 
 
 def side_lines_of(config: ProfileConfig, runway: RunwayGuess) -> ProfileConfig:
-    """Return the configuration with side lines as wide as Annex 14 wants on a runway of the announced width."""
+    """Return the configuration with side lines as wide as in Annex 14 for a runway of the announced width."""
     wide = runway.width_m >= _WIDE_RUNWAY_M
     return replace(config, line_width_m=config.wide_line_width_m) if wide else config
 

@@ -15,7 +15,7 @@ from groundstation.arrays import FloatArray, ImageArray
 
 _LEAST_PX, _MOST_PX = 7, 25
 _BESIDE_PX = 24
-_DARK = 95.0  # median grey level of the rows below which lamps are looked for
+_DARK = 95.0  # median grey level of the rows below which lamps are searched for
 _LAMP_PX = 15  # narrower than this, and
 _LAMP_GREY = 14  # brighter than its surroundings by so many grey levels
 _GLOW_PX = 5
@@ -33,7 +33,7 @@ def remove_markings(image: ImageArray, rows_px: FloatArray, width_px: float) -> 
     first = max(int(rows_px[0]) - _BESIDE_PX, 0)
     last = min(int(rows_px[1]) + _BESIDE_PX + 1, image.shape[0])
     if median_grey(image[first:last], 4) < _DARK:
-        # no opening here: it darkens what is noisy, and a bridge is not
+        # no opening here: it darkens noisy areas, and a bridge is not one
         cleaned = image.copy()
         part = cleaned[first:last]
         bridge(part, lamp_mask(np.asarray(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY), np.uint8)))

@@ -1,11 +1,11 @@
-"""Markings next to the edges, accumulated over pictures: where paint and lamps are, and how bright.
+"""Markings next to the edges, accumulated over pictures: positions and brightness of paint and lamps.
 
-Paint half a metre inside one place of the edge may be lamps a metre outside another, in one picture, and a bright bar
-fits something anywhere. So the places of a side line and of lamps (a layout) are hypotheses: by turns others are fitted
-next to the one that is held, all with any paint and light; each mark has to be worth what it is free to fit, and look
-like what it is. A wrong layout moves both edges alike out or in, and other lines may have the same layout. What
-another is likelier by adds up over pictures; above a margin it takes the place of the one that is held. Until then
-edges are reported with what the layouts leave open: the second moment of where others put the lines, about these.
+In one picture paint half a metre inside one edge may be lamps a metre outside another, and a bright bar
+fits something anywhere. The positions of a side line and of lamps (a layout) are therefore hypotheses: others are
+fitted in turn next to the current one, all with any paint and light; each mark has to justify its degrees of freedom,
+and have a plausible colour. A wrong layout moves both edges outwards or inwards, and other lines may have the same
+layout. The log-likelihood gain of another one is summed over pictures; above a margin it replaces the current one.
+Until then edges are reported with the ambiguity of the layouts: the second moment of the lines by the others.
 """
 
 import math
@@ -27,15 +27,15 @@ from groundstation.onboard.edges.profile_fit import (
     likelihood_at,
 )
 
-# part of what was seen of a layout that stays when it is compared again, and the most that a picture may say of it
+# share of a layout's earlier gain that is kept in a new comparison, and the limit of a picture's gain
 _FORGET, _MOST = 0.9, 300.0
 # a layout that is worse by so many nats waits so many pictures longer for its turn
 _HOPELESS, _SELDOM = 150.0, 12.0
 # pictures over which it is taken where another layout puts the lines
 _MEMORY = 4.0
-# by how many of its sigmas paint has to be more than none, and what there is of light more than of darkness
+# sigmas by which paint has to exceed zero, and light darkness
 _BRIGHT = 3.0
-# by how much paint is brighter than the ground at least, as a part of what it is brighter by than pavement
+# least excess of paint over the ground, as a share of its excess over pavement
 _OVER_GROUND = 0.2
 # a layout that will take the place of the one that is held, in a picture or two, is stated as e² times as likely
 _DOUBLE = 2.0
@@ -52,18 +52,18 @@ Places = tuple[int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Markings:
-    """What is next to the edges.
+    """Markings next to the edges.
 
     Attributes
     ----------
-    excess : usual excess (2, blocks, 3) of painted line and lamps, 0 to 1, alike at both edges.
+    excess : usual excess (2, blocks, 3) of painted line and lamps, 0 to 1, equal at both edges.
     noise : variance of a pixel about its profile.
-    frames : of how many pictures these are.
-    surveyed : in how many pictures every layout was compared; not again where another was taken since.
-    places : which of the configuration's places the line and the lamps have.
-    gains : log-likelihood (lines, lamps) that each layout is better by, of late; of the own one: other lines with it.
-    moved_m : (lines, lamps, 4) outwards, where each has put the crossings against those that are held.
-    tried, times : (lines, lamps) in which picture each was compared last, −1 for never, and in how many.
+    frames : number of pictures.
+    surveyed : number of pictures in which every layout was compared; not repeated after a change.
+    places : indices of the line and the lamps in the configuration's positions.
+    gains : log-likelihood gain (lines, lamps) of each layout, recent; of the current one: other lines with it.
+    moved_m : (lines, lamps, 4) outwards, displacement of the crossings by each against the current one.
+    tried, times : (lines, lamps) picture of the last comparison of each, −1 for never, and their number.
     """
 
     excess: FloatArray
@@ -78,7 +78,7 @@ class Markings:
 
 
 class Change(Enum):
-    """What a picture changed: nothing; where line and lamps are, and the lines with them; the lines alone."""
+    """Change by a picture: none; positions of line and lamps, and the lines with them; the lines alone."""
 
     NONE = "none"
     LAYOUT = "layout"
@@ -87,7 +87,7 @@ class Change(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MarkingComparison:
-    """Markings after it, what has proved better than what was held, and if so how far the lines moved, (4,) px."""
+    """Markings after it, the confirmed change, and the resulting displacement of the lines, (4,) px."""
 
     markings: Markings
     change: Change
@@ -95,14 +95,14 @@ class MarkingComparison:
 
 
 def initial_markings(config: ProfileConfig, *, dark: bool) -> Markings:
-    """Return markings of which nothing is known; in the dark there are lamps until something else is seen."""
+    """Return markings without observations; in the dark, lamps until another layout is confirmed."""
     lamps = next((k for k, at in enumerate(config.lamps_m) if (at is None) != dark), 0)
     shape = len(config.lines_m), len(config.lamps_m)
     return Markings(
         excess=np.zeros((2, config.blocks, 3)),
         noise=0.0,
         frames=0,
-        # by day what there is of light is not worth the time
+        # by day the little light of lamps is not worth the time
         surveyed=0 if dark else _SURVEYS,
         places=(0, lamps),
         gains=np.zeros(shape),
@@ -119,7 +119,7 @@ def layout_at(places: Places, config: ProfileConfig) -> Layout:
 
 
 def expected_excess(markings: Markings, config: ProfileConfig) -> ExpectedExcess:
-    """Return what is expected next to the edges: of the first picture's own wide fit the paint alone, else both."""
+    """Return the expected markings next to the edges: for the first picture's wide fit the paint alone, else both."""
     held = markings.noise / config.mark_sigma**2
     stiffness = np.array([held, held if markings.frames > 0 else 0.0])
     return ExpectedExcess(excess=markings.excess, stiffness=stiffness)
@@ -180,7 +180,7 @@ def compared(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _LayoutHypothesis:
-    """A layout fitted to a picture: where it puts the lines, (4,) px outwards, and by what it is better than held."""
+    """A layout fitted to a picture: the resulting displacement of the lines, (4,) px outwards, and its gain."""
 
     places: Places
     moved_px: FloatArray
@@ -195,9 +195,9 @@ def _rivals(
     others: list[Places],
     config: ProfileConfig,
 ) -> list[_LayoutHypothesis]:
-    """Return other layouts, and other lines with the one that is held, against it; all with any paint and light.
+    """Return other layouts, and other lines with the current one, against it; all with any paint and light.
 
-    A wrong layout has both edges alike too far out or in: others are looked for there. Other lines may be anywhere.
+    A wrong layout has both edges too far out or in: others are searched for there. Other lines may be anywhere.
     """
     apart = np.diag(np.maximum(config.apart_m * scale, config.least_step_px) ** 2)
     alike = np.asarray(np.linalg.inv(apart + config.outwards_m**2 * np.outer(scale, scale) * _SAME_ROW), np.float64)
@@ -226,7 +226,7 @@ def _turn(markings: Markings, config: ProfileConfig) -> list[Places]:
 
 
 def _anew(markings: Markings, places: Places, config: ProfileConfig) -> Markings:
-    """Return markings with another layout, whose paint and light are not known; what was seen of others is kept."""
+    """Return markings with another layout, with unknown paint and light; observations of others are kept."""
     tried = markings.times >= 1.0
     gains = np.where(tried, markings.gains - markings.gains[places], 0.0)
     gains[places] = 0.0
@@ -264,10 +264,10 @@ def _apart_m(held: Places, config: ProfileConfig) -> FloatArray:
 
 
 def _others(markings: Markings, config: ProfileConfig) -> list[Places]:
-    """Return the layouts that are compared with the one that is held.
+    """Return the layouts that are compared with the current one.
 
-    Another place of line or lamps; only one of them, anywhere; both as far apart, farther out or in: of these only
-    where the ground begins says which it is. All of them while they are surveyed.
+    Another position of line or lamps; only one of them, anywhere; both equally far apart, farther out or in: these
+    differ only in where the ground begins. All of them during a survey.
     """
     (line, lamps), (lines, places) = markings.places, markings.gains.shape
     if markings.surveyed < _SURVEYS:
@@ -289,7 +289,7 @@ def _worth(fit: ProfileFit, layout: Layout, likelihood: float, moved_px: FloatAr
     """Return a log-likelihood less the cost of markings, which can fit anything, and of an unlikely appearance."""
     levels = levels_at(fit, moved_px).mean(axis=3)
     if layout.line_m is not None:
-        # paint is brighter than what it lies on, and by a part of that than the ground
+        # paint is brighter than the surface under it, and by a share of that than the ground
         paint, ground = levels[:, :, 2], levels[:, :, 1] - levels[:, :, 0]
         seen = _bright(paint) and _bright((1.0 - _OVER_GROUND) * paint - ground)
         likelihood -= config.line_cost + config.dim_cost * float(not seen)
@@ -299,7 +299,7 @@ def _worth(fit: ProfileFit, layout: Layout, likelihood: float, moved_px: FloatAr
 
 
 def _bright(paint: FloatArray) -> bool:
-    """Return whether paint (2, blocks), which is alike all along, is there beyond chance."""
+    """Return whether paint (2, blocks), which is equal all along, is significant."""
     return bool(paint.mean() >= _BRIGHT * paint.std() / math.sqrt(paint.size))
 
 

@@ -1,8 +1,8 @@
-"""Where the nose camera is and which way it looks: from position and attitude, in our convention and in the paper's.
+"""Pose of the nose camera from position and attitude, in this project's convention and in the paper's.
 
 The ``threshold`` frame: origin in the middle of the near threshold, y along the runway towards the approaching
 aircraft, z up, x completing it (right-handed; on the left of the picture during an approach). Its runway lies in
-z = 0 at y ≤ 0. Attitude is the aviator's: yaw clockwise seen from above, pitch nose up, roll right wing down.
+z = 0 at y ≤ 0. Attitude is aeronautical: yaw clockwise seen from above, pitch nose up, roll right wing down.
 
 Abu-Jbara, Sundaramoorthi & Claudel 2018, Section III.C and Appendixes B and C.
 """
@@ -69,7 +69,7 @@ def nose_pose(position_threshold_m: FloatArray, attitude: Attitude, mount: Attit
     ----------
     position_threshold_m : the camera (3,), threshold frame.
     attitude : of the aircraft.
-    mount : of the camera in the aircraft; None where it looks straight ahead.
+    mount : of the camera in the aircraft; None for a camera along the body axis.
     """
     body_from_camera = (mount or Attitude()).matrix @ _BODY_FROM_STRAIGHT_CAMERA
     return NoseCameraPose(

@@ -1,15 +1,15 @@
-"""Where the edges lie by the profile across them: pavement, a painted line, the ground, lamps.
+"""Positions of the edges by the profile across them: pavement, a painted line, the ground, lamps.
 
-The energies compare two bands that move with the trial line. Where a painted line runs half a metre inside the edge,
-or lamps a metre outside, such bands have their optimum next to the edge: on the inner side of the paint (haze), or in
-what replaced the lamps (night). Here the pixels are the same for every trial: all within a window about the line. Each
+The energies compare two bands that move with the trial line. Where a painted line is half a metre inside the edge,
+or lamps a metre outside, such bands have their optimum next to the edge: on the inner side of the paint (haze), or
+where the lamps were removed (night). Here the pixels are the same for every trial: a window about the line. Each
 block of rows is straightened to a profile, in steps that grow with the perspective; for each displacement its levels
-(inside, outside, what paint and lamps add) follow by least squares, through the picture's blur. What is left over
-gives the block's likelihood, profiled over its noise; a line through all blocks is weighed by their product, each
-block perhaps one of something else. The prior chooses among the likely places; mean and covariance are the
-likelihood's own: where darkness hides the far end it is wide, and near rows and filter hold it. Not in the paper.
+(inside, outside, excess of paint and lamps) follow by least squares, through the picture's blur. The residual
+gives the block's likelihood, profiled over its noise; a line through all blocks has their product, each
+block with a probability of an outlier. The prior selects among the likely positions; mean and covariance are the
+likelihood's own: where the far end is dark it is wide, and near rows and filter constrain it. Not in the paper.
 
-Where line and lamps are, and how bright, is remembered and doubted in `markings`.
+Positions and brightness of line and lamps are accumulated and tested in `markings`.
 """
 
 from dataclasses import replace
@@ -41,8 +41,8 @@ from groundstation.onboard.edges.profile_fit import (
 )
 from groundstation.onboard.edges.profile_kernel import moments
 
-# usual colour about the edges, 0 to 1, below which lamps are taken to be lit until layouts have been compared: as in
-# `paint` 95 of 255 grey levels, well above night (60 to 80) and below day (from 125 on); dusk lies on either side
+# usual colour about the edges, 0 to 1, below which lamps are assumed on until layouts have been compared: as in
+# `paint` 95 of 255 grey levels, well above night (60 to 80) and below day (from 125 on); dusk is on either side
 _DARK_COLOUR = 0.37
 # lamps that are seen where they stand
 _ON_GROUND = LampParallax()
@@ -66,10 +66,10 @@ def edges_by_profile(
     layouts: int,
     lamp_parallax: LampParallax = _ON_GROUND,
 ) -> EdgeMeasurement:
-    """Return the edges about a guess (4,) by the profiles of a picture (h, w, 3) with its paint.
+    """Return the edges about initial crossings (4,) by the profiles of a picture (h, w, 3) with its paint.
 
     ``px_per_m`` (2,) across the runway at the upper and the lower row. The prior, crossings (4,) of covariance (4, 4),
-    chooses among likely places and is no part of the result. ``markings`` of the picture before, None of a first one.
+    selects among likely positions and is not part of the result. ``markings`` of the picture before, None without.
     ``layouts``: how many other layouts are compared, with other lines; 0 for neither. ``lamp_parallax``: of lamps.
     """
     weight = np.asarray(np.linalg.inv(prior_px2 * np.outer(OUTWARDS, OUTWARDS)), np.float64)
@@ -109,9 +109,9 @@ def _result(
     *,
     change: Change,
 ) -> EdgeMeasurement:
-    """Return mean and covariance of the last fit, about crossings (4,), and what was seen with it.
+    """Return mean and covariance of the last fit, about crossings (4,), and the observations with it.
 
-    But for the ``light`` (blocks, 3) of lamps: near by the fine window, 2 m to either side, does not reach them.
+    Except for the ``light`` (blocks, 3) of lamps: near by the fine window, 2 m to either side, does not include them.
     """
     covariance, moved = config.floor_px**2 * np.eye(4), np.zeros(4)
     for line in range(2):

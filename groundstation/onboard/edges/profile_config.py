@@ -10,31 +10,31 @@ class ProfileConfig:
     Attributes
     ----------
     blocks : of rows along an edge.
-    wide, fine : displacements of the line to either side that are tried, first with steps of twice the size.
-    beside : steps at either side of the trials that the profile goes on.
+    wide, fine : displacements of the line to either side, first with steps of twice the size.
+    beside : steps of the profile at either side of the trials.
     least_step_px, step_m : a step at a row is the larger of the two.
-    lines_m : where the outer side of a painted side line may be, outwards from the edge, None for none. The first is
-        taken until something else is seen: the middle of what ICAO's Annex 14 (5.2.7, about on the edge) leaves.
+    lines_m : positions of the outer side of a painted side line, outwards from the edge, None for none. The first is
+        used until another is confirmed: the middle of the range of ICAO's Annex 14 (5.2.7, about on the edge).
     line_width_m, wide_line_width_m : its width, and on runways of 30 m and more, as there.
-    lamps_m : where lamps may stand, outwards from the edge, None for none. The first of these is taken until something
-        else is seen, in the dark the second; Annex 14 (5.3.9) has them within 3 m.
-    lamp_height_m : of lamps; elevated runway edge lights are 0.3 to 0.36 m high, and seen farther out for it.
-    line_cost, lamps_cost : log-likelihood that a line and lamps have to be worth in a picture.
-    dim_cost : and beyond that where it is no brighter than chance.
-    layout_margin : over that in all, before other places of line and lamps are taken.
-    layout_alike : how many nats of that are one, for what is stated: pictures err alike.
-    untried_m : what a layout that was never compared may put the lines apart, outwards.
-    layouts, layouts_beside : compared in a picture with the one that is held, and where other pairs are followed too.
-    outwards_m, apart_m : how much farther out or in both edges may be with another layout, and each on its own.
-    stray_steps, stray_cost : how far off other lines with the same layout are, in wide steps, and what they have to
-        be likelier by in a picture.
+    lamps_m : positions of lamps, outwards from the edge, None for none. The first is used until another
+        is confirmed, in the dark the second; Annex 14 (5.3.9) has them within 3 m.
+    lamp_height_m : of lamps; elevated runway edge lights are 0.3 to 0.36 m high, and therefore appear farther out.
+    line_cost, lamps_cost : least log-likelihood gain of a line and lamps in a picture.
+    dim_cost : and in addition where its brightness is not significant.
+    layout_margin : summed gain at which other positions of line and lamps are adopted.
+    layout_alike : nats of that which count as one for the covariance: errors of pictures are correlated.
+    untried_m : displacement of the lines by a layout that was never compared, outwards.
+    layouts, layouts_beside : number compared in a picture, and where other pairs are tracked too.
+    outwards_m, apart_m : displacement of both edges with another layout, and of each separately.
+    stray_steps, stray_cost : distance of other lines with the same layout, in wide steps, and their least gain of
+        log-likelihood in a picture.
     blur_px : sigma of the picture across a line.
-    mark_sigma, mark_frames : what the excess (0 to 1) of paint and lamps may differ by from what is usual, and over
-        how many frames that is taken.
-    values_as_one : so many of a profile's values (bins in steps of the fine size, three colours) err as one, and count
-        as one in its likelihood: a pixel's noise is in two bins of half a pixel, and of three colours that share light
-        and texture the errors are between one and three; two times two.
-    floor_px : sigma that no end goes below.
+    mark_sigma, mark_frames : deviation of the excess (0 to 1) of paint and lamps from the usual one, and the
+        number of frames of its average.
+    values_as_one : number of a profile's values (bins in steps of the fine size, three colours) whose errors are equal
+        and that count as one in its likelihood: a pixel's noise is in two bins of half a pixel; of three colours that
+        share light and texture the errors are between one and three; two times two.
+    floor_px : lower limit of an end's sigma.
     """
 
     blocks: int = 8

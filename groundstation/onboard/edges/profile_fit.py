@@ -18,7 +18,7 @@ from groundstation.onboard.edges.profile_kernel import (
 OUTWARDS = np.array([-1.0, -1.0, 1.0, 1.0])
 # half of how far, across the runway, the light of lamps reaches about their line
 _LAMP_M = 0.5
-_OUTLIER = 0.02  # likelihood of a block of rows that shows something else, over its best
+_OUTLIER = 0.02  # likelihood of an outlier block of rows, over its best
 _LEAST_BLUR = 0.5
 
 
@@ -129,7 +129,7 @@ def fit_layouts(
 ) -> list[ProfileFit]:
     """Return of each layout the likelihood of displacements of ``reach`` bins to either side.
 
-    So many values err as one. What is ``usual`` is that of the first layout; None: any paint and light.
+    So many values count as one. ``usual`` is the excess of the first layout; None: any paint and light.
     """
     blocks, trials, count = profiles.weight.shape[1], 2 * reach + 1, len(layouts)
     sides_m = np.array([[_sides(layout, profiles.lamp_parallax, line) for layout in layouts] for line in range(2)])
@@ -166,7 +166,7 @@ def fit_layouts(
 
 
 def _sides(layout: Layout, lamp_parallax: LampParallax, line: int) -> list[tuple[float, float]]:
-    """Return inner and outer side of line and lamps, m outwards on the ground; of no width where there are none."""
+    """Return inner and outer side of line and lamps, m outwards on the ground; of zero width if absent."""
     sides = [layout.line_m or (0.0, 0.0), (0.0, 0.0)]
     if layout.lamps_m is not None:
         seen_m = lamp_parallax.scale * layout.lamps_m + lamp_parallax.shift_m[line]

@@ -35,7 +35,7 @@ def gather(
         for line in range(2):
             outwards = (-1.0 if line == 0 else 1.0) / step
             edge = x[2 * line] * (1.0 - t) + x[2 * line + 1] * t
-            # what lies beyond the other line is not this edge's pavement
+            # pixels beyond the other line are not this edge's pavement
             other = x[2 - 2 * line] * (1.0 - t) + x[3 - 2 * line] * t
             first = max(math.ceil(max(edge - half * step, other if line == 1 else 0.0)), 0)
             last = min(math.floor(min(edge + half * step, other if line == 0 else np.inf)), image.shape[1] - 1)
@@ -87,7 +87,7 @@ class ExcessPrior(NamedTuple):
 
 
 # The parts of `misfits` take arrays one by one: a named tuple of arrays costs each call 50 ns, a third of their time.
-# All shapes lie on the bins of the widest shift; of a trial, those from ``shift`` on count.
+# All shapes use the bins of the widest shift; of a trial, those from ``shift`` on count.
 
 
 @njit(cache=True, nogil=True)
@@ -223,13 +223,13 @@ def misfits(
     """Fill the misfits of pavement, ground and bright bars along one edge, and their levels, of several layouts.
 
     The levels of each block are those of least squares; all bins count at every trial, which moves the model alone.
-    What pavement and ground have in common with a profile is the same for all layouts, and is summed once.
+    The part that pavement and ground contribute to a profile is the same for all layouts, and is summed once.
 
     Parameters
     ----------
     total, weight : (blocks, bins, 3) and (blocks, bins), of `gather`.
     blurs : (blocks,) sigma of the picture, in bins.
-    bars : (layouts, bars, blocks, 2) inner and outer side of each bar; one of no width is none.
+    bars : (layouts, bars, blocks, 2) inner and outer side of each bar; one of zero width is absent.
     misfit, levels : (layouts, blocks, trials), and (layouts, blocks, trials, 2 + bars, 3): pavement, ground, each bar's
         excess.
     """
@@ -270,7 +270,7 @@ def line_likelihood(curves: FloatArray, steps: FloatArray, outlier: float, out: 
     """Fill a line's log-likelihood ``out`` (trials, trials) at its displacements at the upper and the lower row.
 
     ``curves`` (blocks, trials) relative likelihoods of each block's displacement, in steps that go from ``steps[0]``
-    px at the upper to ``steps[1]`` at the lower row; a block shows something else with the likelihood ``outlier``.
+    px at the upper to ``steps[1]`` at the lower row; a block is an outlier with the likelihood ``outlier``.
     """
     blocks, trials = curves.shape
     middle = trials // 2

@@ -8,7 +8,7 @@ from groundstation.onboard.edges.kalman import LineState
 
 
 class EdgeStatus(Enum):
-    """What a frame's edges are; ``ACQUIRING``: the best of some that are still being compared."""
+    """State of a frame's edges; ``ACQUIRING``: the best of several hypotheses that are still being compared."""
 
     ACQUIRING = "acquiring"
     TRACKING = "tracking"
@@ -34,12 +34,12 @@ class Edges:
     ----------
     state : (a, b, c, d) with covariance, threshold frame of the pose that was given; after them, where these are
         estimated, the pose's lasting errors of roll, pitch and height.
-    rows_px : upper and lower row (2,) between which they were looked at.
+    rows_px : upper and lower row (2,) of the search.
     crossings_px, covariance_px2 : of the estimate with these rows, (4,) and (4, 4).
     systematic_px2 : the part of that covariance (4, 4) that more pictures do not average out.
-    predicted_px : before the picture was looked at, (4,).
-    measured_px : what the picture alone says (4,), None where it says nothing that was accepted.
-    nis : normalised innovation squared of what was measured, NaN where nothing was.
+    predicted_px : before the measurement, (4,).
+    measured_px : by the picture alone (4,), None without an accepted measurement.
+    nis : normalised innovation squared of the measurement, NaN without one.
     """
 
     state: LineState
@@ -54,7 +54,7 @@ class Edges:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EdgeReport:
-    """What came of a frame; ``edges`` is None while searching and where no rows hold runway."""
+    """Result of a frame; ``edges`` is None while searching and where no rows contain runway."""
 
     status: EdgeStatus
     miss: EdgeMiss

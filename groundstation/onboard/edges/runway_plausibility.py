@@ -11,7 +11,7 @@ from groundstation.onboard.edges.line_kernel import ground_of, state_through
 from groundstation.onboard.edges.pose import NoseCameraPose
 
 _FARTHEST = 3.0
-# place and width have long tails: a position may be off by a runway's width, pitch makes a far one look narrow
+# position and width have long tails: a position may be off by a runway's width, pitch makes a far one appear narrow
 _FARTHEST_PLACE = 9.0
 _FARTHEST_WIDTH = 5.5
 

@@ -1,4 +1,4 @@
-"""Reading a colour picture between its pixels, with the slope: what the energies are made of."""
+"""Sampling a colour picture between its pixels, with the slope: the input of the energies."""
 
 from numba import njit
 
@@ -9,7 +9,7 @@ _WHITE = 1.0 / 255.0
 
 @njit(cache=True, nogil=True, inline="always")
 def inside(image: ImageArray, u: float, v: float) -> bool:
-    """Return whether (u, v) lies between four pixels."""
+    """Return whether (u, v) is between four pixels."""
     return u >= 0.0 and v >= 0.0 and u < image.shape[1] - 1 and v < image.shape[0] - 1
 
 

@@ -1,4 +1,4 @@
-"""Which rows of the picture hold runway, by altitude and attitude: the rectangle that everything else works in.
+"""The rows of the picture with runway, by altitude and attitude: the range of all other steps.
 
 The paper sweeps between two lines "related to the elevation of the UAV" and keeps their distance in a table. Here
 they follow from the pose: the rows of the ground between two distances, cut where the picture ends.
@@ -16,7 +16,7 @@ from groundstation.onboard.edges.pose import NoseCameraPose
 
 
 class NoBand(Enum):
-    """Why there are no rows to look at."""
+    """Reasons for having no rows to search."""
 
     BEHIND = "the runway is not in front of the camera"
     TOO_FLAT = "the runway is seen too flat"
@@ -24,15 +24,15 @@ class NoBand(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunwayGuess:
-    """What is known of a runway beforehand, roughly: m.
+    """Approximate prior knowledge of a runway: m.
 
     Attributes
     ----------
-    width_m, length_m : width only bounds what may be a pair of edges; the band ends before the far end.
-    margin_m : kept off both ends, for what the position may be wrong by.
-    margin_px, margin_share : kept off in the picture too, for what the attitude may be wrong by: px, but at most a
+    width_m, length_m : width only limits plausible pairs of edges; the band ends before the far end.
+    margin_m : kept off both ends, for the error of the position.
+    margin_px, margin_share : kept off in the picture too, for the error of the attitude: px, but at most a
         share of the rows.
-    slope_rad : glide path on which an aircraft is taken to be of which only the height is known.
+    slope_rad : assumed glide path of an aircraft of which only the height is known.
     """
 
     width_m: float = 20.0
@@ -53,9 +53,9 @@ def band_rows(
     middle_m: float = 0.0,
     width_m: float | None = None,
 ) -> FloatArray | NoBand:
-    """Return the upper and the lower row (2,) between which both edges run, or why there are none.
+    """Return the upper and the lower row (2,) between which both edges run, or the reason why there are none.
 
-    ``middle_m`` and ``width_m`` say where across the runway the edges are taken to be, as far as it is known.
+    ``middle_m`` and ``width_m`` are the assumed position of the edges across the runway, as far as it is known.
     Near the threshold the lower row is that of the picture, or that below which an edge leaves it sideways.
     """
     w, h = image_size_px
@@ -97,7 +97,7 @@ def band_widths(
     least_px: float,
     across: FloatArray | None = None,
 ) -> FloatArray:
-    """Return ℓ (2, 2): how far lines shifted on the ground appear from the edges (Section III.B).
+    """Return ℓ (2, 2): distance in the picture of lines shifted on the ground from the edges (Section III.B).
 
     At least ``least_px``; along ``across`` (2,), or the normals where it is None; line 1 and 2, at both rows.
     """

@@ -36,10 +36,10 @@ class StripConfig:
     ----------
     places : along an edge.
     step_px : between displacements, up to ``fine_px`` of them; farther searches have wider steps, as many.
-    fine_px, most_px : displacement up to which steps are not wider, and the largest looked at.
-    window_px : how far off the common edge a single place may find its own.
-    floor_px : sigma that no edge goes below: what a straight line between two colours is not.
-    block : neighbouring places that are averaged before they are squared; so many err alike.
+    fine_px, most_px : displacement up to which steps are not wider, and the largest one.
+    window_px : largest deviation of a single place from the common edge.
+    floor_px : lower limit of an edge's sigma: deviations from a straight line between two colours.
+    block : neighbouring places that are averaged before they are squared; their errors are equal.
     least_contrast : mean of |u − v| (0 to 1, over the colours) below which there is no edge.
     """
 
@@ -62,7 +62,7 @@ def find_edges(
     prior_px2: FloatArray,
     config: StripConfig,
 ) -> EdgeMeasurement | None:
-    """Search both edges about a guess (4,), wide first, and settle; None where one of them is not seen."""
+    """Search both edges about initial crossings, wide first, and refine; None where one of them is not found."""
     crossings = search_edges(image, guess_px, rows_px, widths_px, across, prior_px2, config)
     return None if crossings is None else refine_edges(image, crossings, rows_px, widths_px, across, config)
 
@@ -76,7 +76,7 @@ def search_edges(
     prior_px2: FloatArray,
     config: StripConfig,
 ) -> FloatArray | None:
-    """Return where both edges are (4,), to a step, about a guess (4,) of covariance (4, 4); None: not seen.
+    """Return the position of both edges (4,), to a step, about initial ones (4,) of covariance (4, 4); None: not found.
 
     ``widths_px`` (2, 2) and ``across`` (2,) as for `gradient_descent.descend`.
     """

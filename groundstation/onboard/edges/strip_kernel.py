@@ -23,7 +23,7 @@ def fill_strip(
 ) -> None:
     """Fill ``out`` (2, places, displacements, 3) with u − v; the middle displacement is 0; NaN outside the picture.
 
-    Displacements run along the row, to the right; bands lie along ``across`` (2,), ``widths`` (2, 2) are theirs.
+    Displacements are along the row, to the right; bands are along ``across`` (2,), ``widths`` (2, 2) are theirs.
     """
     n_t, n_o = out.shape[1], out.shape[2]
     height = rows[1] - rows[0]
@@ -44,7 +44,7 @@ def fill_strip(
             d = 2.0 * half / n
             for m in range(n):
                 r = -half + (m + 0.5) * d
-                # no slice of `prefix`: making one costs more than what is added here
+                # no slice of `prefix`: making one costs more than the addition here
                 for c in range(3):
                     prefix[m + 1, c] = prefix[m, c]
                 seen[m + 1] = seen[m]
@@ -78,9 +78,9 @@ def fill_strip(
 def displacement_scores(strip: FloatArray, block: int, kappa: float, out: FloatArray) -> None:
     """Fill ``out`` (displacements, displacements), at the upper and the lower row, with the mean of S / (S + κ).
 
-    S is |u − v|² of a block of places together; −1 where most of the strip lies outside the picture. A line that is
+    S is |u − v|² of a block of places together; −1 where most of the strip is outside the picture. A line that is
     displaced by d more at its lower end meets the places of a block at a staircase of displacements. Few staircases
-    differ by more than where they begin, so each is summed once, for all beginnings, and looked up from then on.
+    differ except in their start, so each is summed once, for all starts, and then looked up.
     """
     n_t, n_o = strip.shape[:2]
     steepest = n_o // n_t + 1
@@ -161,7 +161,7 @@ def block_score(strip: FloatArray, first: int, block: int, displacement: int) ->
 
 @njit(cache=True, nogil=True)
 def median_best_score(strip: FloatArray, block: int) -> float:
-    """Return the median over blocks of their best |u − v|² at any displacement; 0 where there is none."""
+    """Return the median over blocks of their best |u − v|² at any displacement; 0 without one."""
     n_t, n_o = strip.shape[:2]
     best, count = np.zeros(n_t // block), 0
     for first in range(0, n_t - block + 1, block):
@@ -221,7 +221,7 @@ def own_places(
 def robust_line(offsets: FloatArray, weights: FloatArray, ends: FloatArray, covariance: FloatArray) -> float:
     """Fit ends (2,) of a line to offsets (n,) by weighted least squares with Cauchy's weights; returns its sigma, px.
 
-    ``ends`` holds the first guess; ``covariance`` (2, 2) is filled for independent places. Negative where there are
+    ``ends`` are the initial values; ``covariance`` (2, 2) is filled for independent places. Negative where there are
     too few.
     """
     n = offsets.size

@@ -1,13 +1,13 @@
 """The edge tracker: one picture and one pose in, the runway's edges with their covariance out.
 
-Order in a frame: nothing known: Algorithm 1, its best pairs become hypotheses; some hypotheses: each is followed, and
-one that proves better than the others over some frames is the runway; the runway known: it is followed, and doubted
-where it looks unlike one or is missed, and now and then in any case: then Algorithm 1 may bring a better pair, and the
-comparison begins again.
+Order in a frame. Nothing known: Algorithm 1, its best pairs become hypotheses. Some hypotheses: each is tracked, and
+one that is better than the others over some frames is the runway. The runway known: it is tracked, and compared again
+where its score is low or it is missed, and periodically: then Algorithm 1 may find a better pair, and the
+comparison restarts.
 
-What Algorithm 1 finds next to pairs that are followed is looked at over some frames, in the picture where it was found:
-a frame has so many pieces of work (following a pair, Algorithm 1, a look at one of its pairs), of which following comes
-first. Work is counted, not timed: the same pictures give the same edges.
+Pairs found by Algorithm 1 next to tracked ones are measured over some frames, in the picture where they were found:
+a frame has a number of units of work (tracking a pair, Algorithm 1, measuring one of its pairs), in which tracking has
+priority. Work is counted, not timed: the same pictures give the same edges.
 """
 
 import math
@@ -59,7 +59,7 @@ class EdgeTracker:
         self._unchecked = 0
 
     def start(self, state: LineState) -> None:
-        """Go on from lines that are known."""
+        """Continue from known lines."""
         self._runway = Hypothesis(
             state=state, edges=None, frames=1, missed=0, agreement=1.0, nis=EXPECTED_NIS, lost=0.0
         )
@@ -120,7 +120,7 @@ class EdgeTracker:
         return True
 
     def _due(self, runway: Hypothesis, unchecked: int) -> bool:
-        """Return whether so many frames without a search are enough; fewer are where the runway looks unlike one."""
+        """Return whether so many frames without a search are enough; fewer are where the runway's score is low."""
         config = self._config
         strange = runway.missed >= config.doubt_missed or runway.agreement < config.doubt_agreement
         strange = strange or score(runway, config) < config.doubt_score
@@ -129,7 +129,7 @@ class EdgeTracker:
     def _search_on(
         self, image: ImageArray, pose: NoseCameraPose, known: list[Hypothesis], work: int
     ) -> PairSearch | None:
-        """Begin a search, or go on with that which is under way; ``work`` was done in this frame already."""
+        """Begin a search, or continue the current one; ``work`` was done in this frame already."""
         # one piece at least, but where new pairs were followed besides: in the next frame there are fewer of them
         least = int(self._runway is not None or work <= self._config.hypotheses)
         left = max(self._config.work - work, least)
@@ -140,7 +140,7 @@ class EdgeTracker:
         return self._search
 
     def _seek(self, image: ImageArray, pose: NoseCameraPose) -> EdgeReport:
-        """Begin with what Algorithm 1 finds, all of it in one frame: nothing else is to be done."""
+        """Begin with the result of Algorithm 1, all of it in one frame, since there is no other work."""
         self._forget()
         found = find_pairs(self._lookout, image, pose)
         if isinstance(found, EdgeMiss):

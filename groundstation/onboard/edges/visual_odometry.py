@@ -131,8 +131,8 @@ def refined_motion(
 ) -> Motion | NoMotion:
     """Return the motion whose second picture fits best, its points on the ground of the first pose; not in the paper.
 
-    A homography has eight numbers where six are unknown; the decomposition spends the two on a normal and a distance
-    that the pose knows better. Robust least squares (soft L1 at ``scale_px``) from the ``start``, or from rest.
+    A homography has eight numbers where six are unknown; the decomposition uses the two for a normal and a distance
+    that the pose gives more accurately. Robust least squares (soft L1 at ``scale_px``) from ``start``, or from rest.
     """
     ground = ground_from_pixels(pose, kappa, first_px)
     seen = np.isfinite(ground).all(axis=1)
@@ -221,7 +221,7 @@ def composed(pose: NoseCameraPose, motion: Motion) -> NoseCameraPose:
 
 
 class VisualOdometry:
-    """Poses from pictures alone, from a first pose on; where a picture gives no motion the last motion goes on."""
+    """Poses from pictures alone, from a first pose on; where a picture gives no motion the last motion continues."""
 
     def __init__(self, kappa: FloatArray, start: NoseCameraPose, config: MotionConfig | None = None) -> None:
         self._kappa = kappa

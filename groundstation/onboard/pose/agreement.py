@@ -27,12 +27,12 @@ class PositionAgreement:
 
     Attributes
     ----------
-    t_s : (n,) times at which both are known.
+    t_s : (n,) times at which both exist.
     difference_m : (n, 3) on board less ground.
     squares : (n,) normalised squares of the difference, χ² with three degrees of freedom where both covariances hold.
     mean_m, mean_sigma_m : (3,) the flight's mean difference and its sigma, by the effective number of differences.
-    ratio, limit : mean square per degree of freedom, and what it exceeds by chance in 1 of 100 flights.
-    fused_m, fused_covariance_m2 : (n, 3), (n, 3, 3) both weighed by their covariances.
+    ratio, limit : mean square per degree of freedom, and the value exceeded by chance in 1 of 100 flights.
+    fused_m, fused_covariance_m2 : (n, 3), (n, 3, 3) both weighted by their covariances.
     """
 
     t_s: FloatArray
@@ -56,8 +56,8 @@ def compare_positions(
 ) -> PositionAgreement | None:
     """Compare at the ground's times, the aircraft's positions interpolated; None where they share no time.
 
-    A filter's errors stay for a while, so the limit counts as many independent differences as their correlation
-    leaves. The antenna, nose or camera that each speaks of must have been brought to one point before.
+    A filter's errors are correlated in time, so the limit counts the number of independent differences by their
+    correlation. The antenna, nose or camera of each must have been converted to one point before.
     """
     t, position, covariance = _interpolated(onboard, ground.t_s, longest_gap_s)
     used = np.isin(ground.t_s, t)
@@ -93,7 +93,7 @@ def _dof_of(white: FloatArray) -> float:
 def _interpolated(
     series: PositionTrack, t_s: FloatArray, longest_gap_s: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return those of the times that lie within a gap short enough, with position and covariance there."""
+    """Return those of the times within a gap short enough, with position and covariance there."""
     after = np.searchsorted(series.t_s, t_s, side="left")
     after = np.clip(after, 1, max(len(series.t_s) - 1, 1))
     if len(series.t_s) < 2:

@@ -139,7 +139,7 @@ def half_turn(axis: FloatArray) -> FloatArray:
 
 @njit(cache=True)
 def turned_to_front(points: FloatArray, rays: FloatArray, q: FloatArray) -> None:
-    """Where most points lie behind the camera, replace the pose by the one that sees their plane alike from in front.
+    """If most points are behind the camera, replace the pose by the equivalent one in front of their plane.
 
     For points of a plane with normal n, (R Rot(n, 180°), −t) about their middle has every point at −X.
     """
@@ -158,7 +158,7 @@ def turned_to_front(points: FloatArray, rays: FloatArray, q: FloatArray) -> None
 
 @njit(cache=True)
 def mirrored_start(points: FloatArray, q: FloatArray, out: FloatArray) -> None:
-    """Fill the other pose under which a far plane looks alike: its normal mirrored about the line of sight."""
+    """Fill the other pose with a similar picture of a far plane: its normal mirrored about the line of sight."""
     R, t = np.empty((3, 3)), np.empty(3)
     pose_of(q, R, t)
     centre = points.sum(axis=0) / len(points)

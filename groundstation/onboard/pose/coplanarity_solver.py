@@ -1,8 +1,8 @@
 """The pose from coplanarity constraints, as in the paper on runway pose by unit dual quaternion: the reference method.
 
 Two constraints for each pair of corners: n·(R d) = 0, eq. (16), and n·(R p + t) = 0, eq. (17), n the normal of the
-plane through the camera and both corners, d the direction from one to the other. All residuals count alike. Of the two
-corners p of a pair the nearer one is taken: the residual is in metres and grows with p's distance; with the farther
+plane through the camera and both corners, d the direction from one to the other. All residuals count equally. Of the
+two corners p of a pair the nearer one is used: the residual is in metres and grows with p's distance; with the farther
 ones the range is several times worse.
 """
 

@@ -1,4 +1,4 @@
-"""The pose from four unlabelled corners: which is which is part of what is found."""
+"""The pose from four unlabelled corners: their assignment is part of the solution."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ ROUNDING_SIGMA_PX = float(1.0 / np.sqrt(12.0))
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LabelledPose:
-    """A pose and the order in which the pixels are the runway's corners; ``pose`` is None where there is none."""
+    """A pose and the order in which the pixels are the runway's corners; ``pose`` is None without a solution."""
 
     pose: RunwayPose | None
     order: IntArray
@@ -37,7 +37,7 @@ def solve_corners(
 ) -> LabelledPose:
     """Find the pose from the runway's four corners (4, 2) in any order.
 
-    The likeliest order is taken if it fits with the camera above the runway and before its middle, else the best of
+    The most likely order is used if it fits with the camera above the runway and before its middle, else the best of
     those that do, else the best fit of all.
     """
     covariance = np.broadcast_to(sigma_px**2 * np.eye(2), (4, 2, 2))

@@ -1,7 +1,7 @@
-"""The runway's corners to a fraction of a pixel: its four sides fitted as lines, and where these meet.
+"""The runway's corners to a fraction of a pixel: its four sides fitted as lines, and their intersections.
 
-A corner of a few pixels says little; each side is as long as the picture of the runway. So both edges and both
-thresholds are measured along their length, and a corner comes with the covariance of the two lines that meet there.
+A corner of a few pixels contains little information; each side is as long as the picture of the runway. Both edges and
+both thresholds are measured along their length, and a corner has the covariance of the two lines that intersect there.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ _STEP_PX = 0.25
 _SMOOTH_PX = 1.5
 _MOST_PROFILES = 64
 _LEAST_PROFILES = 5
-# the ends of a side lie in the blur of its neighbours
+# the ends of a side are within the blur of its neighbours
 _END_PX = 2.5
 # what interpolation and a lens's blur leave, however little noise there is
 _LEAST_SIGMA_PX = 0.05
@@ -83,7 +83,7 @@ def refine_corners(image: FloatArray, start: FloatArray, reach_px: float = 6.0) 
 def fit_side(image: FloatArray, start: FloatArray, end: FloatArray, reach_px: float) -> Side | None:
     """ProfileFit a line to the edge between two corners (2,) px: found coarsely, then once more along what was found.
 
-    None where no edge of one sign lies within ``reach_px`` of the line between them.
+    None where no edge of one sign is within ``reach_px`` of the line between them.
     """
     side = None
     for reach in (reach_px, 0.5 * reach_px):

@@ -1,7 +1,7 @@
 """Compiled second-order part of the pose's covariance.
 
-A far runway says next to everything by a few numbers that are known very well (where it stands in the picture) and
-others that are known badly (how far, how flat). In metres and radians the former are bent by the latter: the cloud of
+The information of a far runway is in a few accurately known numbers (its position in the picture) and
+others that are poorly known (distance, flatness). In metres and radians the former are bent by the latter: the cloud of
 estimates is a curved sheet, thicker than its tangent. To second order the estimate's error in units of sigma is
 
     ξ = Jᵀn − ½ Jᵀ h(Jᵀn, Jᵀn),  n ~ N(0, 1),

@@ -19,7 +19,7 @@ VELOCITY = slice(3, 6)
 ATTITUDE = slice(6, 9)
 FORCE_BIAS = slice(9, 12)
 RATE_BIAS = slice(12, 15)
-# what each part of the error state is: unit and frame
+# unit and frame of each part of the error state
 STATE = {
     "position": (POSITION, "m, runway"),
     "velocity": (VELOCITY, "m/s, runway"),
@@ -79,8 +79,8 @@ class ImuSample:
 class PoseObservation:
     """A camera's pose in the runway frame: position (3,), quaternion (4,), covariance (6, 6) as in `RunwayPose`.
 
-    ``lasting`` (6, 6): what it may be wrong by for a long time. The gate allows for it, the weight does not: who gives
-    it keeps account of what it does to the state.
+    ``lasting`` (6, 6): its constant errors. The gate includes them, the weight does not: the caller
+    accounts for their effect on the state.
     """
 
     t_s: float

@@ -23,7 +23,7 @@ class SquaredNoises(NamedTuple):
 
 @njit(cache=True)
 def turned(q: FloatArray, x: float, y: float, z: float, local: bool) -> FloatArray:
-    """Return q ⊗ exp(θ/2) where ``local``, else exp(θ/2) ⊗ q, for a rotation vector θ in rad; unit again."""
+    """Return q ⊗ exp(θ/2) where ``local``, otherwise exp(θ/2) ⊗ q, for a rotation vector θ in rad; normalised."""
     angle = np.sqrt(x * x + y * y + z * z)
     share = 0.5 if angle < 1e-9 else np.sin(0.5 * angle) / angle
     w, a, b, c = np.cos(0.5 * angle), share * x, share * y, share * z

@@ -101,10 +101,10 @@ def reprojection_residuals(
     r: FloatArray,
     J: FloatArray,
 ) -> bool:
-    """Fill the weighted residuals; False where a corner lies behind the camera.
+    """Fill the weighted residuals; False where a corner is behind the camera.
 
     ``tangents`` (n, 2, 3) span, for each ray u, the normals n_ij that contain it, scaled so that
-    n · X / (u · X) is in sigmas of the corner; ``attitude`` (k, 4) holds what is known of q_r as rows times q_r.
+    n · X / (u · X) is in sigmas of the corner; ``attitude`` (k, 4) is the prior of q_r as rows times q_r.
     """
     x, j = np.empty(3), np.empty((3, 8))
     row = 0

@@ -1,4 +1,4 @@
-"""Compiled start of the solver: the poses that three of the points allow exactly, judged by all of them.
+"""Compiled start of the solver: the exact poses of three of the points, evaluated on all of them.
 
 Grunert's quartic as in Haralick, Lee, Ottenberg and Nölle, "Review and analysis of solutions of the three point
 perspective pose estimation problem", 1994.
@@ -16,7 +16,7 @@ from groundstation.onboard.pose.levenberg_marquardt import reprojection_residual
 def three_point_depths(a2: float, b2: float, c2: float, ca: float, cb: float, cg: float) -> FloatArray:
     """Return distances (4, 3) along three rays; a², b², c² opposite points 1, 2, 3, and the cosines between rays.
 
-    Roots that noise has made complex stand by their real part: it is a start, not a result. Rows of zeros are none.
+    Roots made complex by noise are replaced by their real part: they are initial values. Rows of zeros are unused.
     """
     p, m, s = (a2 - c2) / b2, c2 / b2, (a2 + c2) / b2
     k = a2 / b2
@@ -47,7 +47,7 @@ def three_point_depths(a2: float, b2: float, c2: float, ca: float, cb: float, cg
             continue
         u = ((p - 1.0) * v * v - 2.0 * p * cb * v + 1.0 + p) / below
         if u <= 0.0:
-            # a complex pair has no u of its own; the side c tells it from v: u² − 2 u cos γ + 1 = c² (1 + v² …) / b²
+            # a complex pair has no u of its own; the side c gives it from v: u² − 2 u cos γ + 1 = c² (1 + v² …) / b²
             u = cg
         first = np.sqrt(b2 / square)
         depths[i, 0], depths[i, 1], depths[i, 2] = first, u * first, v * first
@@ -85,7 +85,7 @@ def triangle_axes(corners: FloatArray, axes: FloatArray) -> None:
 
 @njit(cache=True)
 def four_apart(points: FloatArray) -> IntArray:
-    """Return four points that lie far apart: the farthest from the middle, then each the farthest from those taken."""
+    """Return four points that are far apart: the farthest from the middle, then each the farthest from those chosen."""
     n = len(points)
     chosen = np.zeros(4, dtype=np.int64)
     nearest = np.full(n, np.inf)
@@ -131,7 +131,7 @@ def pose_between(surveyed: FloatArray, seen: FloatArray, R: FloatArray, t: Float
 def three_point_starts(points: FloatArray, rays: FloatArray, tangents: FloatArray, starts: FloatArray) -> int:
     """Fill ``starts`` (k, 8) with the best poses of all triples of four points, the best first; returns how many.
 
-    The points span three triangles at least; each pose is judged by the weighted cost over all points.
+    The points span three triangles at least; each pose is evaluated by the weighted cost over all points.
     """
     most, found = len(starts), 0
     costs = np.full(most, np.inf)

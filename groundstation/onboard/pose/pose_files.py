@@ -92,9 +92,9 @@ class Runways:
             raise PoseError(str(path), got="no table", wanted="airport → runway → corners A, B, C, D")
 
     def find(self, airport: str, runway: str, asked: str = "") -> Runway:
-        """Return one runway seen by who lands on it; raises `PoseError` where it is missing or not usable.
+        """Return one runway in its landing direction; raises `PoseError` where it is missing or not usable.
 
-        ``asked`` says where its name stands, such as a table and its line.
+        ``asked`` is the place of its name for the message, such as a table and its line.
         """
         key = (airport, runway)
         if key not in self._made:
@@ -119,7 +119,7 @@ class Runways:
             )
         places = np.array([_place(corners, name, where) for name in "ABCD"])
         first, second = places[:2], places[2:]
-        # a runway is named after its landing heading in tens of degrees; C and D are near where the name says nothing
+        # a runway is named after its landing heading in tens of degrees; C and D are near where the name gives none
         heading = _NUMBER.match(runway)
         if heading is not None and _along(first, second, 10.0 * float(heading[1])) > 0:
             made = runway_from_geodetic(first, second)
@@ -154,17 +154,17 @@ def _place(corners: Mapping[str, Any], name: str, where: str) -> tuple[float, fl
 
 
 def _along(start: FloatArray, end: FloatArray, heading_deg: float) -> float:
-    """Return by how much going from one end to the other goes along a heading."""
+    """Return the component along a heading of the vector from one end to the other."""
     move = end.mean(axis=0) - start.mean(axis=0)
     east = move[1] * np.cos(np.radians(start[0, 0]))
     return float(move[0] * np.cos(np.radians(heading_deg)) + east * np.sin(np.radians(heading_deg)))
 
 
 def write_poses(path: Path, rows: Iterator[tuple[str, RunwayPose | None, str]]) -> dict[str, int]:
-    """Write (filename, pose, status) rows, empty cells for no pose; returns how often each status came.
+    """Write (filename, pose, status) rows, empty cells for no pose; returns the count of each status.
 
     Nothing is written, and an older table stays, where one of the rows cannot be made.
-    Raises `InputError` where the table, or the folder that it is to stand in, cannot be written.
+    Raises `InputError` where the table, or its folder, cannot be written.
     """
     counts: dict[str, int] = {}
     text = io.StringIO()

@@ -27,7 +27,7 @@ MOST_STEPS = 60
 TOLERANCE = 1e-9
 # the second best start costs little and settles what noise has put in the wrong order
 _STARTS = 2
-# a position whose sigma exceeds this share of the range is none to rely on
+# a position whose sigma exceeds this share of the range is unreliable
 _UNCERTAIN = 0.5
 # a fit worse than this happens by chance once in a million
 MISFIT_CHANCE = 1e-6
@@ -37,7 +37,7 @@ _NO_NORMALS = np.zeros((0, 3))
 
 
 class PoseStatus(enum.StrEnum):
-    """How a solution ended: it fits; it fits and says next to nothing; it does not fit the noise; there is none."""
+    """Outcome of a solution: it fits; it fits without information; it does not fit the noise; there is none."""
 
     OK = "ok"
     UNCERTAIN = "uncertain"
@@ -71,7 +71,7 @@ class PointCorrespondences:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownAttitude:
-    """What is known of the attitude beforehand: about runway x and y a horizon, about z a heading.
+    """Prior knowledge of the attitude: about runway x and y a horizon, about z a heading.
 
     ``sigma_rad`` (3,) is about the runway's axes; an infinite one is unknown.
     """
@@ -147,15 +147,15 @@ def solve_pose(
     """Find the most likely pose; docs/onboard-pose.md.
 
     Minimises, over the eight numbers of ``camera_from_runway``, the plane constraints n·(R p + t) = 0 of each corner
-    divided by depth and weighted by the corner's covariance, what is ``known`` of the attitude, and 100 times the
+    divided by depth and weighted by the corner's covariance, the ``known`` attitude, and 100 times the
     squares of the two unit constraints.
 
     Parameters
     ----------
     seen : points, pixels, lens.
     known : of the attitude.
-    start : runway_from_camera_wxyz (4,) and position_m (3,), any; without it, or where it ends in no fit, the pose
-        starts from what three of the points allow.
+    start : runway_from_camera_wxyz (4,) and position_m (3,), any; without it, or where it does not lead to a fit, the
+        initial poses are those of three of the points.
 
     Returns None where no pose has all points in front of the camera.
     """
@@ -187,7 +187,7 @@ def solve_pose(
 
 
 def first_poses(view: SolverInput) -> FloatArray:
-    """Return starts (k, 8), the best first, from triples of the points alone; none where these lie on a line."""
+    """Return initial poses (k, 8), the best first, from triples of the points alone; none where these are collinear."""
     starts = np.empty((_STARTS, 8))
     found = three_point_starts(view.points, view.rays, view.tangents, starts)
     return starts[:found]
@@ -229,7 +229,7 @@ def all_pairs(count: int) -> IntArray:
 
 
 def _weighted(view: SolverInput, attitude: FloatArray, q: FloatArray) -> tuple[float, int]:
-    """Minimise the weighted cost from ``q`` in place; infinite where points lie behind or it does not converge."""
+    """Minimise the weighted cost from ``q`` in place; infinite where points are behind or it does not converge."""
     problem = PoseCost(
         REPROJECTION, view.points, view.rays, view.tangents, attitude, normals=_NO_NORMALS, pairs=_NO_PAIRS, metres=1.0
     )

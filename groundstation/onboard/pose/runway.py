@@ -59,17 +59,17 @@ def runway_from_geodetic(near_deg_m: FloatArray, far_deg_m: FloatArray) -> Runwa
 
 
 def orders_by_row(pixels: FloatArray) -> IntArray:
-    """Return in which orders (4, 4) four pixels may be `CORNERS`, the likeliest first.
+    """Return the orders (4, 4) in which four pixels may be `CORNERS`, the most likely first.
 
-    A runway is seen from above, so its corners run clockwise in the picture; which of them comes first is then one of
-    four. The near threshold is taken to be the two lowest corners; then the runway turned by half; then across.
+    A runway is seen from above, so its corners are clockwise in the picture; the first of them is then one of
+    four. The near threshold is assumed to be the two lowest corners; then the runway turned by half; then across.
     """
     middle = pixels.mean(axis=0)
     bearing = np.arctan2(pixels[:, 1] - middle[1], pixels[:, 0] - middle[0])
     # v runs down, so a growing angle is clockwise to the eye
     clockwise = np.argsort(bearing)
     rows = pixels[clockwise, 1]
-    # the pair (near right, near left) of neighbours that lies lowest
+    # the lowest pair (near right, near left) of neighbours
     first = int(np.argmax(rows + np.roll(rows, -1)))
     near_left = (first + 1) % 4
     turns = [near_left, (near_left + 2) % 4, (near_left + 1) % 4, (near_left + 3) % 4]

@@ -64,7 +64,7 @@ class RunwayNavigator:
     def _covariance(self, seen: PointCorrespondences, pose: RunwayPose) -> FloatArray:
         """Return the pose's covariance, taken at the state's pose where that has the smaller covariance.
 
-        A pose that came out too near would think itself too good: weighted by that, the mean would lean that way.
+        A pose that is too near has too small a covariance: with its own weights, the mean would be biased that way.
         """
         if not self.filter.started:
             return pose.covariance

@@ -67,7 +67,7 @@ def default_setup(corner_sigma_px: float = 0.5, lost_s: tuple[float, float] = (2
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SimulatedApproach:
-    """One flight: truth at every inertial sample, the samples, and what the camera saw at some of them.
+    """One flight: truth at every inertial sample, the samples, and the camera's pixels at some of them.
 
     ``position_m``, ``velocity_m_s`` (n, 3), ``runway_from_body`` (n, 3, 3), ``force_bias``, ``rate_bias`` (n, 3);
     ``seen`` has an entry for each sample with a picture that shows all corners.

@@ -23,7 +23,7 @@ _ROLL_S = 4.0
 class RacetrackPattern:
     """A race track of ``count`` rounds: legs of ``leg_m`` along the runway, turns of ``turn_rad_s`` at its ends.
 
-    A round begins ``from_m`` before the threshold, ``high_m`` above it, comes down to ``low_m`` at the end of its leg
+    A round begins ``from_m`` before the threshold, ``high_m`` above it, descends to ``low_m`` at the end of its leg
     and climbs again on the way back.
     """
 
@@ -38,9 +38,9 @@ class RacetrackPattern:
 def fly_passes(
     setup: ApproachSetup, passes: RacetrackPattern, rng: np.random.Generator
 ) -> tuple[SimulatedApproach, list[tuple[float, float]]]:
-    """Return the flight, and from when to when each pass lasted, s; gusts, biases and noise are drawn from ``rng``.
+    """Return the flight, and the interval of each pass, s; gusts, biases and noise are drawn from ``rng``.
 
-    The runway is seen wherever all its corners are in the picture, and nowhere else.
+    The runway is visible wherever all its corners are in the picture, and nowhere else.
     """
     dt = 1.0 / setup.imu_hz
     heading, height, spans = _course(setup, passes)

@@ -52,17 +52,17 @@ def check_station(
     angle_sigma_rad: float | None = None,
     corner_sigma_m: FloatArray | None = None,
 ) -> StationCheck:
-    """Compare one look of a station at four or more corners of the runway with its rig.
+    """Compare one observation by a station of four or more corners of the runway with its rig.
 
     Parameters
     ----------
     pan_rad, tilt_rad : the encoder's readings.
     corners_m : (n, 3) surveyed, runway frame of the session.
-    pixels, sigma_px : (n, 2) and (n,) where they are seen, and one sigma of each coordinate.
+    pixels, sigma_px : (n, 2) and (n,) their pixels, and one sigma of each coordinate.
     angle_sigma_rad : of one angle; by default the rig's own for one reading.
     corner_sigma_m : (n, 3) of the survey; exact by default.
 
-    What the rig says of the lens's own errors is left out: they move pixels by less than a corner's noise.
+    The rig's covariance of the lens is left out: its effect is less than a corner's noise.
     Raises `ValueError` where fewer than four corners, or pixels without a ray, are given.
     """
     covariance = np.asarray(sigma_px)[:, None, None] ** 2 * np.eye(2)
@@ -94,7 +94,7 @@ def check_station(
 def _survey_in_pixels(
     station: Station, pan_rad: float, tilt_rad: float, corners_m: FloatArray, sigma_m: FloatArray
 ) -> FloatArray:
-    """Return what the corners' own uncertainty is in the picture, (n, 2, 2); nothing for one behind the camera."""
+    """Return the corners' own uncertainty in the picture, (n, 2, 2); zero for one behind the camera."""
     geometry = station.geometry()
     out = np.zeros((len(corners_m), 2, 2))
     for k, (corner, sigma) in enumerate(zip(corners_m, sigma_m, strict=True)):
@@ -119,7 +119,7 @@ def _difference(
 
 
 def _pose_covariance(station: Station, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> FloatArray:
-    """Return what the rig's own covariance and the encoders' noise make of the camera's pose, (6, 6)."""
+    """Return the covariance of the camera's pose by the rig's own covariance and the encoders' noise, (6, 6)."""
     at = station.geometry().camera_pose(pan_rad, tilt_rad)
 
     def pose(one: Station, pan: float, tilt: float) -> FloatArray:

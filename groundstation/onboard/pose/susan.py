@@ -17,8 +17,8 @@ _LEAST_SHIFT_PX = 0.5
 def susan_response(image: FloatArray, threshold: float, response: FloatArray) -> None:
     """Fill the corner response (h, w) of brightness (h, w): g − n where fewer than g pixels of the mask are like it.
 
-    Likeness is exp(−(ΔI / threshold)⁶). The like pixels' centre must lie off the pixel, and all pixels on the way there
-    must be like it: a fleck is no corner.
+    Similarity is exp(−(ΔI / threshold)⁶). The similar pixels' centre must be off the pixel, and all pixels on the
+    way there must be similar to it: a speck is not a corner.
     """
     h, w = image.shape
     response[:] = 0.0
@@ -55,7 +55,7 @@ def susan_corner(image: FloatArray, near: FloatArray, reach_px: int, threshold: 
     Parameters
     ----------
     image : (h, w) brightness.
-    threshold : difference of brightness that still counts as alike.
+    threshold : difference of brightness that still counts as similar.
     """
     h, w = image.shape
     u, v = (round(float(value)) for value in near)

@@ -1,4 +1,4 @@
-"""What lies on the ground of a rendered approach: a runway with its markings, taxiways, roads, fields."""
+"""The ground of a rendered approach: a runway with its markings, taxiways, roads, fields."""
 
 from dataclasses import dataclass
 
@@ -39,9 +39,9 @@ class Airfield:
     lamps_out_m : from a runway's edge outwards to its lamps; to 3 m in ICAO's Annex 14 (5.3.9.4).
     bars : painted bars on each half of a threshold.
     roads : (x, y, direction in rad from the y axis, width) of long straight roads.
-    taxiway_side : +1 or −1: on which side of the runway taxiway and apron lie; 0 for none.
+    taxiway_side : +1 or −1: the side of the runway with taxiway and apron; 0 for none.
     repair : darkest and lightest stretch of newer or older pavement, against the runway's own.
-    repair_tint : how much of that each colour has on its own; 0: all stretches are as grey as the runway.
+    repair_tint : share of that which is independent in each colour; 0: all stretches are as grey as the runway.
     field_m : size of the fields' patchwork, 0 for none.
     """
 

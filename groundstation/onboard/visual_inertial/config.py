@@ -26,31 +26,31 @@ class ApproachConfig:
     Attributes
     ----------
     inertial : the filter.
-    give_up_after : so many poses refused in a row, before it is trusted, and it starts again: the first corners may be
-        wrong ones.
-    corners : how corners are found.
-    reach_px : how far from the seen thresholds a side or a corner is looked for, at least and at most.
-    search_px : how far up and down both thresholds are looked for at most; while the pose comes from outside the far
-        one then by itself within ``height_share`` of the runway's picture.
-    settled_after, width_share : so many frames in a row the edges must have been tracked, and so close to the runway's
-        width, before the first pose is believed.
-    least_height_px : the thresholds' distance in the picture below which no corners are taken.
-    near_sigma_px, far_sigma_px, susan_sigma_px : what a fit's own covariance leaves out and each picture has again.
-    side_sigma_m, side_sigma_px : what a tracked edge and the pavement may lie apart for the whole flight, on the
+    give_up_after : number of successive refused poses, before it is trusted, after which it restarts: the first corners
+        may be wrong.
+    corners : method of finding corners.
+    reach_px : search distance of a side or a corner from the detected thresholds, at least and at most.
+    search_px : largest search distance of both thresholds up and down; while the pose is external the far
+        one then within ``height_share`` of the runway's picture.
+    settled_after, width_share : number of successive frames with tracked edges, and their agreement with the runway's
+        width, before the first pose is used.
+    least_height_px : the thresholds' distance in the picture below which no corners are used.
+    near_sigma_px, far_sigma_px, susan_sigma_px : errors of each picture beyond a fit's own covariance.
+    side_sigma_m, side_sigma_px : constant distance between a tracked edge and the pavement over the flight, on the
         ground and, for blur and haze, in the picture.
     clear_levels, most_faint : pavement that differs from the ground next to it by fewer grey levels (over brightness
-        and colours, both sides) has edges less sure in the picture, by the ratio, at most so much.
-    dark_grey, lamp_sigma_m, lamp_sigma_px : in a darker picture lamps are lit, and edges are drawn to them.
-    scatter_share, most_share, most_scatter : how fast the covariance that pictures have again follows the innovations'
-        mean normalised square over its expectation, what one counts at most, and how far the factor may grow.
-    changing_s, changing_share : edges also lie wrong for some seconds: period, and size next to what lasts.
+        and colours, both sides) has edges with larger sigmas in the picture, by the ratio, at most so much.
+    dark_grey, lamp_sigma_m, lamp_sigma_px : in a darker picture lamps are on, and edges are biased to them.
+    scatter_share, most_share, most_scatter : rate at which the covariance of each picture follows the innovations'
+        mean normalised square over its expectation, the limit of one innovation, and the limit of the factor.
+    changing_s, changing_share : edges also have errors for some seconds: period, and size relative to constant ones.
     near_sigma_m, end_sigma_px : the same of a threshold, whose bars begin 6 m behind it, and of its blur;
         ``far_end_…`` of the far one.
-    faint_px : what a threshold's rows are again besides, over the rise of the difference in units of its noise.
-    confirmed_after : so many poses taken since the filter's start, and its fixes are given out: the first two fit any
-        velocity, so that two wrong ones begin as well as two right ones.
-    trusted_after : so many poses since the filter's start, and it says where thresholds are looked for.
-    trusted_attitude_rad, trusted_share : and its attitude and position (share of the range) are known to this.
+    faint_px : additional error of a threshold's rows, over the rise of the difference in units of its noise.
+    confirmed_after : number of poses since the filter's start before its fixes are reported: the first two fit any
+        velocity, so that two wrong ones start it as well as two right ones.
+    trusted_after : number of poses since the filter's start before it predicts the thresholds.
+    trusted_attitude_rad, trusted_share : and the required sigmas of attitude and position (share of the range).
     """
 
     inertial: InertialConfig = field(default_factory=InertialConfig)

@@ -20,7 +20,7 @@ from groundstation.onboard.pose.inertial_filter import (
     rotation_vector,
 )
 
-# of one sigma: small enough that all filters judge an observation alike
+# of one sigma: small enough that all filters accept or refuse an observation together
 _SHARE = 0.01
 
 

@@ -14,7 +14,7 @@ from groundstation.onboard.edges.report import Edges
 from groundstation.onboard.pose.runway import Runway
 from groundstation.onboard.visual_inertial.config import ApproachConfig, CornerMethod
 
-# ways in which edges may lie wrong for good: both on the ground, four ends; of tracked ones the four ends
+# modes of constant errors of edges: both on the ground, four ends; of tracked ones the four ends
 _EDGE_MODES, _TRACKED_MODES = 6, 4
 # two thresholds shifted and turned
 _THRESHOLD_MODES = 4
@@ -31,9 +31,9 @@ def mode_count(method: CornerMethod) -> int:
 
 
 def systematic_sigmas(config: ApproachConfig, levels: float, *, dark: bool) -> ApproachConfig:
-    """Return the tuning with what edges may lie wrong by in this light.
+    """Return the tuning with the constant errors of edges in this light.
 
-    The fainter the pavement, the farther is its edge drawn aside by what else is there; by night it is drawn to lamps.
+    The fainter the pavement, the farther its edge is biased by other structures; by night it is biased to lamps.
     """
     faint = float(np.clip(config.clear_levels / max(levels, 1.0), 1.0, config.most_faint))
     side_m, side_px = config.side_sigma_m, faint * config.side_sigma_px
@@ -63,16 +63,16 @@ def systematic_modes(pixels: FloatArray, runway: Runway, config: ApproachConfig)
 
 
 def tracked_modes(pixels: FloatArray, edges: Edges, runway: Runway, config: ApproachConfig) -> FloatArray:
-    """Return the columns (8, 8) of what lasts of corners (4, 2) on tracked edges: what the tracker says, thresholds.
+    """Return the columns (8, 8) of the constant errors of corners (4, 2) on tracked edges: the tracker's, thresholds.
 
-    Of all roots of its covariance the symmetric one is taken: it changes as little from picture to picture as the
+    Of all roots of its covariance the symmetric one is used: it changes as little from picture to picture as the
     covariance does, so that a column is the same error in all of them.
     """
     values, vectors = np.linalg.eigh(edges.systematic_px2)
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     moved = np.zeros((4, 2, _TRACKED_MODES))
     for k, corner in enumerate(pixels):
-        # corners 0 and 1 lie on the left edge
+        # corners 0 and 1 are on the left edge
         ends = slice(0, 2) if k < 2 else slice(2, 4)
         moved[k, 0] = weights_of_ends(edges, float(corner[1])) @ root[ends]
     return np.hstack([moved.reshape(8, -1), np.stack(_threshold_modes(pixels, runway, config), axis=1)])

@@ -33,7 +33,7 @@ _BORDER_PX = 2.0
 # rows compared on either side of a threshold, of the runway's height; and how far from its prediction at least
 _NEAR_WINDOW, _FAR_WINDOW = 0.08, 0.05
 _LEAST_REACH_PX = 2.5
-# a threshold that is not seen: its corners lie on the tracked edges, anywhere along them
+# an undetected threshold: its corners are on the tracked edges, anywhere along them
 _ANYWHERE_PX = 40.0
 _NEAR, _FAR = (0, 3), (1, 2)
 
@@ -55,10 +55,10 @@ class FoundCorners:
 
     Attributes
     ----------
-    pixels : (4, 2) px. start_px : (4, 2) where they were looked for.
-    covariance_px2 : (4, 2, 2) of what each picture has again; a threshold that is not confirmed leaves its corners open
+    pixels : (4, 2) px. start_px : (4, 2) their predictions.
+    covariance_px2 : (4, 2, 2) errors of each picture; a threshold that is not confirmed leaves its corners free
         along the edges.
-    systematic_px : (8, m) what lasts for the flight: columns of one sigma each, u and v of one corner after the other.
+    systematic_px : (8, m) constant errors of the flight: columns of one sigma each, u and v corner by corner.
     near_seen, far_seen : whether the thresholds are confirmed in this picture.
     """
 
@@ -96,10 +96,10 @@ def find_corners(
     Parameters
     ----------
     image : (h, w, 3) uint8 BGR.
-    edges : tracked in this picture, with what the tracker knows to be wrong with ``pose``.
-    pose : the pose that the tracker was given.
-    row_sigma_px : (2,) how well that pose, made of such corners itself, tells the near and the far threshold's row;
-        None for a pose from outside, of which only the edges are known.
+    edges : tracked in this picture, with the estimated constant errors of ``pose``.
+    pose : the tracker's input pose.
+    row_sigma_px : (2,) sigmas of the near and the far threshold's row by that pose, if made of such corners itself;
+        None for an external pose, of which only the edges are known.
     """
     inside = row_sigma_px is not None
     start = start_corners(edges, pose if inside else _corrected(pose, edges), runway, kappa)
@@ -160,7 +160,7 @@ def start_corners(edges: Edges, pose: NoseCameraPose, runway: Runway, kappa: Flo
 
 
 def _corrected(pose: NoseCameraPose, edges: Edges) -> NoseCameraPose:
-    """Return a pose without what the tracker has found to be wrong with it for good."""
+    """Return a pose corrected by the constant errors that the tracker has estimated."""
     mean = edges.state.mean
     return corrected_pose(pose, *(float(v) for v in mean[[ROLL, PITCH, UP]])) if mean.size > UP else pose
 
@@ -170,7 +170,7 @@ def _thresholds(
 ) -> tuple[DetectedThreshold | None, DetectedThreshold | None]:
     """Return the near and the far threshold as far as they are confirmed, relative to ``start``.
 
-    With a pose from outside the near one is looked for first: the pitch's error moves both alike, and what is left at
+    With an external pose the near one is searched for first: the pitch's error moves both equally, and the rest at
     the far end is the height's, a share of the runway's picture.
     """
     near_window = float(np.clip(_NEAR_WINDOW * height, 1.5, 4.0))

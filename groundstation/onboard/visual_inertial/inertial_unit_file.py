@@ -76,7 +76,7 @@ def read_samples(path: Path) -> list[ImuSample]:
 
 
 def _check_forces(path: Path, forces_m_s2: FloatArray) -> None:
-    """Raise where specific forces (n, 3) are in another unit, without gravity, or in axes that are not ours."""
+    """Raise where specific forces (n, 3) are in another unit, without gravity, or in other axes."""
     usual = float(np.median(np.linalg.norm(forces_m_s2, axis=1)))
     if not _near(usual, GRAVITY_M_S2):
         guess = next((f"; are they in {name}?" for name, one in _OTHER_UNITS.items() if _near(usual, one)), "")
@@ -102,5 +102,5 @@ def _near(value: float, gravity: float) -> bool:
 
 
 def has_poses(path: Path) -> bool:
-    """Return whether the log also has a navigation's attitude, so that it can say where the edges are at first."""
+    """Return whether the log also has a navigation's attitude, which gives the initial edges."""
     return {"roll_deg", "pitch_deg", "yaw_deg"} <= set(CsvTable(path, ["t_s"]).columns)

@@ -1,7 +1,7 @@
-"""The nose camera and the inertial unit together: picture by picture edges, corners, pose, filter, and where it is.
+"""The nose camera and the inertial unit together: for each picture edges, corners, pose, filter, and fix.
 
 The edge tracker takes an external pose (a navigation log, or visual odometry) as long as there is one: with the
-filter's pose, edges and filter would confirm each other. Where there is none, it takes the filter's, once that is
+filter's pose, edges and filter would confirm each other. Without one, it uses the filter's, once that is
 trusted.
 """
 
@@ -40,21 +40,21 @@ from groundstation.onboard.visual_inertial.corner_errors import edge_mode_count,
 from groundstation.onboard.visual_inertial.corner_finder import FoundCorners, NoCorners, find_corners
 from groundstation.onboard.visual_inertial.pose_sensitivity import pixel_jacobian_of_pose, pose_jacobian_of_pixels
 
-# how far the edges may seem to lie from their surveyed place when the filter takes over
+# largest distance of the edges from their surveyed position when the filter takes over
 _START_TURN_RAD = 0.02
 _START_SHIFT_M = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NoseFix:
-    """Where the camera is: runway frame.
+    """Pose and velocity of the camera: runway frame.
 
     Attributes
     ----------
     position_m, velocity_m_s : (3,) of the camera; the velocity is the body's.
     runway_from_body_wxyz : (4,).
-    covariance : (9, 9) of position (m), rotation vector (rad, R_true = exp([δθ]×) R) and velocity (m/s): what the
-        filter knows of the runway as it is seen, and what the seen edges and the pavement's may lie apart for good.
+    covariance : (9, 9) of position (m), rotation vector (rad, R_true = exp([δθ]×) R) and velocity (m/s): that of the
+        filter relative to the visible runway, and the constant distance between the visible edges and the pavement's.
     status : of the filter.
     """
 
@@ -68,9 +68,9 @@ class NoseFix:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NoseReport:
-    """What came of a picture; each part is None where the one before gave nothing for it.
+    """Results of a picture; each part is None where the one before gave nothing for it.
 
-    ``tracker_pose`` is what the edge tracker was given, ``edges`` its report; ``corners``, ``pose`` and ``innovation``
+    ``tracker_pose`` is the edge tracker's input, ``edges`` its report; ``corners``, ``pose`` and ``innovation``
     follow; ``fix`` is None until poses confirm the filter's start.
     """
 
@@ -84,7 +84,7 @@ class NoseReport:
 
     @property
     def outcome(self) -> str:
-        """Return in one word what became of the picture: the filter's outcome, or what was missing."""
+        """Return in one word the result of the picture: the filter's outcome, or the missing part."""
         if self.tracker_pose is None:
             return "no_pose"
         if self.edges is None or self.edges.edges is None:
@@ -177,9 +177,9 @@ class NoseNavigator:
         return self._report(t_s, tracker_pose, edges, corners, pose, innovation)
 
     def _choose_tracker_pose(self, outside: NoseCameraPose | None) -> NoseCameraPose | None:
-        """Return the pose for the tracker: that from outside as long as there is one, so that nothing feeds itself.
+        """Return the pose for the tracker: the external one as long as it exists, to avoid feedback.
 
-        With the first of the filter's own the tracker begins again, where the survey says.
+        With the filter's first one the tracker restarts, at the surveyed edges.
         """
         if not self._inside and self._trusted():
             self._inside = True
@@ -201,7 +201,7 @@ class NoseNavigator:
         return NoseCameraPose(threshold_from_camera=matrix_from_wxyz(wxyz), camera_threshold_m=position)
 
     def _surveyed(self) -> LineState:
-        """Return the edges' place by the survey: in the filter's own frame they lie there, to what it is wrong by."""
+        """Return the edges by the survey: in the filter's own frame they are there, within its errors."""
         tracker, half = self._tracker_config, 0.5 * self._runway.width_m
         covariance = np.zeros((7, 7))
         covariance[1, 1] = _START_TURN_RAD**2
@@ -224,7 +224,7 @@ class NoseNavigator:
         return np.array([max(rows[0], rows[3]), max(rows[1], rows[2])])
 
     def _settled(self, edges: Edges) -> bool:
-        """Return whether the edges may start a filter, or go on with one that is trusted."""
+        """Return whether the edges may start a filter, or continue one that is trusted."""
         self._in_a_row += 1
         mean = edges.state.mean
         wide = abs(float(mean[C] - mean[D])) / self._runway.width_m
@@ -283,12 +283,12 @@ class NoseNavigator:
         if not self._inside and self._refused >= self._config.give_up_after:
             self._begin()
         if innovation.outcome is UpdateOutcome.RESTARTED:
-            # its velocity is unknown again: the tracker goes back to the external pose
+            # its velocity is unknown again: the tracker returns to the external pose
             self._used, self._inside, self._confirmed = 1, False, False
         return innovation
 
     def _in_time(self, t_s: float, systematic_px: FloatArray) -> FloatArray:
-        """Return what lasts, and the edges' part that comes and goes within the flight: two phases of a wave.
+        """Return the constant errors, and the edges' part that varies within the flight: two phases of a wave.
 
         A constant error of an edge may cancel in the state; one that is there for some seconds does not.
         """
@@ -298,7 +298,7 @@ class NoseNavigator:
         return np.hstack([systematic_px, *waves])
 
     def _learn_scatter(self, innovation: PoseInnovation, observation: PoseObservation) -> None:
-        """Let the covariance that each picture has again follow what innovations show, never below what fits say."""
+        """Adapt the covariance of each picture to the innovations, never below that of the fits."""
         if innovation.outcome not in (UpdateOutcome.USED, UpdateOutcome.GATED) or observation.lasting is None:
             return
         value = innovation.value

@@ -1,4 +1,4 @@
-"""What became of a flight's pictures, in words: why no trajectory came of them (docs/onboard-fly.md)."""
+"""The outcomes of a flight's pictures, in words: why no trajectory resulted (docs/onboard-fly.md)."""
 
 from collections.abc import Mapping
 

@@ -12,10 +12,10 @@ def pose_jacobian_of_pixels(
     runway_from_camera: FloatArray,
     covariance_px2: FloatArray,
 ) -> FloatArray | None:
-    """Return how a least-squares pose moves with its pixels, (6, 2n): D = (HᵀWH)⁻¹HᵀW.
+    """Return the derivative of a least-squares pose by its pixels, (6, 2n): D = (HᵀWH)⁻¹HᵀW.
 
     Rows: position (m), rotation vector (rad) as in `RunwayPose`; columns: u and v of one point after the other.
-    None where a point lies behind the camera, or the points hold no pose.
+    None where a point is behind the camera, or the points do not determine a pose.
 
     Parameters
     ----------

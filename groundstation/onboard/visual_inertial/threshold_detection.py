@@ -1,10 +1,10 @@
-"""Where a threshold is seen: along both tracked edges, the place where the ground between them stops looking other
-than the ground next to them.
+"""Detection of a threshold: along both tracked edges, the position where the ground between them stops differing
+from the ground next to them.
 
-Between the edges there is pavement, next to them is not; before the near threshold and behind the far one both are the
-same ground. Paint lies inside, a slab of another colour still differs from the grass, and a road that crosses looks
-alike on both sides of an edge line: none of them is taken for the end. A threshold is *confirmed* only if the
-difference rises, on both sides at one place, clearly out of the noise, and is beyond it what it is well outside.
+Between the edges there is pavement, next to them there is not; before the near threshold and behind the far one both
+are the same ground. Paint is inside, a slab of another colour still differs from the grass, and a road that crosses is
+the same on both sides of an edge line: none of them is taken for the end. A threshold is *confirmed* only if the
+difference rises, on both sides at one place, clearly above the noise, and is beyond it as far outside.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ _MOST_APART = 3.0
 class DetectedThreshold:
     """A confirmed threshold.
 
-    ``shift_px`` (2,) and ``sigma_px`` (2,): by how many rows it lies below its prediction on the left and on the right
+    ``shift_px`` (2,) and ``sigma_px`` (2,): rows by which it is below its prediction on the left and on the right
     edge; ``rise``: the difference over its noise; ``levels``: the difference in grey levels over all channels.
     """
 
@@ -54,7 +54,7 @@ class DetectedThreshold:
 def detect_threshold(
     image: ImageArray, corners_px: FloatArray, reach_px: float, window_px: float, *, far: bool = False
 ) -> DetectedThreshold | None:
-    """Return where a threshold is seen, or None where none is confirmed within reach.
+    """Return the position of a threshold, or None where none is confirmed within reach.
 
     Parameters
     ----------
