@@ -1,6 +1,6 @@
 """`calibrate flight` on drawn rigs: errors over claimed sigmas, relative pan, tilt, and clocks against their bound.
 
-usage: python benchmarks/calibration_rigs.py [--rigs N] [--first SEED] [--no-bounds] [CASE …]
+usage: python benchmarks/calibration_rigs.py [--rigs N] [--first SEED] [--no-bounds] [--workers N] [CASE …]
 
 Cases, simulated at the level of angles and pixels, 2 cm DGPS at 10 Hz over the whole approach, all biases free:
 `mounts`: mounts off by 0.05° about each axis (1 sigma, as the rig admits), the log's clock by 0.2 s, case B;
@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from drawn_pointing import GROUPS, PointingErrors, looks_of
 from drawn_rigs import CLOCK_S, draw, errors, loops, pointing_deviation, unit_of
+from parallel_study import StudyRun, add_study_arguments
 from scipy.stats import chi2
 
 from calibration.flight.calibrate import FlightRequest, calibrate_flight
@@ -111,14 +112,48 @@ class Sample:
 
 def sample(case: str, seeds: Sequence[int], *, bounded: bool = True) -> Sample:
     """Calibrate one rig for each seed; the bounds, which take a third of the time, if ``bounded``."""
-    found = [one_rig(case, seed, bounded=bounded) for seed in seeds]
+    return pooled([one_rig(case, seed, bounded=bounded) for seed in seeds])
+
+
+def pooled(found: Sequence[RigErrors]) -> Sample:
+    """Return what all rigs of one case gave."""
+    bounds = [f.bound for f in found if f.bound is not None]
     return Sample(
         names=found[0].names,
         error=np.array([f.error for f in found]),
         sigma=np.array([f.sigma for f in found]),
-        bound=np.array([f.bound for f in found]) if bounded else None,
+        bound=np.array(bounds) if bounds else None,
         together=np.array([f.together for f in found]),
         looks=tuple(f.looks for f in found),
+    )
+
+
+def rig_as_json(job: tuple[str, int, bool]) -> dict[str, Any]:
+    """Return one rig's errors as JSON has them; ``job`` is case, seed, and whether with bounds."""
+    case, seed, bounded = job
+    found = one_rig(case, seed, bounded=bounded)
+    return {
+        "names": found.names,
+        "error": found.error.tolist(),
+        "sigma": found.sigma.tolist(),
+        "bound": None if found.bound is None else found.bound.tolist(),
+        "together": found.together,
+        "looks": {k: {"error": v.error.tolist(), "covariance": v.covariance.tolist()} for k, v in found.looks.items()},
+    }
+
+
+def rig_from_json(value: dict[str, Any]) -> RigErrors:
+    """Return a rig's errors from what `rig_as_json` returns."""
+    return RigErrors(
+        names=tuple(value["names"]),
+        error=np.array(value["error"]),
+        sigma=np.array(value["sigma"]),
+        bound=None if value["bound"] is None else np.array(value["bound"]),
+        together=value["together"],
+        looks={
+            name: PointingErrors(error=np.array(looks["error"]), covariance=np.array(looks["covariance"]))
+            for name, looks in value["looks"].items()
+        },
     )
 
 
@@ -265,10 +300,14 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first rig's seed")
     parser.add_argument("--no-bounds", action="store_true", help="without the bounds, a third of the time")
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"{', '.join(CASES)}; or all six")
+    add_study_arguments(parser, "calibration-rigs")
     options = parser.parse_args()
-    for case in options.cases or CASES:
-        seeds = range(options.first, options.first + options.rigs)
-        show(case, sample(case, seeds, bounded=not options.no_bounds))
+    cases = options.cases or CASES
+    seeds = range(options.first, options.first + options.rigs)
+    jobs = {f"{case}-{seed}": (case, seed, not options.no_bounds) for case in cases for seed in seeds}
+    found = StudyRun.chosen("calibration rigs", options).values(rig_as_json, jobs)
+    for case in cases:
+        show(case, pooled([rig_from_json(found[f"{case}-{seed}"]) for seed in seeds]))
 
 
 if __name__ == "__main__":

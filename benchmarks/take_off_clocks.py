@@ -1,6 +1,6 @@
 """Clocks found by `calibrate flight` on drawn take-offs, whose detected nose lies off the nose.
 
-    python benchmarks/take_off_clocks.py [--flights N] [--first SEED]
+    python benchmarks/take_off_clocks.py [--flights N] [--first SEED] [--workers N]
 
 A take-off towards the cameras from 204 m, 15 pairs/s, heads that wander by 0.7 deg about it, readings at 60 Hz, pixels
 of 0.5 px; drawn are mounts (0.05 deg about each axis), clocks of cameras and PTUs (20 ms each), the log's clock
@@ -15,12 +15,14 @@ import argparse
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from calibration_rigs import bounding, without_noise
 from drawn_rigs import draw, errors, waves
+from parallel_study import StudyRun, add_study_arguments
 from scipy.stats import chi2
 
 from calibration.flight.calibrate import FlightCalibration, FlightRequest, calibrate_flight
@@ -104,13 +106,21 @@ def one_flight(seed: int) -> ClockErrors:
     )
 
 
+def flight_as_json(seed: int) -> dict[str, list[Any]]:
+    """Return one flight's `ClockErrors` as JSON has them."""
+    return {name: value.tolist() for name, value in asdict(one_flight(seed)).items()}
+
+
 def main() -> None:
     """Print rms errors, claimed sigmas and bounds."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--flights", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, metavar="SEED")
+    add_study_arguments(parser, "take-off-clocks")
     options = parser.parse_args()
-    flights = [one_flight(seed) for seed in range(options.first, options.first + options.flights)]
+    jobs = {f"flight-{seed}": seed for seed in range(options.first, options.first + options.flights)}
+    found = StudyRun.chosen("take-offs", options).values(flight_as_json, jobs).values()
+    flights = [ClockErrors(**{name: np.array(own) for name, own in value.items()}) for value in found]
     n = len(flights)
     error = np.array([f.error for f in flights])
     sigma = np.array([np.sqrt(np.diag(f.covariance)) for f in flights])
