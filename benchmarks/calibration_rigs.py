@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from drawn_pointing import GROUPS, PointingErrors, looks_of
 from drawn_rigs import CLOCK_S, draw, errors, loops, pointing_deviation, unit_of
-from parallel_study import StudyRun, add_study_arguments
+from parallel_study import StudyRun, add_study_arguments, as_json
 from scipy.stats import chi2
 
 from calibration.flight.calibrate import FlightRequest, calibrate_flight
@@ -128,33 +128,17 @@ def pooled(found: Sequence[RigErrors]) -> Sample:
     )
 
 
-def rig_as_json(job: tuple[str, int, bool]) -> dict[str, Any]:
+def rig_as_json(job: tuple[str, int, bool]) -> Any:
     """Return one rig's errors as JSON has them; ``job`` is case, seed, and whether with bounds."""
     case, seed, bounded = job
-    found = one_rig(case, seed, bounded=bounded)
-    return {
-        "names": found.names,
-        "error": found.error.tolist(),
-        "sigma": found.sigma.tolist(),
-        "bound": None if found.bound is None else found.bound.tolist(),
-        "together": found.together,
-        "looks": {k: {"error": v.error.tolist(), "covariance": v.covariance.tolist()} for k, v in found.looks.items()},
-    }
+    return as_json(one_rig(case, seed, bounded=bounded))
 
 
 def rig_from_json(value: dict[str, Any]) -> RigErrors:
     """Return a rig's errors from what `rig_as_json` returns."""
-    return RigErrors(
-        names=tuple(value["names"]),
-        error=np.array(value["error"]),
-        sigma=np.array(value["sigma"]),
-        bound=None if value["bound"] is None else np.array(value["bound"]),
-        together=value["together"],
-        looks={
-            name: PointingErrors(error=np.array(looks["error"]), covariance=np.array(looks["covariance"]))
-            for name, looks in value["looks"].items()
-        },
-    )
+    arrays = {key: np.array(value[key]) for key in ("error", "sigma", "bound") if value[key] is not None}
+    looks = {k: PointingErrors(**{n: np.array(a) for n, a in own.items()}) for k, own in value["looks"].items()}
+    return RigErrors(**value | arrays | {"names": tuple(value["names"]), "looks": looks})
 
 
 def one_rig(case: str, seed: int, *, bounded: bool = True) -> RigErrors:

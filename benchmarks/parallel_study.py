@@ -12,10 +12,12 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from groundstation.bank.map_resumable import map_resumable
 from groundstation.bank.program_version import identity_of
@@ -24,10 +26,14 @@ from groundstation.cli.number_arguments import count
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import GroundstationError, MissingExtraError
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 ItemT = TypeVar("ItemT")
 SeedT = TypeVar("SeedT")
 _FOLDER = Path(__file__).resolve().parent
-_STUDIES = _FOLDER.parent / "out" / "studies"
+# where studies keep what has finished
+STUDIES = _FOLDER.parent / "out" / "studies"
 _DIGEST_CHARACTERS = 10
 
 
@@ -89,12 +95,21 @@ def add_study_arguments(parser: argparse.ArgumentParser, name: str, *, out: bool
     needed = "whose workers have the repository and benchmarks/ on their PYTHONPATH"
     parser.add_argument("--scheduler", metavar="ADDRESS", help=f"a Dask scheduler, {needed}")
     if out:
-        parser.add_argument("--out", type=Path, default=_STUDIES / name, help="where finished jobs are kept")
+        parser.add_argument("--out", type=Path, default=STUDIES / name, help="where finished jobs are kept")
+
+
+def as_json(record: "DataclassInstance") -> Any:
+    """Return a record as JSON has it: fields by name, arrays as lists."""
+    return json.loads(json.dumps(asdict(record), default=_as_list))
 
 
 def in_blocks(seeds: Sequence[SeedT], size: int) -> list[list[SeedT]]:
     """Return the seeds in blocks, so that a job takes seconds; the size is the study's, not the machine's."""
     return [list(seeds[k : k + size]) for k in range(0, len(seeds), size)]
+
+
+def _as_list(value: "np.ndarray[Any, Any] | np.generic") -> Any:
+    return value.tolist()
 
 
 def _one_by_one(

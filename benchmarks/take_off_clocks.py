@@ -15,14 +15,14 @@ import argparse
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from calibration_rigs import bounding, without_noise
 from drawn_rigs import draw, errors, waves
-from parallel_study import StudyRun, add_study_arguments
+from parallel_study import StudyRun, add_study_arguments, as_json
 from scipy.stats import chi2
 
 from calibration.flight.calibrate import FlightCalibration, FlightRequest, calibrate_flight
@@ -106,9 +106,9 @@ def one_flight(seed: int) -> ClockErrors:
     )
 
 
-def flight_as_json(seed: int) -> dict[str, list[Any]]:
+def flight_as_json(seed: int) -> Any:
     """Return one flight's `ClockErrors` as JSON has them."""
-    return {name: value.tolist() for name, value in asdict(one_flight(seed)).items()}
+    return as_json(one_flight(seed))
 
 
 def main() -> None:
