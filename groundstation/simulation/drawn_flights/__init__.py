@@ -2,6 +2,16 @@
 
 from groundstation.simulation.drawn_flights.drawn_flight import DrawnFlight, build_flight
 from groundstation.simulation.drawn_flights.flight_draw import draw_flight
-from groundstation.simulation.drawn_flights.flight_spec import CircuitSide, FlightKind, FlightSpec
+from groundstation.simulation.drawn_flights.flight_spec import DRAWN_KINDS, CircuitSide, FlightKind, FlightSpec
+from groundstation.simulation.drawn_flights.way_point import WayPoint
 
-__all__ = ["CircuitSide", "DrawnFlight", "FlightKind", "FlightSpec", "build_flight", "draw_flight"]
+__all__ = [
+    "DRAWN_KINDS",
+    "CircuitSide",
+    "DrawnFlight",
+    "FlightKind",
+    "FlightSpec",
+    "WayPoint",
+    "build_flight",
+    "draw_flight",
+]

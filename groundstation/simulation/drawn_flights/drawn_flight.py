@@ -13,8 +13,9 @@ from scipy.interpolate import CubicSpline
 from groundstation.arrays import FloatArray
 from groundstation.errors import ScenarioError
 from groundstation.simulation.attitude import GRAVITY_M_S2, runway_from_body
-from groundstation.simulation.drawn_flights.flight_spec import FlightSpec
+from groundstation.simulation.drawn_flights.flight_spec import FlightKind, FlightSpec
 from groundstation.simulation.drawn_flights.manoeuvre import TOWARDS_RAD, Manoeuvre, manoeuvre_of
+from groundstation.simulation.drawn_flights.path_flight import path_motion
 from groundstation.simulation.drawn_flights.profile import smooth_step
 from groundstation.simulation.drawn_flights.wind import wind_effects
 from groundstation.simulation.parameter_checks import require
@@ -68,6 +69,8 @@ def build_flight(spec: FlightSpec, seed: int) -> DrawnFlight:
     """
     require(seed >= 0, "build_flight: seed", got=seed, wanted="a whole number ≥ 0")
     t = np.linspace(0.0, spec.duration_s, math.ceil(spec.duration_s / _STEP_S) + 1)
+    if spec.kind is FlightKind.PATH:
+        return _along_path(spec, seed, t)
     plan = manoeuvre_of(spec)
     track = plan.heading_rad + _integral(plan.turn_rate.at(t), t)
     wheels = _wheels(spec, plan, t, track)
@@ -84,13 +87,25 @@ def build_flight(spec: FlightSpec, seed: int) -> DrawnFlight:
             flying * np.arctan2(sideways, GRAVITY_M_S2) + wind.turned_rad[:, 0],
         ]
     )
-    nose = wheels + wind.moved_m + _lever(spec, angles)
+    return _flown(spec, t, wheels + wind.moved_m + _lever(spec, angles), angles)
+
+
+def _along_path(spec: FlightSpec, seed: int, t_s: FloatArray) -> DrawnFlight:
+    """Return the flight along way points, with the wobble and what gusts add to the path."""
+    motion = path_motion(spec, t_s, _FLYING_M)
+    wind = wind_effects(spec, seed, t_s, motion.nose_m[:, 2] - spec.rest_height_m)
+    return _flown(spec, t_s, motion.nose_m + wind.moved_m, motion.angles_rad + wind.turned_rad[:, ::-1])
+
+
+def _flown(spec: FlightSpec, t_s: FloatArray, nose_m: FloatArray, angles_rad: FloatArray) -> DrawnFlight:
+    """Return a flight through noses (n, 3), which stay above the runway, with yaw, pitch and bank (n, 3)."""
+    nose = nose_m.copy()
     nose[:, 2] = np.maximum(nose[:, 2], spec.rest_height_m)
-    path = CubicSpline(t, nose, bc_type="natural")
+    path = CubicSpline(t_s, nose, bc_type="natural")
     return DrawnFlight(
         spec=spec,
-        nose=SampledTrajectory(t_s=t, position_m=nose, velocity_m_s=path(t, 1)),
-        angles=CubicSpline(t, angles, bc_type="natural"),
+        nose=SampledTrajectory(t_s=t_s, position_m=nose, velocity_m_s=path(t_s, 1)),
+        angles=CubicSpline(t_s, angles_rad, bc_type="natural"),
     )
 
 

@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.simulation.attitude import GRAVITY_M_S2
-from groundstation.simulation.drawn_flights.flight_spec import MAX_BANK_RAD, CircuitSide, FlightKind, FlightSpec
+from groundstation.simulation.drawn_flights.flight_spec import (
+    DRAWN_KINDS,
+    MAX_BANK_RAD,
+    CircuitSide,
+    FlightKind,
+    FlightSpec,
+)
 from groundstation.simulation.drawn_flights.manoeuvre import circuit_end_s
 from groundstation.simulation.parameter_checks import require, require_positive
 
@@ -31,7 +37,7 @@ def draw_flight(
     span_m: float,
     rest_height_m: float,
     duration_s: float = 20.0,
-    kinds: Sequence[FlightKind] = tuple(FlightKind),
+    kinds: Sequence[FlightKind] = DRAWN_KINDS,
 ) -> FlightSpec:
     """Draw one of ``kinds``, all equally likely, for an aircraft of a span whose nose stands at a height, m."""
     require_positive("draw_flight: span_m", span_m)

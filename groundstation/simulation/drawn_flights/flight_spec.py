@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from groundstation.simulation.attitude import GRAVITY_M_S2
+from groundstation.simulation.drawn_flights.way_point import WayPoint, check_way_points
 from groundstation.simulation.parameter_checks import require
 
 MAX_BANK_RAD = math.radians(35.0)
@@ -22,6 +23,11 @@ class FlightKind(StrEnum):
     TAKE_OFF_AWAY = "take-off-away"
     CIRCUIT = "circuit"
     LOW_PASS = "low-pass"
+    PATH = "path"
+
+
+# a path is given, never drawn
+DRAWN_KINDS = tuple(kind for kind in FlightKind if kind is not FlightKind.PATH)
 
 
 class CircuitSide(StrEnum):
@@ -98,6 +104,8 @@ class FlightSpec:
     circuit_radius_m : of its turn.
     circuit_turn_rad : angle of the turn, which ends along the runway, towards the stations.
     circuit_height_m : height of the wheels until the turn ends and the descent begins.
+    way_points : of a path: where the nose is at which time; ``crab_rad``, ``incidence_rad`` and wobble are added to
+        the angles that follow from it.
     """
 
     kind: FlightKind = FlightKind.LANDING
@@ -128,12 +136,16 @@ class FlightSpec:
     circuit_radius_m: float = 60.0
     circuit_turn_rad: float = math.pi
     circuit_height_m: float = 40.0
+    way_points: tuple[WayPoint, ...] = ()
 
     def __post_init__(self) -> None:
         for name, (low, high) in _RANGES.items():
             value = getattr(self, name)
             within = math.isfinite(value) and low <= value <= high
             require(within, f"FlightSpec: {name}", got=value, wanted=f"a number from {low:g} to {high:g}")
+        if self.kind is FlightKind.PATH:
+            check_way_points(self.way_points, self.duration_s)
+            return
         inside = self.event_s <= self.duration_s
         wanted = f"at most duration_s = {self.duration_s:g}"
         require(inside, "FlightSpec: event_s", got=self.event_s, wanted=wanted)

@@ -15,7 +15,6 @@ from groundstation.simulation.scenery.tones import (
     Tones,
 )
 
-_EDGE_MARK_M, _DASH_M, _DASH_EVERY_M = 0.18, 6.0, 14.0
 # fields of some two hectares, outside the runway's strip
 _FIELD_X_M, _FIELD_Y_M, _STRIP_M = 130.0, 170.0, 60.0
 _CLOUD_SHADOW_M = 420.0
@@ -76,12 +75,13 @@ def _patch_share(patches: np.ndarray, k: int, u: float, v: float, width_u: float
 def _paint(way: RunwayTones, x: float, y: float, covered_x: float, covered_y: float) -> float:
     """Return which share of a pixel on the runway is painted."""
     half = way.half
-    edge = way.edge_line * within(abs(x), half - 2.0 * _EDGE_MARK_M, half - _EDGE_MARK_M, covered_x)
-    phase = y - _DASH_EVERY_M * np.floor(y / _DASH_EVERY_M)
+    edge = way.edge_line * within(abs(x), half - 2.0 * way.edge_width, half - way.edge_width, covered_x)
+    phase = y - way.dash_from - way.dash_every * np.floor((y - way.dash_from) / way.dash_every)
     # dashes that a pixel covers several of are an even grey
-    dash = within(phase, 0.0, _DASH_M, covered_y) if covered_y < _DASH_EVERY_M else _DASH_M / _DASH_EVERY_M
-    middle = way.centre_line * within(x, -0.1, 0.1, covered_x) * dash
-    block = within(abs(x), 0.3 * half, 0.62 * half, covered_x) * within(y, way.aim, way.aim + 9.0, covered_y)
+    dash = within(phase, 0.0, way.dash, covered_y) if covered_y < way.dash_every else way.dash / way.dash_every
+    middle = way.centre_line * within(x, -way.dash_half_width, way.dash_half_width, covered_x) * dash
+    end_of_aim = way.aim + way.aim_length
+    block = within(abs(x), 0.3 * half, 0.62 * half, covered_x) * within(y, way.aim, end_of_aim, covered_y)
     bars = 0.0
     for k in range(4):
         low = (0.12 + 0.2 * k) * half

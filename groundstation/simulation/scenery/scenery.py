@@ -16,6 +16,7 @@ from groundstation.simulation.parameter_checks import (
 )
 from groundstation.simulation.scenery.light import Haze, SceneryLight, Sky, require_colour
 from groundstation.simulation.scenery.noise_kernels import glow
+from groundstation.simulation.scenery.runway_paint import RunwayPaint
 from groundstation.simulation.scenery.scenery_objects import SceneryObject
 from groundstation.simulation.scenery.surfaces import Colour, GroundPatch, Surface, require_tint
 
@@ -37,20 +38,24 @@ class RunwayLook:
     Attributes
     ----------
     surface, tint_bgr : what it is made of, and factors on that surface's colours.
-    marking, marking_bgr : what is painted on it.
+    texture : how strongly that surface's colours vary, as a factor.
+    marking, marking_bgr : what is painted on it; ``paint`` its sizes.
     wear : share of the paint that is gone.
     tyre_marks : how dark the rubber at the aim mark is, from 0 to 1.
     """
 
     surface: Surface = Surface.ASPHALT
     tint_bgr: Colour = (1.0, 1.0, 1.0)
+    texture: float = 1.0
     marking: Marking = Marking.FULL
     marking_bgr: Colour = (205.0, 206.0, 207.0)
     wear: float = 0.0
     tyre_marks: float = 0.0
+    paint: RunwayPaint = field(default_factory=RunwayPaint)
 
     def __post_init__(self) -> None:
         require_tint("RunwayLook: tint_bgr", self.tint_bgr)
+        require_not_negative("RunwayLook: texture", self.texture)
         require_colour("RunwayLook: marking_bgr", self.marking_bgr)
         require_fraction("RunwayLook: wear", self.wear)
         require_fraction("RunwayLook: tyre_marks", self.tyre_marks)
@@ -68,6 +73,7 @@ class Skyline:
     trees_solid : whether they stand in the haze and hide what is behind them.
     hills_rad, hills_relief_rad, hills_detail_rad : mean elevation of the skyline, and its wide and narrow variation.
     hills_bgr, hills_m : their colour, and how far off haze takes them to be; 0 where the colour is as seen.
+    trees_texture, hills_texture : how strongly the colours of trees and hills vary, as factors.
     """
 
     trees_m: float = 520.0
@@ -80,6 +86,8 @@ class Skyline:
     hills_detail_rad: float = 0.006
     hills_bgr: Colour = (150.0, 146.0, 128.0)
     hills_m: float = 0.0
+    trees_texture: float = 1.0
+    hills_texture: float = 1.0
 
     def __post_init__(self) -> None:
         require_positive("Skyline: trees_m", self.trees_m)
@@ -88,7 +96,7 @@ class Skyline:
         require_colour("Skyline: trees_bgr", self.trees_bgr)
         require_colour("Skyline: hills_bgr", self.hills_bgr)
         require_finite("Skyline: hills_rad", self.hills_rad)
-        for name in ("hills_relief_rad", "hills_detail_rad", "hills_m"):
+        for name in ("hills_relief_rad", "hills_detail_rad", "hills_m", "trees_texture", "hills_texture"):
             require_not_negative(f"Skyline: {name}", getattr(self, name))
 
 
@@ -129,7 +137,8 @@ class Scenery:
     """What there is around the runway; lengths in m, runway frame.
 
     ``cloud_cover`` from 0 to 1; the sun's azimuth is from +y towards +x. ``mosaic`` from 0 to 1 is how much distant
-    fields differ. ``drawn_scenery`` and ``drawn_sky`` are the kinds that it was drawn from, and have no effect.
+    fields differ, ``ground_texture`` a factor on how strongly the ground's colours vary. ``drawn_scenery`` and
+    ``drawn_sky`` are the kinds that it was drawn from, and have no effect.
     """
 
     seed: int = 0
@@ -144,6 +153,7 @@ class Scenery:
     drawn_sky: SkyName | None = None
     ground: Surface = Surface.MEADOW
     ground_tint_bgr: Colour = (1.0, 1.0, 1.0)
+    ground_texture: float = 1.0
     mosaic: float = 0.0
     runway: RunwayLook = field(default_factory=RunwayLook)
     skyline: Skyline = field(default_factory=Skyline)
@@ -165,6 +175,7 @@ class Scenery:
         require_fraction("Scenery: cloud_cover", self.cloud_cover)
         require_fraction("Scenery: mosaic", self.mosaic)
         require_tint("Scenery: ground_tint_bgr", self.ground_tint_bgr)
+        require_not_negative("Scenery: ground_texture", self.ground_texture)
         high = 0 < self.sun_elevation_rad <= 0.5 * math.pi
         require(high, "Scenery: sun_elevation_rad", got=self.sun_elevation_rad, wanted="above 0, at most π/2")
 

@@ -60,6 +60,12 @@ class RunwayTones(NamedTuple):
     end_bars: float
     wear: float
     tyre_marks: float
+    edge_width: float
+    dash: float
+    dash_every: float
+    dash_half_width: float
+    dash_from: float
+    aim_length: float
 
 
 class SkyTones(NamedTuple):
@@ -175,13 +181,13 @@ def _skyline(scenery: Scenery, light: FloatArray) -> SkylineTones:
         trees_height=skyline.trees_height_m,
         trees_gap=skyline.trees_gap,
         trees=_times(light, skyline.trees_bgr),
-        trees_fine=_times(light, (44.0, 56.0, 48.0)),
+        trees_fine=_times(skyline.trees_texture * light, (44.0, 56.0, 48.0)),
         solid=skyline.trees_solid,
         hill=skyline.hills_rad,
         hill_relief=skyline.hills_relief_rad,
         hill_detail=skyline.hills_detail_rad,
         hills=_times(hills_light, skyline.hills_bgr),
-        hills_fine=_times(hills_light, (14.0, 16.0, 16.0)),
+        hills_fine=_times(skyline.hills_texture * hills_light, (14.0, 16.0, 16.0)),
         hills_m=skyline.hills_m,
     )
 
@@ -189,16 +195,16 @@ def _skyline(scenery: Scenery, light: FloatArray) -> SkylineTones:
 def tables_of(scenery: Scenery) -> Tables:
     """Return a scenery's surfaces and patches as kernels take them."""
     light = np.array(scenery.light.ground_bgr)
-    kinds: list[tuple[Surface, Colour]] = [
-        (scenery.ground, scenery.ground_tint_bgr),
-        (scenery.runway.surface, scenery.runway.tint_bgr),
-        *((patch.surface, patch.tint_bgr) for patch in scenery.patches),
+    kinds: list[tuple[Surface, Colour, float]] = [
+        (scenery.ground, scenery.ground_tint_bgr, scenery.ground_texture),
+        (scenery.runway.surface, scenery.runway.tint_bgr, scenery.runway.texture),
+        *((patch.surface, patch.tint_bgr, 1.0) for patch in scenery.patches),
     ]
     surfaces, patches = np.zeros(len(kinds), SURFACE_ROW), np.zeros(len(scenery.patches), PATCH_ROW)
-    for row, (surface, tint) in zip(surfaces, kinds, strict=True):
+    for row, (surface, tint, texture) in zip(surfaces, kinds, strict=True):
         tones = SURFACES[surface]
-        for part in ("base", "wide", "fine"):
-            for channel, value in zip("bgr", light * tint * getattr(tones, part), strict=True):
+        for part, strength in (("base", 1.0), ("wide", texture), ("fine", texture)):
+            for channel, value in zip("bgr", strength * light * tint * getattr(tones, part), strict=True):
                 row[f"{part}_{channel}"] = value
         for name in ("wide_m", "fine_m", "along", "stripe", "stripe_m", "gloss"):
             row[name] = getattr(tones, name)
@@ -224,4 +230,10 @@ def _runway(scenery: Scenery, light: FloatArray) -> RunwayTones:
         end_bars=float(full or marking in (Marking.ENDS, Marking.CENTRE)),
         wear=look.wear,
         tyre_marks=look.tyre_marks,
+        edge_width=look.paint.edge_width_m,
+        dash=look.paint.dash_length_m,
+        dash_every=look.paint.dash_every_m,
+        dash_half_width=0.5 * look.paint.dash_width_m,
+        dash_from=look.paint.dash_from_y_m,
+        aim_length=look.paint.aim_length_m,
     )

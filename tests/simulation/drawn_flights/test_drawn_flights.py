@@ -12,6 +12,7 @@ from groundstation.errors import ConfigError, ScenarioError
 from groundstation.files.toml_table import TomlTable
 from groundstation.simulation.attitude import GRAVITY_M_S2
 from groundstation.simulation.drawn_flights import (
+    DRAWN_KINDS,
     CircuitSide,
     DrawnFlight,
     FlightKind,
@@ -28,7 +29,7 @@ from tests.complaints import complaint
 DURATION_S = 20.0
 T = np.linspace(0.0, DURATION_S, 1001)
 COARSE = T[::10]
-KINDS = tuple(FlightKind)
+KINDS = DRAWN_KINDS
 ON_WHEELS = (FlightKind.LANDING, FlightKind.TOUCH_AND_GO, FlightKind.TAKE_OFF_AWAY, FlightKind.TAKE_OFF_TOWARDS)
 
 
