@@ -13,6 +13,22 @@ from groundstation.arrays import ImageArray
 from groundstation.box import Box, box_of_size
 from groundstation.errors import InputError
 
+_WANTED = "a Python with opencv-contrib-python-headless below 5, which has CSRT"
+_CHECK = "import cv2; cv2.TrackerCSRT_create()"
+_CHECK_S = 60.0
+
+
+def require_csrt(python: Path) -> None:
+    """Raise `InputError` unless a Python has OpenCV's CSRT."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    try:
+        command = [str(python), "-c", _CHECK]
+        done = subprocess.run(command, env=environment, capture_output=True, check=False, timeout=_CHECK_S)
+    except (OSError, subprocess.TimeoutExpired) as fault:
+        raise InputError(str(python), got=str(fault), wanted=_WANTED) from fault
+    if done.returncode != 0:
+        raise InputError(str(python), got="a program that has no CSRT", wanted=_WANTED)
+
 
 class CsrtProcess:
     """One tracker; ``python`` is the executable of the environment that has it."""
@@ -24,7 +40,7 @@ class CsrtProcess:
         try:
             self._process = subprocess.Popen(worker, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
         except OSError as fault:
-            raise InputError(str(python), got=str(fault.strerror), wanted="a Python that has OpenCV's CSRT") from fault
+            raise InputError(str(python), got=str(fault.strerror), wanted=_WANTED) from fault
 
     def __enter__(self) -> "CsrtProcess":
         return self
@@ -58,6 +74,6 @@ class CsrtProcess:
             raise InputError(
                 str(self._python),
                 got="a process that ended",
-                wanted="a Python with opencv-contrib-python-headless below 5, which has CSRT",
+                wanted=_WANTED,
             )
         return [float(v) for v in answer]

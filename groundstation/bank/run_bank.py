@@ -9,6 +9,7 @@ from typing import Any
 
 from groundstation.bank.bank_page import BankResult, bank_page, worst_rows
 from groundstation.bank.bank_settings import BankSettings
+from groundstation.bank.csrt_process import require_csrt
 from groundstation.bank.factor_shares import factor_shares
 from groundstation.bank.map_resumable import map_resumable
 from groundstation.bank.pooled_figures import POOLED, distributions, pooled
@@ -54,12 +55,14 @@ def run_bank(
     """Run a bank or go on with it; ``words`` describe the run on the page, ``progress`` counts sessions.
 
     Sessions that are finished in ``out`` with the same program and settings are not run again. Raises `InputError` for
-    a tuning file that cannot be used, `MissingExtraError` without Dask.
+    a tuning file that cannot be used or a Python without CSRT, `MissingExtraError` without Dask.
     """
     settings, tuning = request.settings, None
     if request.config is not None:
         load_config(request.config)
         tuning = request.config.read_text(encoding="utf-8")
+    if request.csrt_python is not None:
+        require_csrt(request.csrt_python)
     jobs = {
         f"world-{seed}": WorldJob(
             seed=seed,

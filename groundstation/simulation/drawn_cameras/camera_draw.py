@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from groundstation.picture import BayerPattern
-from groundstation.simulation.drawn_cameras.camera_spec import CameraSpec
+from groundstation.simulation.drawn_cameras.camera_spec import MAX_PHASE_S, CameraSpec
 from groundstation.simulation.optics import REFERENCE_EXPOSURE_S, ExposureStep
 from groundstation.simulation.parameter_checks import require_positive
 from groundstation.simulation.picture_writer import PictureFormat
@@ -65,7 +65,7 @@ def draw_camera(generator: np.random.Generator, *, frame_hz: float = 10.0, durat
         flicker_hz=_between(g, 0.5, 120.0),
         exposure_steps=steps,
         readout_s=rolling_s * float(g.uniform(0.7, 1.8)) if rolling else 0.0,
-        phase_s=float(g.uniform(0.0, _MAX_PHASE_OF_PERIOD)) / frame_hz if g.uniform() < 0.5 else 0.0,
+        phase_s=min(float(g.uniform(0.0, _MAX_PHASE_OF_PERIOD)) / frame_hz, MAX_PHASE_S) if g.uniform() < 0.5 else 0.0,
         lost_share=_between(g, 0.001, _MAX_LOST_SHARE) if g.uniform() < 0.5 else 0.0,
         coding=coding,
         quality=quality,

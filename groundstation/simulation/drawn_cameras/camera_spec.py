@@ -12,7 +12,7 @@ from groundstation.simulation.picture_writer import PictureCoding, PictureFormat
 from groundstation.simulation.rendered_session_folder import CameraRecording
 
 _LEAST_SIDE_PX, _MOST_SIDE_PX = 16, 8192
-_MAX_READOUT_S, _MAX_PHASE_S = 0.1, 1.0
+_MAX_READOUT_S, MAX_PHASE_S = 0.1, 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +72,8 @@ class CameraSpec:
             require_finite("CameraSpec: principal_offset_px, distortion", value)
         slow = abs(self.readout_s) <= _MAX_READOUT_S
         require(slow, "CameraSpec: readout_s", got=self.readout_s, wanted=f"at most {_MAX_READOUT_S:g} s")
-        late = abs(self.phase_s) <= _MAX_PHASE_S
-        require(late, "CameraSpec: phase_s", got=self.phase_s, wanted=f"at most {_MAX_PHASE_S:g} s")
+        late = abs(self.phase_s) <= MAX_PHASE_S
+        require(late, "CameraSpec: phase_s", got=self.phase_s, wanted=f"at most {MAX_PHASE_S:g} s")
         # these check the rest
         self.optics()
         self.recording()
