@@ -42,8 +42,8 @@ from tests.calibration.mount.mounts import (
 ASKED_DEG = 0.003
 LOW_DEG = (-10.0, 10.0, 35.0, 58.0)
 BOUND_HEADS, SIGHTINGS = 3, 300
-# heads to a job: some seconds
-BLOCK = 5
+# heads to a job: at most a minute, but for the most sightings
+BLOCKS = {"bounds": 3, "designed": 5, "chi-squares": 10, "counts": 1}
 COUNTS = (50, 100, 200, 400, 800, 1600, 6400)
 
 
@@ -220,7 +220,7 @@ def main() -> None:
     jobs = {
         f"{part}-{number}-{block[0]}": (part, (*case, block))
         for number, (part, case, heads) in enumerate(cases)
-        for block in in_blocks(range(heads), BLOCK)
+        for block in in_blocks(range(heads), BLOCKS[part])
     }
     blocks = StudyRun.chosen("mounts", options).values(one_block, jobs)
 
@@ -234,7 +234,7 @@ def main() -> None:
     for number, (part, case, heads) in enumerate(cases):
         if part in headings:
             print(headings.pop(part))
-        names = (f"{part}-{number}-{block[0]}" for block in in_blocks(range(heads), BLOCK))
+        names = (f"{part}-{number}-{block[0]}" for block in in_blocks(range(heads), BLOCKS[part]))
         show[part]([head for name in names for head in blocks[name]], *case)
 
 
