@@ -1,7 +1,7 @@
-"""The whole job on the rendered sessions of development, with exact truth: nothing told about the flight.
+"""The whole job on the rendered sessions of development, with exact truth: no information on the flight is given.
 
-The detector's constants were chosen while looking at these two sessions (docs/results.md): what holds here is held, and
-says nothing of other aircraft and skies.
+The detector's constants were chosen with these two sessions in view (docs/results.md): these bounds are tested, and
+do not extend to other aircraft and skies.
 """
 
 import csv
@@ -53,8 +53,9 @@ def read(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def replayed(session: Path, out: Path) -> Replayed:
-    result = replay(ReplayRequest(session=session, out=out))
+def replayed(session: Path, out: Path, *, pages: bool = False) -> Replayed:
+    """Replay a session; ``pages``: with its report and its Rerun recording, which have no part in the figures."""
+    result = replay(ReplayRequest(session=session, out=out, rerun=pages, report=pages))
     assert result.fault is None
     return Replayed(
         folder=out,
@@ -66,7 +67,7 @@ def replayed(session: Path, out: Path) -> Replayed:
 
 @pytest.fixture(scope="module")
 def landing(landing_1: Path, tmp_path_factory: pytest.TempPathFactory) -> Replayed:
-    return replayed(landing_1, tmp_path_factory.mktemp("landing"))
+    return replayed(landing_1, tmp_path_factory.mktemp("landing"), pages=True)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +101,7 @@ def test_landing_filter_beats_triangulation_beyond_100_m(landing: Replayed) -> N
         assert 2 * by_range[start]["ekf_rmse_m"][1] < by_range[start]["triangulation_rmse_m"][1]
 
 
-def test_landing_is_acquired_by_itself(landing: Replayed) -> None:
+def test_landing_is_acquired_without_an_initial_state(landing: Replayed) -> None:
     """Within 3 s of the first frame, at 500 m, without a start."""
     first = next(r for r in landing.track if r["status"] == "tracking")
     assert float(first["t_s"]) < landing.truth["t_s"][0] + 3.0
@@ -122,7 +123,7 @@ def test_landing_consistency_is_reported(landing: Replayed) -> None:
 
 @dataclass(frozen=True)
 class Sight:
-    """One look of the detector next to the truth: how far off, and whether nose and silhouette lay where it looked."""
+    """One detection next to the truth: its error, and whether nose and silhouette were in the searched window."""
 
     t_s: float
     width_px: int
@@ -133,7 +134,7 @@ class Sight:
 
 
 def sights(run: Replayed, session: Path) -> list[Sight]:
-    """Return the looks in whose frame the nose is; those without a point have a NaN error."""
+    """Return the detections in whose frame the nose is; those without a point have a NaN error."""
     found = []
     with np.load(session / "masks.npz") as masks:
         for row in read(run.folder / "detections.csv"):
@@ -182,7 +183,7 @@ def test_the_region_of_interest_holds_an_aircraft_overhead(takeoff: Replayed, sh
     """Climbing over the cameras it hangs below its nose, 350 px wide; a wing tip and the tail stayed outside."""
     seen = sights(takeoff, shared_data / "takeoff-1")
     assert sum(s.width_px > 200 for s in seen) > 70
-    # of the pictures in which it is as wide and has its nose, nearly all were looked at
+    # of the pictures in which it is as wide and has its nose, nearly all were processed
     truth = takeoff.truth
     with np.load(shared_data / "takeoff-1" / "masks.npz") as masks:
         wide = [
@@ -207,7 +208,7 @@ class Bird:
 
 
 def bird_in(session: Path, station: str) -> Bird:
-    """Look for the bird, the darkest thing in these pictures: below the shade of the trees and of the aircraft."""
+    """Find the bird, the darkest object in these pictures: below the shade of the trees and of the aircraft."""
     truth = np.genfromtxt(session / "truth.csv", delimiter=",", names=True)
     covered, away = np.zeros(len(truth)), np.full(len(truth), np.nan)
     film = cv2.VideoCapture(str(session / f"{station}.mp4"))
@@ -219,12 +220,13 @@ def bird_in(session: Path, station: str) -> Bird:
             if not np.isfinite(nose).all():
                 continue
             mask, (x, y) = (masks[f"{station}_{k:04d}{end}"] for end in ("", "_xy"))
-            dark = cv2.morphologyEx((picture.max(axis=2) < 72).astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5)))
+            dark = cv2.morphologyEx(cv2.inRange(picture, (0,) * 3, (71,) * 3) & 1, cv2.MORPH_OPEN, np.ones((5, 5)))
             under = dark[y : y + mask.shape[0], x : x + mask.shape[1]]
             covered[k] = under[mask[: under.shape[0], : under.shape[1]] > 0].mean()
-            v, u = np.nonzero(dark)
-            if len(u):
-                away[k] = np.hypot(u - nose[0], v - nose[1]).min() / (np.ptp(np.flatnonzero(mask.any(axis=0))) + 1)
+            places = cv2.findNonZero(dark)
+            if places is not None:
+                span_px = np.ptp(np.flatnonzero(mask.any(axis=0))) + 1
+                away[k] = np.hypot(*(places.reshape(-1, 2) - nose).T).min() / span_px
     film.release()
     return Bird(covered=covered, away_spans=away)
 
@@ -244,7 +246,7 @@ def test_takeoff_accuracy(takeoff: Replayed) -> None:
     assert np.all(np.sqrt(((x - true)[near] ** 2).mean(axis=0)) <= [0.06, 0.2, 0.06])
 
 
-def test_takeoff_status_says_where_there_is_no_fix(takeoff: Replayed, shared_data: Path) -> None:
+def test_takeoff_status_shows_where_there_is_no_fix(takeoff: Replayed, shared_data: Path) -> None:
     """Out of view, and with the bird over the right nose: no tracking.
 
     In the frames around it the nose is in plain sight, as the pictures show, the bird over a wing or past it: where a
@@ -290,7 +292,7 @@ def test_takeoff_dgps_clock(takeoff: Replayed) -> None:
 
 
 def test_takeoff_consistency_is_reported(takeoff: Replayed) -> None:
-    """Measured: ANEES 0.69; errors of 0.41, 0.57 and 0.61 of what the bound says along x, y and z."""
+    """Measured: ANEES 0.69; errors of 0.41, 0.57 and 0.61 of the bound along x, y and z."""
     total = takeoff.summary["accuracy"]["truth"]["total"]
     assert 0.4 < total["anees"] < 1.4
     assert all(0.3 < r < 1.3 for r in total["bound"]["ekf_over_track"])
@@ -312,7 +314,7 @@ def edited(session: Path, to: Path, edits: dict[str, Callable[[list[str]], list[
 def test_takeoff_with_late_stamps_missing_frames_and_thinned_ptu(
     shared_data: Path, takeoff: Replayed, tmp_path: Path
 ) -> None:
-    """Right stamps 20 ms late with a camera_clock that says so, every tenth right frame missing, every second PTU
+    """Right stamps 20 ms late with that camera_clock, every tenth right frame missing, every second PTU
     row gone: errors stay within 1.2 × of 0.06/0.9/0.06 m."""
 
     def frames(lines: list[str]) -> list[str]:
@@ -368,7 +370,7 @@ def with_spoilt_dgps(landing_1: Path, tmp_path_factory: pytest.TempPathFactory) 
 
 
 def test_the_same_pictures_give_the_same_track(landing: Replayed, with_spoilt_dgps: Replayed) -> None:
-    """Byte for byte, whatever the DGPS that it is only judged by says."""
+    """Byte for byte, whatever the DGPS that is only a comparison."""
     for name in ("track.csv", "triangulation.csv", "track.tum"):
         assert (with_spoilt_dgps.folder / name).read_bytes() == (landing.folder / name).read_bytes()
 
@@ -384,7 +386,7 @@ def test_frozen_then_lagging_dgps_is_found(with_spoilt_dgps: Replayed) -> None:
 
 
 def taught_and_judged(split: Split, seen: Path, folder: Path) -> None:
-    """Spoil the rig, teach it by one part of the flight, judge on the rest by the pixels that a replay has found."""
+    """Perturb the rig, calibrate it by one part of the flight, evaluate on the rest by the pixels of a replay."""
     session = by_pixels(split.session, seen, folder / "pixels")
     believed, found = folder / "believed.toml", folder / "found.toml"
     believed.write_text(rig_to_toml(spoilt_rig(split)))
@@ -407,7 +409,7 @@ def taught_and_judged(split: Split, seen: Path, folder: Path) -> None:
 
 
 def test_mounts_off_by_a_tenth_of_a_degree_are_found_by_part_of_a_landing(landing: Replayed, tmp_path: Path) -> None:
-    """Taught up to 20 s, judged from there on."""
+    """Calibrated up to 20 s, evaluated from there on."""
     taught_and_judged(splits(Path())[0], landing.folder / "detections.csv", tmp_path)
 
 
@@ -415,5 +417,5 @@ def test_mounts_off_by_a_tenth_of_a_degree_are_found_by_part_of_a_landing(landin
 def test_a_delay_of_40_ms_is_found_by_part_of_a_take_off(
     takeoff: Replayed, shared_data: Path, tmp_path: Path, part: int
 ) -> None:
-    """Taught where there is DGPS and judged where there is none; taught up to 9 s and judged from there on."""
+    """Calibrated where there is DGPS and evaluated where there is none; up to 9 s and evaluated from there on."""
     taught_and_judged(splits(shared_data)[part], takeoff.folder / "detections.csv", tmp_path)
