@@ -1,4 +1,4 @@
-"""A real browser (Chromium, headless) asked over a pipe in its own protocol, so that nothing else need be installed."""
+"""A real browser (Chromium, headless) controlled over a pipe in its own protocol, without another dependency."""
 
 import base64
 import json
@@ -28,7 +28,7 @@ _FLAGS = (
     "--remote-debugging-pipe",
 )
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-# puts its ends of two pipes where the browser looks for them, 3 and 4, and becomes the browser
+# puts its ends of two pipes at the browser's descriptors, 3 and 4, and becomes the browser
 _START = """
 import os, sys
 ends = [os.dup(os.dup(os.dup(int(fd)))) for fd in sys.argv[1:3]]
@@ -40,7 +40,7 @@ _PATIENCE_S = 120.0
 
 
 class Browser:
-    """One page of a running browser; ``events`` is what it has told of since, in order: method and parameters."""
+    """One page of a running browser; ``events`` are its notifications since the start: method and parameters."""
 
     def __init__(self, to_browser: int, from_browser: int) -> None:
         self._to, self._from = to_browser, from_browser
@@ -107,7 +107,7 @@ class Browser:
         return [json.dumps(told) for method, told in self.events if method in kinds]
 
     def requests(self) -> list[str]:
-        """Return the addresses that it has asked for since `show`."""
+        """Return the addresses requested since `show`."""
         return [told["request"]["url"] for method, told in self.events if method == "Network.requestWillBeSent"]
 
     def _messages(self) -> Iterator[dict[str, Any]]:
@@ -126,7 +126,7 @@ class Browser:
 
 @contextmanager
 def browser(profile: Path) -> Iterator[Browser]:
-    """Start Chromium with a new profile; the test skips, or fails where it is required, if there is none."""
+    """Start Chromium with a new profile; without it the test skips, or fails where it is required."""
     program = next((found for name in _PROGRAMS if (found := shutil.which(name))), None)
     if program is None:
         absent("chromium", "apt install chromium")

@@ -1,6 +1,6 @@
-"""Compile kernels before several workers want them at the same time: `python -m tests.compile_kernels ground|aboard`.
+"""Compile kernels before several workers need them at the same time: `python -m tests.compile_kernels ground|aboard`.
 
-The two halves are two processes, and take turns at what both of them want.
+The two halves are two processes, and take turns at the kernels that both need.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Workers that want the same kernel at the same time: one compiles it, the others wait and read it from the cache.
+"""Workers that need the same kernel at the same time: one compiles it, the others wait and read it from the cache.
 
 Without this three of them compile all of it, each for itself; and two that keep different kinds of one kernel at the
 same moment may give both the same file.

@@ -1,4 +1,4 @@
-"""What a refusal says: one printable line, whatever was refused."""
+"""Refusals are one printable line, whatever was refused."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,7 +7,7 @@ import pytest
 
 
 def complaint(kind: type[Exception], action: Callable[[], object]) -> str:
-    """Return what `action` says when it refuses; a failure of the test if it does not."""
+    """Return the message with which `action` refuses; the test fails if it does not."""
     with pytest.raises(kind) as caught:
         action()
     message = str(caught.value)
@@ -17,7 +17,7 @@ def complaint(kind: type[Exception], action: Callable[[], object]) -> str:
 
 @contextmanager
 def only(kind: type[Exception]) -> Iterator[list[str]]:
-    """Let errors of one kind happen and collect what they say; all others come through."""
+    """Let errors of one kind happen and collect their messages; all others are raised."""
     reported: list[str] = []
     try:
         yield reported

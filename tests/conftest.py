@@ -23,7 +23,7 @@ settings.register_profile("new", max_examples=2000, deadline=None, print_blob=Tr
 settings.load_profile("same")
 compile_once()
 
-# The files that take longest begin first: a worker takes whole files, and one begun last is waited for by all others.
+# The files that take longest start first: a worker takes whole files, and all others would wait for one started last.
 LONGEST_FILES = (
     "experiments/test_reproduce.py",
     "docs/test_commands.py",
@@ -78,7 +78,7 @@ def landing_1() -> Path:
 def unrendered_figures() -> Iterator[None]:
     """A replay builds its report's figures, and Matplotlib does not render them, which takes longer than the replay.
 
-    For tests of what else a replay writes; tests/evaluation and tests/cli look at rendered figures.
+    For tests of a replay's other outputs; tests/evaluation and tests/cli use rendered figures.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("groundstation.evaluation.figure_style.render", lambda figure: ("<svg></svg>", b""))

@@ -1,7 +1,7 @@
-"""Programs of others that tests set ours against: skipped where they are absent, unless they are required.
+"""Independent programs used as references: skipped where they are absent, unless they are required.
 
-`.ci/run` sets GROUNDSTATION_REQUIRED_PEERS to the names of those that it could install: a test that would skip for want
-of one of them fails.
+`.ci/run` sets GROUNDSTATION_REQUIRED_PEERS to the names of those that it could install: a test that would skip without
+one of them fails.
 """
 
 import importlib

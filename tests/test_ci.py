@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 ALL = "mrpt chromium aravis flirptu alpaca-simulators evo pyptzcontroller dynamixel-sdk"
-# fails as often as the file of its name and subcommand says, and notes what it was asked, and what tests would see
+# fails as often as the file of its name and subcommand states, and records its arguments, and the tests' environment
 NOTE = """#!/bin/sh
 echo "$(basename "$0") $*" >>"$NOTES/log"
 [ "$(basename "$0") $1" = "make test" ] && echo "peers:$GROUNDSTATION_REQUIRED_PEERS" >>"$NOTES/log"
@@ -41,7 +41,7 @@ class Machine:
         (self.folder / command.replace(" ", "-")).write_text("x\n" * times)
 
     def run(self, ci: str = "true") -> tuple[int, list[str], str]:
-        """Return exit code, what was called, and what was said."""
+        """Return exit code, calls, and output."""
         env = {**os.environ, "PATH": f"{self.folder / 'bin'}:{os.environ['PATH']}", "NOTES": str(self.folder), "CI": ci}
         env.pop("GROUNDSTATION_REQUIRED_PEERS", None)
         done = subprocess.run([self.folder / ".ci" / "run"], env=env, capture_output=True, text=True, check=False)
@@ -98,7 +98,7 @@ def test_what_cannot_be_installed_here_is_not_required(machine: Machine) -> None
     assert "no apt-get here, or not root" in reported
 
 
-def test_a_developer_is_told_and_goes_on(machine: Machine) -> None:
+def test_a_developer_gets_a_message_and_continues(machine: Machine) -> None:
     machine.fails("apt-get install", 99)
     machine.fails("make peers", 99)
     code, called, reported = machine.run(ci="")

@@ -1,4 +1,4 @@
-"""Several processes that want one kernel compile it once between them."""
+"""Several processes that need one kernel compile it once between them."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""docs/conventions.md says what the code does: its numbers and words are held against the code."""
+"""docs/conventions.md matches the code: its numbers and words are compared with it."""
 
 from pathlib import Path
 

@@ -10,7 +10,7 @@ from groundstation.thread_scheduling import give_way, short_gil_switch_interval
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only on Linux a thread has a rank of its own")
-def test_a_thread_gives_way_by_itself() -> None:
+def test_a_thread_lowers_its_own_priority() -> None:
     before = os.getpriority(os.PRIO_PROCESS, 0)
     seen: list[tuple[bool, int]] = []
     thread = threading.Thread(target=lambda: seen.append((give_way(), os.getpriority(os.PRIO_PROCESS, 0))))
@@ -20,7 +20,7 @@ def test_a_thread_gives_way_by_itself() -> None:
     assert os.getpriority(os.PRIO_PROCESS, 0) == before
 
 
-def test_where_threads_have_no_rank_nothing_is_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_thread_priorities_nothing_is_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: int) -> None:
         raise PermissionError("not here")
 
@@ -30,7 +30,7 @@ def test_where_threads_have_no_rank_nothing_is_changed(monkeypatch: pytest.Monke
     assert not give_way()
 
 
-def test_the_interpreters_patience_comes_back() -> None:
+def test_the_interpreters_switch_interval_is_restored() -> None:
     before_s = sys.getswitchinterval()
     with short_gil_switch_interval():
         assert sys.getswitchinterval() < before_s

@@ -1,4 +1,4 @@
-"""Pictures of which parts are looked at: the same pixels whole, in windows, and from what was kept."""
+"""Pictures read in parts: the same pixels whole, in windows, and from recorded parts."""
 
 import cv2
 import numpy as np
@@ -38,7 +38,7 @@ def pattern_of(kind: str) -> BayerPattern | None:
 
 
 @given(windows, kinds)
-def test_a_window_shows_what_the_whole_shows_there(window: Box[int], kind: str) -> None:
+def test_a_window_equals_that_part_of_the_whole(window: Box[int], kind: str) -> None:
     inside = clip(window, SIZE)
     if inside is None:
         with pytest.raises(PictureError, match="no part of it is inside"):
@@ -77,7 +77,7 @@ def test_what_was_not_kept_is_an_error_and_never_black() -> None:
 
 
 @given(windows, windows, windows, kinds)
-def test_what_is_available_can_be_looked_at(first: Box[int], second: Box[int], wanted: Box[int], kind: str) -> None:
+def test_available_pixels_can_be_read(first: Box[int], second: Box[int], wanted: Box[int], kind: str) -> None:
     """Expected: all of a window that was read; of any other window a part, and that part's own pixels."""
     seen = picture_of(kind)
     read = [w for w in (first, second) if clip(w, SIZE) is not None]

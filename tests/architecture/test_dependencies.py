@@ -22,7 +22,7 @@ OURS = {"groundstation", "calibration", "ptu_drivers", "tests", "benchmarks"} | 
 }
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
-# what the Makefile's targets `installed` and `cameras` ask for
+# packages of the Makefile's targets `installed` and `cameras`
 TESTED_EXTRAS = ("dev", "docs", "logs", "genicam", "gige")
 # imported in an environment of its own that `make peers` builds, or that the study builds for itself
 OF_OTHER_ENVIRONMENTS = {"flirptu", "stonesoup"}
@@ -34,7 +34,7 @@ def distributions(requirements: Iterable[str]) -> set[str]:
 
 
 def imports(path: Path) -> Iterator[tuple[str, bool]]:
-    """Yield each imported top-level package that is not ours, and whether importing the module imports it."""
+    """Yield each imported third-party top-level package, and whether importing the module imports it."""
     for node, on_import in import_statements(tree_of(path)):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module or ""]
         for name in names:
@@ -64,7 +64,7 @@ def is_for_types(node: ast.AST) -> bool:
 
 @cache
 def of_package() -> Mapping[str, list[str]]:
-    """Return the distributions that bring each package; all of them are asked for their files, which takes seconds."""
+    """Return the distributions that provide each package; reading all their file lists takes seconds."""
     return importlib.metadata.packages_distributions()
 
 
@@ -110,7 +110,7 @@ def test_serial_units_and_the_comparison_need_no_extra() -> None:
     assert {"pyserial", "scikit-image", "pyarrow"} <= distributions(PROJECT["dependencies"])
 
 
-def test_every_requirement_admits_the_tested_version_and_says_what_is_too_old() -> None:
+def test_every_requirement_admits_the_tested_version_and_excludes_older_ones() -> None:
     pins = constraints()
     required = [*PROJECT["dependencies"], *(r for name in TESTED_EXTRAS for r in EXTRAS[name])]
     for requirement in map(Requirement, required):
@@ -140,7 +140,7 @@ def needed(name: str, extras: tuple[str, ...], seen: set[tuple[str, str]]) -> No
                 needed(requirement.name, tuple(requirement.extras), seen)
 
 
-def test_all_that_is_needed_is_pinned_and_is_what_these_tests_run_with() -> None:
+def test_all_requirements_are_pinned_to_the_versions_of_these_tests() -> None:
     pins = constraints()
     names: set[tuple[str, str]] = set()
     needed("groundstation", ("dev", "docs", "logs"), names)

@@ -89,19 +89,19 @@ def test_no_two_folders_import_each_other() -> None:
     assert not wrong, wrong
 
 
-def test_ptu_drivers_stand_alone() -> None:
+def test_ptu_drivers_import_nothing_of_the_project() -> None:
     for name, path in modules().items():
         if name.startswith("ptu_drivers"):
             assert not [i for i in imports_of(path) if i.startswith(("groundstation", "calibration"))], name
 
 
-def test_the_ground_chain_does_not_know_the_onboard_systems() -> None:
+def test_the_ground_chain_does_not_import_the_onboard_systems() -> None:
     for name, path in modules().items():
         if not name.startswith(("groundstation.onboard", "groundstation.experiments", "groundstation.cli.")):
             assert not [i for i in imports_of(path) if i.startswith("groundstation.onboard")], name
 
 
-def test_the_ground_chain_does_not_know_the_calibration() -> None:
+def test_the_ground_chain_does_not_import_the_calibration() -> None:
     for name, path in modules().items():
         if name.startswith("groundstation.") and not name.startswith("groundstation.cli."):
             assert not [i for i in imports_of(path) if i.split(".")[0] == "calibration"], name
@@ -120,7 +120,7 @@ def test_the_core_reads_no_clock_and_no_file(part: str) -> None:
         assert not calls & {"open", "print", "input"}, f"{name} calls {calls & {'open', 'print', 'input'}}"
 
 
-def test_modules_have_names_that_say_something() -> None:
+def test_module_names_are_descriptive() -> None:
     vague = {"utils", "util", "helpers", "helper", "common", "misc", "tools"}
     assert not [n for n in modules() if n.rsplit(".", 1)[-1] in vague]
 

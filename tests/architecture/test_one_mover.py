@@ -1,4 +1,4 @@
-"""Only one place moves hardware in operation; two tools for people do before the flight, and say so."""
+"""Only one place moves hardware in operation; two tools for users do so before the flight, with a warning."""
 
 import ast
 from pathlib import Path
@@ -63,7 +63,7 @@ def test_nobody_else_in_operation_holds_a_unit() -> None:
     }
 
 
-def test_whoever_opens_a_head_keeps_its_lens_out_of_what_is_closed() -> None:
+def test_every_opening_of_a_ptu_applies_its_keep_out_zones() -> None:
     """Expected: units are wrapped where a station's are opened; `ptu` opens others only by a URL, and warns of it."""
     openers = {
         name: calls(path, {"open_ptu", "KeepOutUnit"})

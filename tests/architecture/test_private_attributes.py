@@ -68,7 +68,7 @@ def test_no_module_reads_another_ones_private_attributes(package: str) -> None:
     assert not found, "\n".join(found)
 
 
-def test_the_checker_finds_what_is_foreign() -> None:
+def test_the_checker_finds_foreign_private_attributes() -> None:
     text = """
 from other import Base, _hidden
 class Child(Base):

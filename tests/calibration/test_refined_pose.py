@@ -1,4 +1,4 @@
-"""Of poses that fit alike the one that stands level is taken, if it is the only one."""
+"""Of poses with an equal fit the level one is selected, if it is the only one."""
 
 from types import SimpleNamespace
 
@@ -45,8 +45,6 @@ def test_of_those_that_fit_alike_the_level_one_is(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("turn", [LEVEL, OVER])
-def test_several_that_stand_alike_are_told_apart_by_nothing(
-    turn: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_equally_good_poses_are_refused(turn: tuple[float, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(LandmarkFitError, match="got 2 poses that fit its 3 landmarks alike"):
         refined(station(0.0, turn), station(50.0, turn), monkeypatch=monkeypatch)

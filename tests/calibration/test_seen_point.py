@@ -1,4 +1,4 @@
-"""A detector's nose lies off the nose, and goes on to: what a flight tells of clocks allows for it."""
+"""A detector's nose has a persistent offset, for which the clocks of a flight account."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ LOG = "dgps_clock.offset"
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A flight whose pixels are of a point ahead of the nose that the session speaks of, the DGPS in time."""
+    """A flight whose pixels are of a point ahead of the session's nose, the DGPS in time."""
     folder = tmp_path_factory.mktemp("seen")
     errors = {"left": StationErrors(mount_rad=np.radians([0.02, 0.0, -0.03]))}
     calibrated(folder, approach(5, errors, antenna_in_body_m=np.array([-OFF_M, 0.0, 0.0])), free="orientation")
@@ -24,8 +24,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_log_is_late_by_what_the_point_is_off(flown: Path) -> None:
-    """Known to a fraction of a millisecond without it, milliseconds off; with it the sigma says so."""
+def test_a_logs_lag_follows_the_displacement_of_the_point(flown: Path) -> None:
+    """Without it a sigma of a fraction of a millisecond, milliseconds off; with it a consistent sigma."""
     blind = run(flown, free="orientation").fit
     aware = run(flown, free="orientation", point_sigma_m=SIGMA_M).fit
     place = blind.problem.names.index(LOG)
@@ -35,7 +35,7 @@ def test_a_log_is_late_by_what_the_point_is_off(flown: Path) -> None:
     assert abs(blind.change[place]) > 4.0 * blind.sigma[place]
     assert abs(aware.change[place]) < 2.0 * aware.sigma[place]
     added_s = float(np.sqrt(aware.sigma[place] ** 2 - blind.sigma[place] ** 2))
-    # it flies slower where it is near, and there it tells most
+    # it flies slower where it is near, where the information is largest
     assert SIGMA_M / speed < added_s < 1.25 * SIGMA_M / speed
     assert abs(blind.change[place]) == pytest.approx(OFF_M / SIGMA_M * added_s, abs=3.0 * blind.sigma[place])
 
@@ -48,7 +48,7 @@ def test_mounts_hardly_care(flown: Path) -> None:
             assert aware.sigma[k] < 1.2 * blind.sigma[k] + np.radians(0.0005), name
 
 
-def test_an_antenna_that_is_looked_for_is_no_doubt_besides(flown: Path) -> None:
+def test_an_estimated_antenna_absorbs_the_points_displacement(flown: Path) -> None:
     fits = [run(flown, free="orientation,antenna", point_sigma_m=sigma).fit for sigma in (0.0, SIGMA_M)]
     np.testing.assert_array_equal(fits[0].covariance, fits[1].covariance)
 

@@ -128,7 +128,7 @@ ROWS = st.lists(
 
 
 @given(rows=ROWS)
-def test_what_is_written_comes_back(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple]) -> None:
+def test_written_tables_are_read_back(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple]) -> None:
     path = tmp_path_factory.mktemp("s") / "sightings.csv"
     lines = [",".join([a, b, *(repr(n) for n in numbers)]) for a, b, *numbers in rows]
     path.write_text("\n".join([HEAD, *lines]), encoding="utf-8")

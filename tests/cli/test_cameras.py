@@ -19,7 +19,7 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_show_says_settings_rate_and_clock(video: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_prints_settings_rate_and_clock(video: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "p.png"
     assert main(["cameras", "show", f"file:{video}", "--seconds", "20", "--save", str(picture)]) == 0
     printed = capsys.readouterr()
@@ -48,7 +48,7 @@ def test_bad_input_is_one_line(arguments: list[str], complaint: str, capsys: pyt
     assert not any("Traceback" in line for line in printed)
 
 
-def test_a_picture_that_cannot_be_written_is_said_first(video: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_picture_that_cannot_be_written_is_reported_first(video: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for path, wanted in (("p.xyz", "wanted .png, .jpg, .tif"), ("/no/such/p.png", "wanted a folder that exists")):
         assert main(["cameras", "show", f"file:{video}", "--save", path]) == 1
         assert wanted in capsys.readouterr().err

@@ -89,7 +89,7 @@ def test_config_prints_a_file_to_start_from(tmp_path: Path, capsys: pytest.Captu
 
 
 # ------------------------------------------------------------------------------------------------- replay
-def test_a_replay_writes_everything_and_says_where(session: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_replay_writes_everything_and_prints_where(session: Path, capfd: pytest.CaptureFixture[str]) -> None:
     out = session.parent / "new" / "out"
     assert main(["replay", str(session), "--out", str(out)]) == 0
     assert {p.name for p in out.iterdir()} == {*TABLES, "session.rrd", "figures"}

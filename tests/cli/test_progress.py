@@ -41,7 +41,7 @@ def test_terminal_shows_a_count_without_a_bar_if_the_total_is_unknown() -> None:
     assert row.split()[:2] == ["import", "50"]
 
 
-def test_terminal_shows_a_bar_for_each_run_with_its_name_as_it_is() -> None:
+def test_terminal_shows_a_bar_for_each_run_with_its_literal_name() -> None:
     screen = Terminal()
     with ProgressDisplay(screen) as progress:
         progress.update("[red]one", 1, 2)

@@ -1,4 +1,4 @@
-"""`groundstation ptu`: what a user sees of a unit, and of a line that is none."""
+"""`groundstation ptu`: the output for a unit, and for a line that is not one."""
 
 import os
 import subprocess
@@ -73,7 +73,7 @@ def test_refused_with_the_limits_name(
     url: str, more: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["ptu", "jog", url, *more]) == 1
-    # before the first move it is said that nothing is known of the Sun
+    # before the first move it is reported that the Sun is unknown
     assert capsys.readouterr().err.splitlines()[-1] == f"groundstation: {message}"
 
 
@@ -91,7 +91,7 @@ def test_a_network_line_without_host_and_port(url: str, capsys: pytest.CaptureFi
     assert capsys.readouterr().err == f"groundstation: {url}: got no host and port; wanted {wanted}\n"
 
 
-def test_without_pyserial_it_says_what_to_install(
+def test_without_pyserial_the_message_states_what_to_install(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "serial", None)
@@ -166,7 +166,9 @@ class _Stubborn(SimulatedUnit):
         super()._obey(b"Z1" if command.startswith(b"@(") else command, t_s)
 
 
-def test_a_unit_that_does_not_go_to_a_speed_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_unit_that_does_not_follow_a_speed_change_is_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with served(_Stubborn(), tmp_path / "unit"):
         assert main(["ptu", "probe", str(tmp_path / "unit"), "--baud", "57600", "--seconds", "0.2"]) == 0
     reported = capsys.readouterr()
@@ -174,7 +176,7 @@ def test_a_unit_that_does_not_go_to_a_speed_says_so(tmp_path: Path, capsys: pyte
     assert "baud: 9600; the unit did not follow to 57600" in reported.out
 
 
-def test_the_first_angle_is_not_awaited_for_ever(
+def test_waiting_for_the_first_angle_ends(
     url: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     silent = NoReading(reason=FailureReason.TIMEOUT, state=UnitState.RESYNCHRONISING, t_s=0.0)
@@ -196,7 +198,7 @@ def test_a_link_that_is_served_is_not_taken_and_a_dead_one_is(tmp_path: Path) ->
         with open_ptu(str(link)) as unit:
             assert isinstance(unit.read(), Reading)
     assert not link.is_symlink()
-    # what a program leaves behind that was killed: a link to nowhere, or to a pty that is somebody else's by now
+    # left behind by a killed program: a link to nowhere, or to a pty that another program has by now
     master, slave = os.openpty()
     for dead in ("/dev/pts/none", os.ttyname(slave)):
         link.symlink_to(dead)
@@ -214,7 +216,7 @@ def test_a_link_that_is_served_is_not_taken_and_a_dead_one_is(tmp_path: Path) ->
     assert link.read_text() == "kept"
 
 
-def test_a_port_that_is_taken_is_said(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_in_use_is_reported(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     port = url.rpartition(":")[2]
     assert main(["ptu", "simulate", "--tcp", port]) == 1
     assert f"port {port}: got Address already in use; wanted a free port" in capsys.readouterr().err

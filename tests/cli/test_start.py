@@ -22,7 +22,7 @@ sys.meta_path.insert(0, Finder())
 from groundstation.cli.start import main
 sys.exit(main())
 """
-# a command that multiplies matrices large enough to share, and then says how many threads there are
+# a command that multiplies matrices large enough to share, and then prints the number of threads
 MULTIPLYING = """
 import os, sys, types
 cli = sys.modules["groundstation.cli.main"] = types.ModuleType("groundstation.cli.main")
@@ -51,7 +51,7 @@ def test_else_it_is_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
 @pytest.mark.parametrize("reported", [None, "2"])
-def test_linear_algebra_keeps_to_one_thread_unless_the_user_says_otherwise(reported: str | None) -> None:
+def test_linear_algebra_uses_one_thread_unless_set_by_the_user(reported: str | None) -> None:
     environment = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
     environment |= {} if reported is None else {"OPENBLAS_NUM_THREADS": reported}
     done = subprocess.run(

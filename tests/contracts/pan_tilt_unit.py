@@ -70,7 +70,7 @@ class ContractRig:
 
 
 def reading_of(unit: PanTiltUnit) -> Reading:
-    """Return a reading; a failure of the test if there is none."""
+    """Return a reading; the test fails without one."""
     got = unit.read()
     assert isinstance(got, Reading), got
     return got
@@ -92,7 +92,7 @@ def until_still(rig: ContractRig, unit: PanTiltUnit, timeout_s: float = 30.0) ->
 def set_moving(
     rig: ContractRig, unit: PanTiltUnit, *, fraction: float = 0.3, for_s: float = 0.5, by: str = "rate"
 ) -> None:
-    """Turn at a share of the fastest rate, tilt slower, commanded and asked as the live system does; or to an end."""
+    """Turn at a share of the fastest rate, tilt slower, commanded and polled as in the live system; or to an end."""
     reported = unit.describe()
     if by == "position" or Capability.VELOCITY not in reported.capabilities:
         unit.move_to(pan_rad=reported.pan.high_rad, tilt_rad=reported.tilt.high_rad)
@@ -132,7 +132,7 @@ class PanTiltContract:
     def rig(self) -> ContractRig:
         """Give the rig."""
 
-    def test_it_says_what_it_is(self, rig: ContractRig) -> None:
+    def test_the_description_is_complete(self, rig: ContractRig) -> None:
         with rig.open(rig.settings) as unit:
             reported = unit.describe()
             for axis in Axis:
@@ -164,7 +164,7 @@ class PanTiltContract:
                 truth = getattr(rig.settings, s.axis.value).angle(rig.truth(s.axis, s.t_s))
                 assert abs(s.angle_rad - truth) < room, (s, truth)
 
-    def test_it_goes_where_it_is_sent(self, rig: ContractRig) -> None:
+    def test_it_moves_to_commanded_positions(self, rig: ContractRig) -> None:
         with rig.open(rig.settings) as unit:
             unit.move_to(pan_rad=0.1, tilt_rad=-0.05)
             there = until_still(rig, unit)
@@ -250,7 +250,7 @@ class PanTiltContract:
             with pytest.raises(LineError):
                 closed()
 
-    def test_an_error_inside_halts_it_and_comes_through(self, rig: ContractRig) -> None:
+    def test_an_error_inside_halts_it_and_is_raised(self, rig: ContractRig) -> None:
         def work() -> None:
             with rig.open(rig.settings) as unit:
                 unit.move_to(pan_rad=unit.describe().pan.high_rad)
@@ -264,7 +264,7 @@ class PanTiltContract:
         rig.wait(0.5)
         assert rig.truth(Axis.PAN, rig.now()) == stopped
 
-    def test_a_dead_line_gives_no_angle_and_comes_back(self, rig: ContractRig) -> None:
+    def test_a_dead_line_gives_no_angle_and_recovers(self, rig: ContractRig) -> None:
         with rig.open(rig.settings) as unit:
             reading_of(unit)
             rig.cut()
@@ -288,8 +288,8 @@ class PanTiltContract:
             assert set(counts.failures) <= set(FailureReason)
             assert counts.readings >= 2
 
-    def test_it_stands_when_its_host_dies(self, rig: ContractRig) -> None:
-        """No call any more, no watchdog of ours: only the unit's time passes. What cannot stop says so."""
+    def test_it_stops_when_its_host_dies(self, rig: ContractRig) -> None:
+        """No further call, no driver's watchdog: only the unit's time passes. A unit that cannot stop states so."""
         with rig.open(rig.settings) as unit:
             reported = unit.describe()
             assert reported.lease.kind is rig.lease
@@ -307,11 +307,11 @@ class PanTiltContract:
                     assert rest == 3.0
                 else:
                     assert 0.1 < rest <= min(rig.rest_s, reported.lease.stop_s)
-                    # and it obeys again
+                    # and it executes commands again
                     unit.halt()
                     until_still(rig, unit)
 
-    def test_a_rate_that_is_renewed_goes_on(self, rig: ContractRig) -> None:
+    def test_a_renewed_rate_continues(self, rig: ContractRig) -> None:
         """What ends by itself must not end, nor falter, while it is renewed as seldom as is allowed."""
         with rig.open(rig.settings) as unit:
             reported = unit.describe()
@@ -331,8 +331,8 @@ class PanTiltContract:
             assert min(map(abs, rates)) > 0.9 * max(map(abs, rates))
 
     @pytest.mark.parametrize("by", ["rate", "position"])
-    def test_a_trickling_answer_holds_nothing_up(self, rig: ContractRig, by: str) -> None:
-        """A byte every 0.15 s: never silent, never done. Each call ends in its time, and a halt is heard."""
+    def test_a_trickling_reply_delays_nothing(self, rig: ContractRig, by: str) -> None:
+        """A byte every 0.15 s: never silent, never complete. Each call ends in its time, and a halt is received."""
         with rig.open(rig.settings) as unit:
             bound = unit.describe().reply_timeout_s
             set_moving(rig, unit, by=by)
@@ -404,7 +404,7 @@ class PanTiltContract:
             while not isinstance(unit.read(), Reading):
                 assert rig.now() - lost < 8.0
             back = rig.now()
-            # asked all the time, which keeps a unit's own watchdog content
+            # polled all the time, which renews a unit's own watchdog
             while rig.now() < back + 2.0:
                 unit.read()
                 rig.wait(0.02)

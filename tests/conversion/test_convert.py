@@ -73,7 +73,7 @@ def test_pixels_that_others_found_go_both_ways(tmp_path: Path) -> None:
 
 
 def test_heartbeats_are_not_in_a_folder_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Expected: they come back from the recording; its folder says how many it does not have, and replays."""
+    """Expected: they are read back from the recording; its folder states how many it lacks, and replays."""
     path, folder = tmp_path / "flight.mcap", tmp_path / "folder"
     given = [*events(12, np.random.default_rng(1)), *(Heartbeat(t_s=101.0 + 0.1 * k) for k in range(3))]
     with Recorder(path, small_rig(), header(), PATIENT) as recorder:
@@ -85,7 +85,9 @@ def test_heartbeats_are_not_in_a_folder_and_counted(tmp_path: Path, capsys: pyte
     assert not [e for e in streamed(folder) if isinstance(e, Heartbeat)]
 
 
-def test_what_was_not_kept_is_black_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pixels_that_were_not_recorded_are_black_and_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path, folder = tmp_path / "flight.mcap", tmp_path / "folder"
     given = list(events(12, np.random.default_rng(1)))
     with Recorder(path, small_rig(), header(), PATIENT) as recorder:
@@ -108,7 +110,7 @@ def test_what_was_not_kept_is_black_and_said(tmp_path: Path, capsys: pytest.Capt
                 np.testing.assert_array_equal(image, frame.image.whole())
 
 
-def test_the_commands_complain_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_commands_report_errors_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = Tiny(rows=3).write(tmp_path / "first")
     (tmp_path / "text.mcap").write_text("hello")
     for arguments, words in (
@@ -130,7 +132,7 @@ def test_the_commands_complain_in_one_line(tmp_path: Path, capsys: pytest.Captur
         assert "Traceback" not in shown.err
 
 
-def test_recover_says_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_recover_prints_its_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "flight.mcap"
     config = type(PATIENT)(patient=True, chunk_bytes=4096)
     with Recorder(path, small_rig(), header(), config) as recorder:
@@ -146,7 +148,7 @@ def test_recover_says_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert f"wrote {tmp_path / 'flight-recovered.mcap'}" in reported
 
 
-def test_a_replay_says_which_pictures_the_recording_lacks(tmp_path: Path) -> None:
+def test_a_replay_reports_missing_pictures_of_the_recording(tmp_path: Path) -> None:
     first = Tiny(rows=12).write(tmp_path / "first")
     session = load_session(first)
     path, out = tmp_path / "flight.mcap", tmp_path / "out"

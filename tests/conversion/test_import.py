@@ -70,7 +70,7 @@ def test_an_import_replays_with_each_cameras_own_frames(parts: Path, capsys: pyt
     assert not played.fault
     for name, start in (("left", 0.5), ("right", 0.83)):
         frames = played.delivered_frames(name)
-        # 10 Hz: the picture's own number tells when it was taken
+        # 10 Hz: the picture's own number gives its time
         assert [f.t_s for f in frames] == pytest.approx(
             [start + 0.1 * number_of(f.image.whole()) for f in frames], abs=1e-6
         )
@@ -79,8 +79,8 @@ def test_an_import_replays_with_each_cameras_own_frames(parts: Path, capsys: pyt
     assert len(both) == 17
 
 
-def test_a_runway_the_wrong_way_round_is_said(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Expected: positions behind the cameras are told with the azimuth that puts them before; else nothing is."""
+def test_a_runway_in_the_wrong_direction_is_reported(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: positions behind the cameras are reported with the azimuth that puts them in front; others are not."""
     reported = []
     for azimuth in ("0", "180"):
         assert run(parts, "--azimuth", azimuth, "--out", str(parts / f"runway-{azimuth}")) == 0

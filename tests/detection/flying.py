@@ -27,7 +27,7 @@ def panorama(rng: np.random.Generator, size: tuple[int, int] = (1400, 700), hori
 
 @dataclass(kw_only=True)
 class Film:
-    """A camera that looks at part of a panorama, and an aircraft given in the panorama's px.
+    """A camera with a view of part of a panorama, and an aircraft given in the panorama's px.
 
     ``look(k)`` is the upper-left corner of the view, ``fly(k)`` the aircraft's middle, or None where it is hidden.
     """

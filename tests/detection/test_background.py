@@ -1,4 +1,4 @@
-"""The learnt background: what earlier frames, shifted into place, say of a window, pixel by pixel."""
+"""The background model: the content of a window in earlier frames, shifted into place, pixel by pixel."""
 
 import math
 import weakref
@@ -114,7 +114,7 @@ def test_a_bird_in_one_earlier_frame_is_not_background(rng: np.random.Generator)
     assert np.abs(found.residual[(slice(None), *near)]).max() < 1.0
 
 
-def test_what_no_frame_shows_is_not_known_and_is_nothing(rng: np.random.Generator) -> None:
+def test_pixels_in_no_frame_are_unknown_and_zero(rng: np.random.Generator) -> None:
     scene = texture(rng)
     memory = bg.BackgroundModel()
     hidden = shift(TARGET, -30, 0)

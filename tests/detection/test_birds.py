@@ -68,10 +68,10 @@ def test_real_birds_over_real_aircraft(shared_data: Path) -> None:
 
 
 def test_a_bird_beside_the_aircraft_is_not_the_aircraft(shared_data: Path) -> None:
-    """A bird of the same length that passes within its own length of an aircraft of 9 px, in one frame from aside.
+    """A bird of the same length that passes within its own length of an aircraft of 9 px, in one frame next to it.
 
-    Expected: no capture. There the light around the bird leaves 3 px of the aircraft to be seen, which look unlike it,
-    and the bird, 13 px away, looks more like it.
+    Expected: no capture. The bright rim of the bird leaves 3 px of the aircraft visible, which are unlike it,
+    and the bird, 13 px away, is more similar.
     """
     clip, first, crossing, last = "V_AIRPLANE_028", 25, 71, 120
     boxes = read_boxes(shared_data / "aircraft-clips")[clip]

@@ -19,7 +19,7 @@ LENS = Lens(
     distortion=np.zeros(5),
 )  # fmt: skip
 INTRINSICS = np.array([[2600.0, 0.0, 319.5], [0.0, 2600.0, 239.5], [0.0, 0.0, 1.0]])
-# looks along runway +y: x right, y down, z forward
+# optical axis along runway +y: x right, y down, z forward
 LEVEL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 NOISE = 1.5
 
@@ -72,7 +72,7 @@ def turned(pan_deg: float) -> FloatArray:
 
 
 def view(scene: FloatArray, camera_from_runway: FloatArray) -> FloatArray:
-    """Look at the strip, which is infinitely far away and centred on the runway's direction."""
+    """Render the strip, which is infinitely far away and centred on the runway's direction."""
     h, w = scene.shape
     strip = np.array([[2600.0, 0.0, w / 2], [0.0, 2600.0, h / 2], [0.0, 0.0, 1.0]])
     strip_from_pixel = strip @ LEVEL @ camera_from_runway.T @ np.linalg.inv(INTRINSICS)
@@ -95,7 +95,7 @@ def test_finds_an_aircraft_in_the_sky_at_once(span_px: float, contrast: float, r
     assert span_px / 2.0 <= found[right[0]].box.w <= 2.0 * span_px + 6.0
 
 
-def test_a_wide_image_is_searched_reduced_and_answers_in_its_own_pixels(rng: np.random.Generator) -> None:
+def test_a_wide_image_is_searched_reduced_and_results_are_in_its_own_pixels(rng: np.random.Generator) -> None:
     """In 1280 x 960 a target of 30 px has its centre within 2 px."""
     centre = (901.0, 333.0)
     lens = Lens(
@@ -109,7 +109,7 @@ def test_a_wide_image_is_searched_reduced_and_answers_in_its_own_pixels(rng: np.
     assert hits(found, centre, 2.0)[:1] == [0]
 
 
-def test_an_empty_sky_has_nothing_that_scores_like_a_target(rng: np.random.Generator) -> None:
+def test_an_empty_sky_has_no_candidate_with_a_targets_score(rng: np.random.Generator) -> None:
     """Over several frames the best of nothing stays below half of a faint target's score."""
     empty = [c.score for i in range(8) for c in finder().find(noisy(sky(), rng), 0.1 * i, None)]
     target = finder().find(noisy(with_aircraft(sky(), (300.0, 220.0), 30.0, -20.0), rng), 0.0, None)
@@ -117,7 +117,7 @@ def test_an_empty_sky_has_nothing_that_scores_like_a_target(rng: np.random.Gener
 
 
 def test_finds_a_mover_on_textured_ground_from_a_turning_camera(rng: np.random.Generator) -> None:
-    """Among texture and paint of its own contrast, only motion against the turning scene tells the target."""
+    """Among texture and paint of its own contrast, only motion against the turning scene identifies the target."""
     scene, search = panorama(rng), finder()
     good = 0
     for i in range(16):
@@ -204,7 +204,7 @@ def test_a_flat_picture_has_no_candidates(level: int) -> None:
 
 
 def test_the_same_frames_give_the_same_candidates(rng: np.random.Generator) -> None:
-    """Two finders fed alike answer alike."""
+    """Two finders with equal input have equal output."""
     scene = panorama(rng)
     frames = [noisy(with_aircraft(view(scene, LEVEL), (200.0 + 9.0 * i, 250.0), 60.0, 60.0), rng) for i in range(5)]
     first, second = finder(), finder()

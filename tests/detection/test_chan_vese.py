@@ -70,7 +70,7 @@ def ellipse_in_noise(rng: np.random.Generator, radius_px: float) -> tuple[NDArra
 
 
 def as_shipped(seed: int, radius_px: float) -> float:
-    """Return how alike the band with the detector's own numbers is to the grid at rest, on an ellipse in noise."""
+    """Return the similarity of the band with the detector's own numbers to the grid at rest, on an ellipse in noise."""
     u, inside = ellipse_in_noise(np.random.default_rng(seed), radius_px)
     weights = (SHIPPED.mu, SHIPPED.nu, SHIPPED.lambda1, SHIPPED.lambda2)
     rest = chan_vese.start(u, inside)
@@ -93,7 +93,7 @@ def test_the_shipped_numbers_end_where_the_grid_rests(radius_px: float, most_apa
     assert found.min() >= least
 
 
-def test_rest_is_where_a_small_step_comes_to_in_the_end() -> None:
+def test_the_steady_state_is_the_limit_of_small_steps() -> None:
     """A step a twentieth as large comes to the same rest, and the band ends there, too, to the last pixel."""
     rng = np.random.default_rng(18)
     u, inside = ellipse_in_noise(rng, 3.0)
@@ -128,7 +128,7 @@ def test_one_contour_splits_into_two(rng: np.random.Generator) -> None:
     assert (phi[:, 75] < 0).all()
 
 
-def test_start_keeps_only_what_stands_out_inside_the_contour() -> None:
+def test_start_keeps_only_contrast_inside_the_contour() -> None:
     u = np.full((20, 40), 0.1, np.float32)
     u[8:12, 10:20] = 0.9
     inside = np.zeros(u.shape, np.bool_)

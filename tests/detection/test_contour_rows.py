@@ -19,7 +19,7 @@ from groundstation.detection.contour_evolution import crossed
         ((8, 0, 0), True),
     ],
 )
-def test_a_row_is_left_out_only_between_rows_of_its_own_kind(rows: tuple[int, int, int], expected: bool) -> None:
+def test_a_row_is_skipped_only_between_rows_of_its_own_kind(rows: tuple[int, int, int], expected: bool) -> None:
     assert crossed(np.array(rows, np.int32), 1, 8) is expected
 
 

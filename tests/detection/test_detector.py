@@ -43,7 +43,7 @@ def test_nose_is_found_between_pixels_on_a_shaded_sky(rng: np.random.Generator, 
     assert rms_v < max(0.7, 0.03 * span)
 
 
-def test_covariance_holds_the_errors_of_many_looks(rng: np.random.Generator) -> None:
+def test_covariance_is_consistent_with_errors_of_many_detections(rng: np.random.Generator) -> None:
     """Head-on with the nose at the fuselage's centre the model's own error is zero: NIS must not exceed its bound."""
     nis = []
     for _ in range(60):
@@ -126,7 +126,7 @@ def test_nose_cut_off_by_the_border_is_a_miss(rng: np.random.Generator) -> None:
     assert isinstance(result, Miss)
 
 
-def test_region_that_goes_on_beyond_the_window_is_not_the_target(rng: np.random.Generator) -> None:
+def test_region_that_continues_beyond_the_window_is_not_the_target(rng: np.random.Generator) -> None:
     scene = sky(SIZE)
     scene[60:70] = 70.0
     image = np.clip(scene + rng.normal(0, 1.5, scene.shape), 0, 255).astype(np.uint8)
@@ -206,7 +206,7 @@ def test_centroid_can_be_the_target_point(rng: np.random.Generator) -> None:
     assert (result.u_px, result.v_px) == pytest.approx(tuple(result.centroid_px))
 
 
-def test_same_frames_give_the_same_answer_after_a_reset(rng: np.random.Generator) -> None:
+def test_same_frames_give_the_same_result_after_a_reset(rng: np.random.Generator) -> None:
     images = [paint(sky(SIZE), Painting(nose_px=(130.0 + k, 65)), rng) for k in range(3)]
     detector = fresh()
     runs = []

@@ -19,7 +19,7 @@ def shaded(rng: np.random.Generator, noise: float = 1.0) -> ImageArray:
 
 
 @pytest.mark.parametrize("window", [15, 31, 61])
-def test_a_shaded_sky_comes_out_flat(rng: np.random.Generator, window: int) -> None:
+def test_a_shaded_sky_is_flattened(rng: np.random.Generator, window: int) -> None:
     residual = flatten(shaded(rng), window)
     assert residual.shape == (3, *SIZE)
     assert np.abs(residual.mean(axis=(1, 2))).max() < 0.5
@@ -27,7 +27,7 @@ def test_a_shaded_sky_comes_out_flat(rng: np.random.Generator, window: int) -> N
 
 
 @pytest.mark.parametrize("window", [15, 31, 61])
-def test_both_sides_of_a_horizon_come_out_flat(rng: np.random.Generator, window: int) -> None:
+def test_both_sides_of_a_horizon_are_flattened(rng: np.random.Generator, window: int) -> None:
     image = shaded(rng)
     y, x = np.mgrid[0 : SIZE[0], 0 : SIZE[1]]
     image[y > 40 + 0.15 * x] = (60, 90, 70)
@@ -54,7 +54,7 @@ def test_a_thin_wing_stays_with_its_contrast(rng: np.random.Generator, window: i
 
 
 @pytest.mark.parametrize("window", [15, 31, 61])
-def test_near_a_horizon_what_neither_side_explains_remains(rng: np.random.Generator, window: int) -> None:
+def test_near_a_horizon_structures_unlike_either_side_remain(rng: np.random.Generator, window: int) -> None:
     image = shaded(rng, noise=0.0)
     above = difference(WING, image[46].astype(float))
     below = difference(WING, np.tile(np.array(GROUND, np.float64), (SIZE[1], 1)))
@@ -69,6 +69,6 @@ def test_near_a_horizon_what_neither_side_explains_remains(rng: np.random.Genera
 
 @settings(max_examples=30)
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 80), st.integers(0, 255))
-def test_one_colour_gives_nothing_whatever_the_size(height: int, width: int, window: int, level: int) -> None:
+def test_one_colour_gives_zero_at_every_size(height: int, width: int, window: int, level: int) -> None:
     image = np.full((height, width, 3), level, np.uint8)
     assert flatten(image, window) == pytest.approx(np.zeros((3, height, width)), abs=1e-3)

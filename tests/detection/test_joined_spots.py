@@ -1,4 +1,4 @@
-"""Fragments of one thing are put together, as long as it does not grow too much by that."""
+"""Fragments of one object are merged, as long as that does not enlarge it too much."""
 
 import pytest
 

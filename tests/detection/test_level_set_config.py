@@ -5,7 +5,7 @@ import pytest
 from groundstation.detection.config import LevelSetConfig
 
 
-def test_the_ends_of_a_range_belong_to_it_and_nothing_beyond() -> None:
+def test_the_ends_of_a_range_are_included_and_values_beyond_refused() -> None:
     for sigma_px in (0.5, 100.0):
         assert LevelSetConfig(local_sigma_px=sigma_px).local_sigma_px == sigma_px
     for share in (0.0, 1.0):

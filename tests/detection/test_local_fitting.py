@@ -57,7 +57,7 @@ def test_no_local_share_is_the_plain_model(rng: np.random.Generator) -> None:
     assert overlap(swept > 0, plain > 0) > 0.99
 
 
-def test_local_misfit_is_the_integral_it_stands_for(rng: np.random.Generator) -> None:
+def test_local_misfit_equals_its_integral(rng: np.random.Generator) -> None:
     u = uneven(rng)
     phi = start()
     sigma = 3.0
@@ -90,6 +90,6 @@ def test_configuration_chooses_it(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("values", [{"local_share": 1.5}, {"local_share": -0.1}, {"local_sigma_px": 0.0}])
-def test_values_that_mean_nothing_are_refused(values: dict[str, float]) -> None:
+def test_meaningless_values_are_refused(values: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="local_share must lie in"):
         LevelSetConfig(**values)  # type: ignore[arg-type]

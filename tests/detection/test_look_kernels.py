@@ -1,4 +1,4 @@
-"""The kernels of one look against plain NumPy: the silhouette cut out, its colours, the palette, the levels."""
+"""The kernels of one detection against plain NumPy: the silhouette cut out, its colours, the palette, the levels."""
 
 import cv2
 import numpy as np
@@ -90,7 +90,7 @@ def test_levels_are_quantiles_near_the_prediction_and_elsewhere(rng: np.random.G
 def test_at_an_edge_a_pixel_goes_by_the_block_that_it_resembles_most(step: int, rng: np.random.Generator) -> None:
     """The first of the block's own and its neighbours' colours that is hardly any different, or else the nearest."""
     rows, columns = -(-28 // step), -(-44 // step)
-    # few colours, so that many blocks are alike, and pixels a little off them
+    # few colours, so that many blocks are equal, and pixels a little off them
     colours = np.array([[60, 90, 70], [62, 91, 70], [64, 88, 72], [180, 190, 200]])
     median = colours[rng.integers(0, 4, (rows, columns))].astype(np.uint8)
     median[:, columns // 2 :], median[0, 0] = colours[0], colours[3]
@@ -112,7 +112,7 @@ def test_at_an_edge_a_pixel_goes_by_the_block_that_it_resembles_most(step: int, 
         np.testing.assert_allclose(out[:, i, j], wanted, atol=1e-4)
 
 
-def test_contrast_is_less_where_misplacement_may_cause_it_and_spatial_where_nothing_is_known(
+def test_contrast_is_reduced_by_possible_misplacement_and_spatial_without_a_background(
     rng: np.random.Generator,
 ) -> None:
     contrast, edge, spatial = rng.gamma(2.0, 3.0, (3, 28, 44)).astype(np.float32)

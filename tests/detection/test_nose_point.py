@@ -108,7 +108,7 @@ def look(
 ) -> tuple[NosePoint, FloatArray]:
     """Find the nose when the path is off the body axis by ``path`` (crab, incidence), rad; return it with its error.
 
-    ``reduced`` px of the camera make one of the picture that is looked at; what is returned is in these.
+    ``reduced`` px of the camera make one of the processed picture; the result is in these.
     """
     membership, nose = silhouette(solid, view, rng)
     if reduced > 1:
@@ -162,7 +162,7 @@ def test_errors_fit_the_stated_covariance(rng: np.random.Generator, solid: Solid
 
 
 def test_crab_is_measured_where_the_fuselage_is_seen(rng: np.random.Generator) -> None:
-    """The nose points 9° aside of the path; seen from 15° below, the fuselage tells."""
+    """The nose points 9° aside of the path; seen from 15° below, the fuselage shows it."""
     for crab in (-0.16, 0.16):
         view = View(span=150.0, yaw=crab, pitch=math.radians(15.0))
         _, error = look(HIGH_WING, view, (crab, 0.0), rng)
@@ -172,7 +172,7 @@ def test_crab_is_measured_where_the_fuselage_is_seen(rng: np.random.Generator) -
 @pytest.mark.parametrize("crab", [-0.16, 0.16])
 @pytest.mark.parametrize("reduced", [2, 4])
 def test_crab_is_measured_in_a_reduced_picture_too(rng: np.random.Generator, crab: float, reduced: int) -> None:
-    """A large silhouette is looked at in fewer px, which show as much as the camera saw."""
+    """A large silhouette is processed in fewer px, which contain as much as the camera resolved."""
     view = View(span=80.0 * reduced, yaw=crab, pitch=math.radians(15.0))
     found, error = look(HIGH_WING, view, (crab, 0.0), rng, reduced)
     assert abs(error[0]) < 0.02 * 80.0

@@ -33,7 +33,7 @@ def test_regions_are_opencvs_and_their_table_is_sums(
     ours = find_regions(phi, contrast)
     assert ours.table.shape == (count, 10)
     assert np.array_equal(ours.labels > 0, theirs > 0)
-    # one of theirs for each of ours, and the other way round
+    # a one-to-one correspondence of the regions
     assert (
         len({(int(a), int(b)) for a, b in zip(ours.labels.ravel(), theirs.ravel(), strict=True)} - {(0, 0)})
         == count - 1
@@ -55,7 +55,7 @@ def painted(*boxes: tuple[int, int, int, int]) -> np.ndarray:
     return phi
 
 
-def test_a_severed_wing_joins_its_body_and_each_part_stands_for_itself_too() -> None:
+def test_a_severed_wing_joins_its_body_and_each_part_is_also_a_group() -> None:
     regions = find_regions(
         painted((20, 18, 40, 22), (42, 18, 60, 22), (80, 2, 84, 6)), np.full((40, 100), 5.0, np.float32)
     )
@@ -66,12 +66,12 @@ def test_a_severed_wing_joins_its_body_and_each_part_stands_for_itself_too() -> 
     assert both.mass == pytest.approx(5.0 * both.area)
     assert both.contrast == pytest.approx(5.0)
     assert both.centre == pytest.approx([(20 * 29.5 + 18 * 50.5) / 38, 19.5])
-    # the third region, in the corner, is another thing
+    # the third region, in the corner, is another object
     assert both.labels == (regions.labels[20, 30], regions.labels[20, 50])
     assert not both.rim
 
 
-def test_what_is_faint_or_goes_on_beyond_an_open_edge_is_no_group() -> None:
+def test_faint_regions_and_those_beyond_an_open_edge_are_not_groups() -> None:
     phi = painted((0, 10, 12, 14), (30, 10, 40, 14))
     contrast = np.full((40, 100), 5.0, np.float32)
     regions = find_regions(phi, contrast)
@@ -82,7 +82,7 @@ def test_what_is_faint_or_goes_on_beyond_an_open_edge_is_no_group() -> None:
     assert groups_around(regions, near, reach, None, 0.5, 6.0, CLOSED) == []
 
 
-def test_the_span_bounds_what_grows_together() -> None:
+def test_the_span_limits_the_size_of_a_group() -> None:
     regions = find_regions(painted((20, 18, 40, 22), (42, 18, 60, 22)), np.full((40, 100), 5.0, np.float32))
     for span, widest in ((None, 40), (20.0, 20), (math.inf, 40)):
         groups = groups_around(regions, (40.0, 20.0), 12.0, span, 0.5, 2.0, CLOSED)
@@ -111,7 +111,7 @@ def test_the_height_is_bounded_as_a_share_of_the_width(span: float | None, talle
 
 
 @pytest.mark.parametrize(("gap", "joins"), [(2, True), (4, True), (5, False)])
-def test_only_what_is_near_joins(gap: int, joins: bool) -> None:
+def test_only_near_regions_join(gap: int, joins: bool) -> None:
     """Expected: within 0.12 spans, here 4.8 px; a speck within 2 px only."""
     wing, other = (10, 18, 30, 22), (30 + gap, 18, 45, 22)
     regions = find_regions(painted(wing, other), np.full((40, 100), 5.0, np.float32))

@@ -44,7 +44,7 @@ def test_a_large_shift_needs_the_raster(rng: np.random.Generator) -> None:
     assert (sx, sy) == pytest.approx((22.0, -17.0), abs=0.15)
 
 
-def test_a_plain_sky_has_nothing_to_hold_on_to(rng: np.random.Generator) -> None:
+def test_a_plain_sky_has_no_texture_for_registration(rng: np.random.Generator) -> None:
     sky = (180 + rng.normal(0, 1, (180, 260, 3))).astype(np.uint8)
     rows = reg.textured(sky, WINDOW, NOWHERE)
     assert rows.shape[0] < reg.MIN_TEXTURED

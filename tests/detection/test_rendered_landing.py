@@ -42,7 +42,7 @@ def table(path: Path) -> dict[str, FloatArray]:
 
 @pytest.fixture(scope="module")
 def seen(landing_1: Path) -> tuple[int, list[Seen]]:
-    """Return how many frames were looked at, and those in which the target was found."""
+    """Return the number of frames, and those in which the target was found."""
     truth, ptu = table(landing_1 / "truth.csv"), table(landing_1 / "ptu.csv")
     geometry = load_rig(landing_1 / "rig.toml")["left"].geometry()
     position = np.stack([truth["x_m"], truth["y_m"], truth["z_m"]], axis=1)
@@ -129,7 +129,7 @@ def test_the_whole_covariance_holds_for_one_flight(seen: tuple[int, list[Seen]],
 
 
 @pytest.mark.parametrize("ground", [False, True])
-def test_the_stated_noise_is_what_is_new_in_each_frame(seen: tuple[int, list[Seen]], ground: bool) -> None:
+def test_the_stated_noise_is_the_part_new_in_each_frame(seen: tuple[int, list[Seen]], ground: bool) -> None:
     """A bound on regression: inside 95 % bounds widened twofold on either side, and few jumps.
 
     The shares themselves, and which of them leave the 95 % bounds, stand in docs/notes/detection.md.

@@ -26,7 +26,7 @@ def test_clips_to_the_image() -> None:
 
 
 @pytest.mark.parametrize("point", [(-500.0, 400.0), (600.0, 2000.0), (float("nan"), 3.0)])
-def test_no_window_where_nothing_of_it_is_in_the_image(point: tuple[float, float]) -> None:
+def test_no_window_outside_the_image(point: tuple[float, float]) -> None:
     assert place_roi(np.array(point), np.eye(2), None, DetectionConfig(), SIZE) is None
 
 

@@ -7,7 +7,7 @@ from groundstation.detection.fuselage import _core
 from groundstation.single_camera.pixel_identity import TargetAppearance
 
 
-def test_the_mean_is_over_the_row_and_not_beyond_its_ends() -> None:
+def test_the_mean_is_over_the_row_within_its_ends() -> None:
     level = np.zeros((3, 12), np.float32)
     level[1] = np.arange(12)
     assert _core(level, 1, 8.0, 2.0) == pytest.approx(8.0)

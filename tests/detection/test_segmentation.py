@@ -107,7 +107,7 @@ def test_at_most_the_given_iterations_are_done() -> None:
         assert bool(make_segmenter(config)(u, inside)[30, 15] > 0) is reached
 
 
-def test_method_and_tuning_come_from_toml(tmp_path: Path) -> None:
+def test_method_and_tuning_are_read_from_toml(tmp_path: Path) -> None:
     path = tmp_path / "tuning.toml"
     path.write_text('[detection]\nsegmentation = "gvf_snake"\n[detection.snake]\ntension = 0.5\ngvf_iterations = 10\n')
     detection = load_config(path).detection

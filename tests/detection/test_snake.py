@@ -53,7 +53,7 @@ def test_gradient_vector_flow_reaches_into_a_concavity_where_the_snake_does_not(
     assert overlap(flowing, shape) > 0.85 > overlap(plain, shape)
 
 
-def test_one_contour_does_not_come_apart_and_so_takes_one_of_two_discs() -> None:
+def test_one_contour_stays_one_and_covers_one_of_two_discs() -> None:
     """The failure that the paper shows: a wing seen apart from the body is lost to a snake."""
     apart = np.maximum(disc((60, 120), (40, 30), 9), disc((60, 120), (85, 30), 9))
     u = (1 / (1 + np.exp(-apart))).astype(np.float32)
@@ -63,7 +63,7 @@ def test_one_contour_does_not_come_apart_and_so_takes_one_of_two_discs() -> None
     assert not found[:, 70:].any()
 
 
-def test_tension_alone_shrinks_a_circle_as_its_curvature_says() -> None:
+def test_tension_alone_shrinks_a_circle_by_its_curvature() -> None:
     """With f = 0, dA/dt = −2π α h², h the spacing; differences of points are in units of the spacing."""
     config = SnakeConfig(tension=0.5, rigidity=0.0, step=1.0, spacing_px=1.0)
     angle = np.linspace(0, 2 * np.pi, 400, endpoint=False)

@@ -51,7 +51,7 @@ def block_edges(px: int, blocks: int) -> list[tuple[int, int]]:
 @example(size=(40, 1), cells=(3, 1), fill=1.0, seed=0)
 @example(size=(1, 40), cells=(1, 3), fill=1.0, seed=0)
 @example(size=(35, 50), cells=(4, 6), fill=0.0, seed=0)
-def test_a_residual_is_what_the_stretched_background_leaves(
+def test_a_residual_is_the_difference_from_the_interpolated_background(
     size: tuple[int, int], cells: tuple[int, int], fill: float, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -197,7 +197,7 @@ def test_a_difference_is_in_sigmas_of_noise_misplacement_and_change(
     away = np.where(rng.random(size) < 0.7, rng.integers(-6, 7, size), rng.integers(-200, 201, size))
     grey = np.clip(laid + away, 0, 255).astype(np.uint8)
     slope = any_picture(size, 0.7, rng)
-    # quarters are exact, and the ignored difference is none of them
+    # quarters are exact, and the ignored difference is not a quarter
     drift = (rng.integers(-12, 13, blocks_of(size)) / 4.0).astype(np.float32)
     common = rng.uniform(0.0, 5.0, blocks_of(size)).astype(np.float32)
     found = _in_sigmas(grey, laid, slope, drift, common, misplaced_px)

@@ -28,7 +28,7 @@ def test_first_an_ellipse_of_the_expected_size() -> None:
     assert inside[60, 100]
 
 
-def test_then_the_last_silhouette_where_it_is_predicted() -> None:
+def test_then_the_last_silhouette_at_its_prediction() -> None:
     inside = start_contour(look((130.0, 50.0), 41.0, 0.2), silhouette())
     assert inside[50, 110:151].all()
     assert inside[45:56, 130].all()

@@ -85,7 +85,7 @@ def test_mass_to_expect_grows_with_the_area() -> None:
     # 60 px high together, of a span of 90 px that is known to 15 %: 0.35 of 1.25 of it end-on, twice that from the side
     [((0.0, 0.0), False), (None, False), ((30.0, 0.0), True), ((0.0, -30.0), True)],
 )
-def test_how_high_an_aircraft_may_be_depends_on_where_it_flies(
+def test_the_maximum_height_of_an_aircraft_depends_on_its_altitude(
     forward: tuple[float, float] | None, joins: bool
 ) -> None:
     wing = (slice(50, 54), slice(55, 145), AIRCRAFT_CONTRAST)
@@ -118,7 +118,7 @@ def alone() -> tuple[WorkingImage, Regions]:
 
 @pytest.mark.parametrize("feature", range(5))
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_what_looks_unlike_the_target_is_not_it(feature: int, sign: float) -> None:
+def test_a_region_unlike_the_target_is_refused(feature: int, sign: float) -> None:
     """Expected: 1.5 sigmas, as a root mean square over grey, two colours and two shapes, are the most."""
     look, regions = alone()
     off = np.zeros(5)
@@ -127,7 +127,7 @@ def test_what_looks_unlike_the_target_is_not_it(feature: int, sign: float) -> No
     refused = select_target(regions, look, known(look, regions, 1.03 * off), DetectionConfig())
     assert isinstance(refused, Miss)
     assert (refused.reason, refused.detail) == (MissReason.NO_REGION, "the nearest region looks unlike the target")
-    # nothing but its looks is against it
+    # only its appearance is against it
     assert isinstance(
         select_target(regions, look, known(look, regions, 1.03 * off), DetectionConfig(appearance_gate=1.6)), Group
     )
@@ -141,7 +141,7 @@ def test_what_looks_unlike_the_target_is_not_it(feature: int, sign: float) -> No
 
 
 def test_looks_decide_between_two_in_about_the_same_place() -> None:
-    """Expected: the one that looks like the target, though the other is nearer and neither is beyond a gate."""
+    """Expected: the one with the target's appearance, though the other is nearer and neither is beyond a gate."""
     wing = (slice(38, 42), slice(55, 145), AIRCRAFT_CONTRAST)
     other = (slice(55, 59), slice(55, 145), AIRCRAFT_CONTRAST)
     look, regions = working([wing, other], 1)

@@ -1,4 +1,4 @@
-"""The size of the whole target, learnt from second looks that see more than the detector."""
+"""The size of the whole target, estimated from window searches that detect more than the detector."""
 
 from types import SimpleNamespace
 
@@ -25,5 +25,5 @@ def test_it_is_the_first_clear_sight_and_follows_later_ones_slowly() -> None:
     assert look(60.0, score=CLEAR_SCORE - 1.0) is None
     assert look(20.0) == pytest.approx(20.0)
     assert look(25.0) == pytest.approx(21.0)
-    # too different to be the whole of the same thing
+    # too different to be the whole of the same object
     assert look(60.0) == pytest.approx(21.0)

@@ -153,7 +153,7 @@ def _field(folder: Path, rng: np.random.Generator) -> None:
 
 
 def _believed(folder: Path, rng: np.random.Generator) -> None:
-    """A flight whose rig was believed to stand otherwise by a tenth of a degree, and says that it may."""
+    """A flight whose rig was assumed a tenth of a degree off, with that sigma."""
     scenario = _short_flight()
     turns = {name: StationErrors(mount_rad=np.radians(rng.normal(0.0, 0.05, 3))) for name in scenario.rig.names}
     known = {

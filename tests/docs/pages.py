@@ -1,13 +1,13 @@
-"""What the documentation shows: its pages, the commands in their fenced blocks and sentences, links and anchors.
+"""The content of the documentation: its pages, the commands in their fenced blocks and sentences, links and anchors.
 
-A fenced block with commands may have comments right before it, which readers do not see:
+A fenced block with commands may have comments right before it, which readers do not get:
 
     <!-- parsed only: WHY -->           the parser has to accept them; they are not run
     <!-- run with: replay --to 3 -->    these options are added to the commands with these words (or to all of them)
     <!-- run in: FOLDER -->             in this folder of the prepared inputs
 
-Without `parsed only` the block is run, from top to bottom, after the blocks before it on the page. What of it is no
-command of ours is on a list in the tests, with a reason for each line.
+Without `parsed only` the block is run, from top to bottom, after the blocks before it on the page. Other programs
+in it are on a list in the tests, with a reason for each line.
 """
 
 import re
@@ -33,7 +33,7 @@ _COMMENT = re.compile(r"<!-- (parsed only|run with|run in): (.+?) -->")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block:
-    """A fenced block with commands: its page and line, its lines, what the comments before it say, programs in it."""
+    """A fenced block with commands: its page and line, its lines, the comments before it, programs in it."""
 
     page: Path
     line: int

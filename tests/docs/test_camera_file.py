@@ -13,7 +13,7 @@ from tests.docs.pages import ROOT, text_of
 _PAGE = ROOT / "docs" / "onboard.md"
 
 
-def test_the_whole_camera_file_is_read_as_it_is_shown(tmp_path: Path) -> None:
+def test_the_whole_camera_file_of_the_page_is_read(tmp_path: Path) -> None:
     (text,) = re.findall(r"```toml\n(.*?)```", text_of(_PAGE), re.DOTALL)
     path = tmp_path / "nose.toml"
     path.write_text(text)

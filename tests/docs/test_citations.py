@@ -33,7 +33,7 @@ def numbers(page: Path) -> set[str]:
 
 
 def wrong_citations(text: str) -> Iterator[str]:
-    """Yield what a module's text cites that is not there; a citation may go on in the next line, of a comment, too."""
+    """Yield a module's citations that do not exist; a citation may continue in the next line, of a comment, too."""
     text = re.sub(r"\n\s*(?:# )?", " ", text)
     for match in _PAGE.finditer(text):
         page, rest = ROOT / match[0], text[match.end() : match.end() + 120]
@@ -61,7 +61,7 @@ def test_cited_pages_and_sections_exist(folder: str) -> None:
     assert wrong == {}
 
 
-def test_the_checker_finds_what_is_wrong() -> None:
+def test_the_checker_finds_faults() -> None:
     text = """(docs/derivation.md, section 5) docs/derivation.md, section 99 (docs/derivation.md, filter) docs/gone.md.
     (docs/derivation.md,
     # "Departures from the paper") docs/derivation.md, "Nowhere"; docs/results.md#at-a-glance docs/results.md#gone

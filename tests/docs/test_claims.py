@@ -38,19 +38,19 @@ def test_the_readme_s_landing_is_the_kept_one() -> None:
 
 
 @pytest.mark.parametrize("text", [README, RESULTS[: RESULTS.index("## At a glance")]], ids=["README", "results"])
-def test_nis_stands_wherever_anees_does(text: str) -> None:
+def test_nis_is_given_with_every_anees(text: str) -> None:
     praised = [part for part in tables_and_paragraphs(text) if "ANEES" in part]
     assert len(praised) >= 2
     assert [part for part in praised if "NIS" not in part] == []
 
 
-def test_on_the_page_of_results_nis_stands_in_each_row_with_anees() -> None:
+def test_on_the_page_of_results_nis_is_in_each_row_with_anees() -> None:
     praised = [part for part in rows_and_paragraphs(RESULTS) if "ANEES" in part]
     assert len(praised) >= 4
     assert [part for part in praised if not re.search(r"\bNIS\b", part)] == []
 
 
-def test_results_say_what_was_developed_on_what() -> None:
+def test_results_state_their_development_data() -> None:
     """Expected: the recordings of development are named as such, next to figures of recordings that were not."""
     head = RESULTS[: RESULTS.index("## At a glance")]
     (told,) = [part for part in tables_and_paragraphs(head) if part.startswith("**What was tuned on what.**")]

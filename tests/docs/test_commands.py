@@ -1,4 +1,4 @@
-"""Every command that the documentation shows is run, or, where it says why not, accepted by the parser."""
+"""Every command in the documentation is run or, with a stated reason, accepted by the parser."""
 
 import argparse
 import ast
@@ -43,7 +43,7 @@ NOT_RUN = {
     ("rerun.md", "python - out/session.rrd 22.9 rerun.png <<'EOF'"): "wants a Vulkan driver and 12 s; compiled below",
     ("rerun.md", "python -c"): "reads that picture; compiled below",
 }
-# pages whose lines another file runs, to look at what they leave as well
+# pages whose lines another file runs, to check their outputs as well
 RUN_ELSEWHERE = {"reproduce.md": "tests/experiments/test_reproduce.py"}
 RUN = [
     page for page in PAGES if any(not block.parsed_only for block in BLOCKS[page]) and page.name not in RUN_ELSEWHERE
@@ -72,7 +72,7 @@ def in_background(command: list[str]) -> Iterator[None]:
 
 @pytest.fixture
 def answered(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What `view --web` serves is asked for its page, which is kept here, and then Ctrl-C is pressed."""
+    """The page that `view --web` serves is requested, and kept here, and then Ctrl-C is pressed."""
     pages: list[str] = []
     serve, before = rerun_viewer.serve_recording, signal.getsignal(signal.SIGINT)
 
@@ -170,7 +170,7 @@ def test_what_is_not_run_is_on_the_list() -> None:
         assert f'run_page(ROOT / "docs" / "{page}", ' in text_of(ROOT / file)
 
 
-def test_make_demo_and_make_test_do_what_the_pages_say() -> None:
+def test_make_demo_and_make_test_match_the_pages() -> None:
     """Expected: the demo is the replay that the pages run, the test is what CI runs, and both build what they need."""
     assert "groundstation replay recordings/landing-1 --out" in dry_run("demo")
     assert all(word in dry_run("test") for word in ("-m pytest", "ruff check", "mypy"))
@@ -180,7 +180,7 @@ def test_make_demo_and_make_test_do_what_the_pages_say() -> None:
         assert any(line[:2] == words for line in run)
 
 
-def test_the_programs_of_the_pages_compile_and_find_what_they_import() -> None:
+def test_the_programs_of_the_pages_compile_and_their_imports_exist() -> None:
     programs = [program for page in PAGES for block in BLOCKS[page] for program in block.scripts]
     for page in PAGES:
         for block in BLOCKS[page]:

@@ -21,7 +21,7 @@ def test_links_lead_somewhere(page: Path) -> None:
     assert wrong == []
 
 
-def test_the_checker_sees_what_is_wrong(tmp_path: Path) -> None:
+def test_the_checker_finds_faults(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("# One `two.md` (3)\n\n## Twice\n\n## Twice\n\n[a](b.md#c) `[no](link)` ![p](d.png)\n")
     assert list(links(page)) == ["b.md#c", "d.png"]

@@ -92,7 +92,7 @@ def misplaced(name: str, link: str, cell: str, lines: list[str]) -> list[str]:
     ]
 
 
-def test_each_figure_of_the_table_stands_at_its_place_in_the_notes() -> None:
+def test_each_figure_of_the_table_is_at_its_place_in_the_notes() -> None:
     """Expected: in its sentence, or in its row and column; a figure without a place is given one in `places`."""
     notes, rows = linked_sections(), glance()
     assert {link.split("#")[1] for link in notes} <= set().union(*(anchors(page) for page in NOTES.glob("*.md")))
@@ -105,7 +105,7 @@ def test_each_figure_of_the_table_stands_at_its_place_in_the_notes() -> None:
     assert len({name for name, _, _ in rows}) == len(rows)
 
 
-def test_a_figure_that_stands_elsewhere_in_the_section_only_is_found() -> None:
+def test_a_figure_elsewhere_in_the_section_is_found() -> None:
     """Expected: each figure of the table by itself once it is another's, though that stands in the same section."""
     notes = linked_sections()
     for name, link, cell in glance():
@@ -142,7 +142,7 @@ def off_by(printed: str, figure: float) -> bool:
 
 
 def stale(text: str, figures: dict[str, float]) -> list[str]:
-    """Return what the section on accuracy says of the bundled landing and the kept figures do not."""
+    """Return figures of the bundled landing in the section on accuracy that differ from the kept ones."""
     found = []
     rows = landing_rows(text)
     assert set(rows) == set(_BINS)
@@ -166,7 +166,7 @@ def stale(text: str, figures: dict[str, float]) -> list[str]:
     return found
 
 
-def test_what_is_said_of_the_bundled_landing_are_the_kept_figures() -> None:
+def test_figures_of_the_bundled_landing_are_the_kept_ones() -> None:
     """Expected: a change that moves `landing-1.figures.json` moves the section on accuracy with it."""
     assert stale(text_of(POSITION), json.loads(_FIGURES.read_text())) == []
 

@@ -1,4 +1,4 @@
-"""The site is built without a warning, and neither building nor reading it asks the network for anything."""
+"""The site is built without a warning, and neither building nor reading it makes a network request."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""The filter on simulated flights: as accurate as is possible, and as uncertain as it says.
+"""The filter on simulated flights: accuracy at the bound, with a consistent covariance.
 
 Ranges are two-sided χ² of the independent flights; seeds are fixed, so a failure is a change of the filter.
 """
@@ -19,19 +19,19 @@ def sample(request: pytest.FixtureRequest) -> consistency.Sample:
 
 
 def test_error_is_at_the_bound(sample: consistency.Sample) -> None:
-    """One epoch of 30 flights tells an RMSE to 1/√60; a bin has two or three epochs' worth of them."""
+    """One epoch of 30 flights gives an RMSE to 1/√60; a bin has two or three epochs' worth of them."""
     for low, high in ((400, 600), (250, 400), (150, 250), (60, 150)):
         assert np.all(sample.rmse_over_bound(low, high) < 1.0 + 2.5 / np.sqrt(2 * 2 * RUNS))
 
 
 @pytest.mark.parametrize("y_m", [600.0, 595.0, 590.0, 550.0, 400.0, 200.0, 100.0])
-def test_position_and_velocity_are_as_uncertain_as_said(sample: consistency.Sample, y_m: float) -> None:
+def test_position_and_velocity_are_consistent_with_their_covariance(sample: consistency.Sample, y_m: float) -> None:
     """From the very first pair on, although 10 m at 600 m bends the pixel by more than its noise."""
     low, high = consistency.chi2_range(6, RUNS, 0.99)
     assert low < sample.anees(y_m, 6) < high
 
 
-def test_innovations_are_as_large_as_said(sample: consistency.Sample) -> None:
+def test_innovations_are_consistent_with_their_covariance(sample: consistency.Sample) -> None:
     low, high = consistency.chi2_range(2, sample.nis_count(), 0.99)
     assert low < sample.nis() < high
 
@@ -50,14 +50,14 @@ def test_the_pipeline_is_as_good() -> None:
     assert low < through.anees(200.0) < high
 
 
-def test_outliers_cost_next_to_nothing() -> None:
+def test_outliers_have_little_effect() -> None:
     """From a start that is known well, and from one that lets an outlier pass as its first pixel."""
     near, wide = consistency.outlier_ratio(10.0, range(12))
     assert np.all(near < 1.1)
     assert np.all(wide < 1.1)
 
 
-def test_what_is_considered_is_in_the_covariance_and_what_is_ignored_is_not() -> None:
+def test_considered_errors_are_in_the_covariance_and_ignored_ones_are_not() -> None:
     names = calibration.PAN_AND_TILT + calibration.CLOCK_OFFSETS[:3]
     considered = calibration.considered(names, range(RUNS), known=True)
     ignored = calibration.considered(names, range(RUNS // 4), known=False)
@@ -67,7 +67,7 @@ def test_what_is_considered_is_in_the_covariance_and_what_is_ignored_is_not() ->
         assert ignored.anees(y_m) > 20.0
 
 
-def test_mounts_are_learnt_from_a_reference_and_remembered() -> None:
+def test_mounts_are_estimated_from_a_reference_and_kept() -> None:
     """8 s of 2 cm DGPS; then a Schmidt filter loses some of the bound's accuracy, which learns on."""
     sample = calibration.after_reference(calibration.PAN_AND_TILT, range(16), rate_hz=10.0)
     assert np.all(sample.rmse_over_bound(150, 250) < 1.3 * (1.0 + 2.0 / np.sqrt(2 * 2 * 16)))
@@ -75,7 +75,7 @@ def test_mounts_are_learnt_from_a_reference_and_remembered() -> None:
     assert low < sample.anees(400.0) < high
 
 
-def test_clocks_are_learnt_to_the_bound() -> None:
+def test_clocks_are_estimated_to_the_bound() -> None:
     """Offsets of 20 ms, mounts, rolls and boresights, drawn from the filter's own model; 140 flights: 1.0 to 1.1."""
     names = ("left.camera_clock.offset", *calibration.CLOCK_OFFSETS[:3])
     biases = calibration.PAN_AND_TILT + calibration.ROLL_AND_BORESIGHT
@@ -89,7 +89,7 @@ def test_clocks_are_learnt_to_the_bound() -> None:
 
 
 def test_clocks_of_heads_that_are_not_as_modelled_are_not_learnt() -> None:
-    """Heads in a smooth loop at the default PSD: their rates are mostly noise, which would teach clocks."""
+    """Heads in a smooth loop at the default PSD: their rates are mostly noise, which would bias clocks."""
     names = ("left.camera_clock.offset", *calibration.CLOCK_OFFSETS[:3])
     learned = calibration.learned_clocks(calibration.clock_take_off(), names, range(2))
     clocks = [k for k, name in enumerate(learned.names) if "clock" in name]
@@ -98,7 +98,7 @@ def test_clocks_of_heads_that_are_not_as_modelled_are_not_learnt() -> None:
 
 
 @pytest.mark.parametrize("border", list(out_of_view.BORDERS))
-def test_beyond_the_border_only_the_consistent_form_is_honest(border: str) -> None:
+def test_beyond_the_border_only_the_consistent_form_is_consistent(border: str) -> None:
     consistent = out_of_view.fly_scene(border, OutOfViewWeighting.CONSISTENT, range(80))
     paper = out_of_view.fly_scene(border, OutOfViewWeighting.PAPER, range(80))
     low, high = consistency.chi2_range(3, 80, 0.99)

@@ -61,11 +61,11 @@ def test_pixel_jacobian_over_carried_errors(rng: np.random.Generator, station: s
         assert ahead is not None
         assert back is not None
         twin = (ahead.pixel - back.pixel) / (2 * step[k])
-        # rotations are taken where the mount is believed to be, so that its own error of 1e-5 turns them
+        # rotations are linearised at the assumed mount, so that its own error of 1e-5 turns them
         np.testing.assert_allclose(found.jacobian[:, k], twin, rtol=1e-4, atol=0.3)
 
 
-def test_true_states_explain_what_is_measured() -> None:
+def test_true_states_reproduce_the_measurements() -> None:
     """Mounts, clocks and drifts of a take-off, without noise: nothing is left but what is quadratic in them."""
     names = (*PAN_AND_TILT, *CLOCK_OFFSETS, *CLOCK_DRIFTS)
     truth = np.array([1e-3, -8e-4, 5e-4, 7e-4, 0.03, -0.02, 0.04, 0.05, 2e-3, 1e-3])

@@ -1,4 +1,4 @@
-"""A reference receiver's clock that steps is told from noise and from positions that are wrong some other way."""
+"""A step of a reference receiver's clock is distinguished from noise and from positions wrong in another way."""
 
 import numpy as np
 import pytest

@@ -48,7 +48,7 @@ def test_a_spike_is_dropped_and_counted() -> None:
     assert abs(math.degrees(ekf.angles("left")[0]) - 1.0) < 0.01
 
 
-def test_a_stall_is_believed_at_the_next_reading() -> None:
+def test_a_stall_is_accepted_at_the_next_reading() -> None:
     """The PTU stops dead from 16 °/s: uncertain for one reading, right again with the second."""
     ekf, encoders = feed()
     for k in range(50):
@@ -109,7 +109,7 @@ def test_a_spike_of_a_head_that_turns_fast_is_dropped() -> None:
 
 
 def jerk(rate_deg_s: float, config: EstimationConfig, axis: str = "pan") -> tuple[str, int, float]:
-    """A head at rest jumps by 2° and turns on at a rate: what is said of it, the spikes, and the angle then, deg."""
+    """A head at rest jumps by 2° and turns on at a rate: the log lines, the spikes, and the angle then, deg."""
     ekf, encoders = feed(config)
 
     def at(t: float, angle_deg: float) -> str | None:

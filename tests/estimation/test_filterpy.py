@@ -240,8 +240,8 @@ def test_every_update_of_a_drawn_flight(seed: int, calibration: CalibrationUse, 
     assert ours.manoeuvring == pytest.approx(theirs.manoeuvring, rel=1e-7)
 
 
-def test_snapshots_and_predictions_ahead_change_nothing() -> None:
-    """Expected: the same bits after a snapshot is restored, and after a look ahead."""
+def test_snapshots_and_predictions_leave_the_filter_unchanged() -> None:
+    """Expected: the same bits after a snapshot is restored, and after a prediction."""
     _, ekf = both(journals=True)
     steps = operations(np.random.default_rng(3))
     for operation in steps[:60]:

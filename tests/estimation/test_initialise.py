@@ -67,7 +67,7 @@ def test_an_approaching_aircraft_is_acquired_among_static_clutter(rng: np.random
     assert np.linalg.norm(error[[0, 2]]) < 1.0
 
 
-def test_static_things_are_never_acquired(rng: np.random.Generator) -> None:
+def test_static_objects_are_never_acquired(rng: np.random.Generator) -> None:
     scene = Scene(rng)
     things = [np.array([rng.uniform(-20, 20), rng.uniform(150, 400), 1.0]) for _ in range(5)]
     for k in range(200):
@@ -98,12 +98,14 @@ def test_random_candidates_are_never_acquired(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize(("width_m", "fits"), [(0.3, False), (1.5, True), (2.3, True), (9.0, False)])
-def test_size_tells_an_aircraft_from_what_else_flies(rng: np.random.Generator, width_m: float, fits: bool) -> None:
+def test_size_distinguishes_an_aircraft_from_other_flying_objects(
+    rng: np.random.Generator, width_m: float, fits: bool
+) -> None:
     scene = Scene(rng)
     assert bool(scene.initiator.fixes(scene.sight(0.0, glide(5.0), width_m=width_m))) is fits
 
 
-def test_one_camera_alone_acquires_nothing(rng: np.random.Generator) -> None:
+def test_one_camera_alone_does_not_acquire(rng: np.random.Generator) -> None:
     scene = Scene(rng)
     for k in range(50):
         left = [s for s in scene.sight(k * 0.1, glide(k * 0.1)) if s.station == "left"]
@@ -117,9 +119,7 @@ def fits_lifted(scene: Scene, off_px: float) -> bool:
 
 
 @pytest.mark.parametrize(("off_px", "fits"), [(0.0, True), (5.0, True), (-5.0, True), (10.0, False), (-10.0, False)])
-def test_a_pair_is_two_views_of_one_thing_only_where_its_rays_meet(
-    rng: np.random.Generator, off_px: float, fits: bool
-) -> None:
+def test_a_pair_needs_rays_that_meet(rng: np.random.Generator, off_px: float, fits: bool) -> None:
     """Epipolar agreement: beyond the gate in v the same two sightings are refused, and by nothing but the gate."""
     assert fits_lifted(Scene(rng), off_px) is fits
     assert fits_lifted(Scene(rng, config=InitiationConfig(residual_gate_sigma=1e6)), off_px)
@@ -170,7 +170,7 @@ def test_a_start_is_as_uncertain_as_errors_that_last_make_it() -> None:
         ((0.0, 300.0, 15.0), 2.3 / 3.2, "too narrow"),
     ],
 )
-def test_only_what_an_aircraft_could_be_is_a_fix(point: tuple[float, ...], width_m: float, why: str) -> None:
+def test_only_plausible_aircraft_are_fixes(point: tuple[float, ...], width_m: float, why: str) -> None:
     scene = Scene(np.random.default_rng(3))
     place, found = np.array(point), []
     for name, geometry in scene.geometries.items():
@@ -196,11 +196,11 @@ def test_only_what_an_aircraft_could_be_is_a_fix(point: tuple[float, ...], width
 
 
 @pytest.mark.parametrize(("factor", "fits"), [(1.9, True), (2.2, False)])
-def test_two_cameras_see_a_thing_equally_wide(factor: float, fits: bool) -> None:
+def test_two_cameras_measure_equal_widths_of_an_object(factor: float, fits: bool) -> None:
     scene = Scene(np.random.default_rng(3), span_m=None)
     left, right = scene.sight(0.0, glide(5.0))
     assert left.width_px is not None
-    # the same thing but for the factor
+    # the same object except for the factor
     same = replace(right, width_px=left.width_px * factor)
     assert bool(scene.initiator.fixes([left, same])) is fits
 
@@ -215,11 +215,11 @@ def test_a_target_flies_as_fast_as_aircraft_do(speed_m_s: float, found: bool) ->
     assert any(start is not None for start in starts) is found
 
 
-def test_a_target_is_begun_after_so_many_fixes_of_so_long_and_not_after_a_gap() -> None:
+def test_a_target_is_initiated_after_enough_fixes_over_enough_time_without_a_gap() -> None:
     def first(config: InitiationConfig, dt_s: float, missing: tuple[int, ...] = ()) -> int:
         scene = Scene(np.random.default_rng(7), config=config)
         for k in range(40):
-            # someone vouches for them, so that only how often they were seen decides
+            # confirmed, so that only the number of detections decides
             seen = [] if k in missing else scene.sight(dt_s * k, glide(dt_s * k))
             sightings = [replace(s, labelled=True) for s in seen]
             if scene.initiator.step(dt_s * k, sightings) is not None:
@@ -236,7 +236,7 @@ def test_a_target_is_begun_after_so_many_fixes_of_so_long_and_not_after_a_gap() 
 
 
 def first_of(scene: Scene, paths: list[tuple[Callable[[float], np.ndarray], float]]) -> Kinematics | None:
-    """Return the first start within 2 s of several things, each by its path and its score."""
+    """Return the first start within 2 s of several objects, each by its path and its score."""
     for k in range(20):
         sightings = [s for path, score in paths for s in scene.sight(0.1 * k, path(0.1 * k), score=score)]
         found = scene.initiator.step(0.1 * k, sightings)
@@ -257,8 +257,8 @@ def test_what_creeps_is_no_target_however_surely_it_moves(least_m_s: float, foun
 
 
 @pytest.mark.parametrize(("score", "found"), [(3.5, False), (4.5, True)])
-def test_a_target_is_about_as_clear_as_what_else_is_there(score: float, found: bool) -> None:
-    """Expected: nothing of less than 0.4 of the clearest thing's score; by itself the faint one is taken."""
+def test_a_target_has_about_the_contrast_of_its_rivals(score: float, found: bool) -> None:
+    """Expected: nothing of less than 0.4 of the clearest object's score; alone the faint one is accepted."""
     tree = np.array([15.0, 320.0, 4.0])
     paths = [(glide, score), (lambda _: tree, 10.0)]
     assert (first_of(Scene(np.random.default_rng(5)), paths) is not None) is found  # type: ignore[arg-type]

@@ -66,7 +66,7 @@ def test_exact_measurements_leave_no_negative_variance(rng: np.random.Generator)
 def test_the_small_solver_is_the_general_one(rng: np.random.Generator, m: int) -> None:
     for _ in range(20):
         A, B = rng.normal(size=(m, m)), rng.normal(size=(m, 7))
-        # the first pivot is none: rows must change places
+        # the first pivot is zero: rows must be exchanged
         A[0, 0] = 0.0 if m > 1 else A[0, 0]
         X = B.copy()
         solve_small(A.copy(), X)
@@ -74,7 +74,7 @@ def test_the_small_solver_is_the_general_one(rng: np.random.Generator, m: int) -
 
 
 @pytest.mark.parametrize("bad", [np.zeros((2, 2)), np.array([[1.0, 2.0], [2.0, 4.0]]), np.full((2, 2), np.nan)])
-def test_the_small_solver_refuses_what_the_general_one_refuses(bad: FloatArray) -> None:
+def test_the_small_solver_refuses_the_same_matrices_as_the_general_one(bad: FloatArray) -> None:
     """So that numbers no filter can work with are still a fault that the pipeline begins again from."""
     with pytest.raises(np.linalg.LinAlgError):
         solve_small(bad.copy(), np.ones((2, 1)))

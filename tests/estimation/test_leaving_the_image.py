@@ -20,9 +20,9 @@ LEAVES_S, BACK_S = 2.0, 4.5
 
 def fly(seed: int, weighting: OutOfViewWeighting, miss_share: float = 0.0) -> dict[str, list[float]]:
     """From 2 to 4.5 s both heads follow where the target would be without manoeuvres, turned away by half the image's
-    width ± 60 px; then they follow the target. Squared errors per degree of freedom, by where it is.
+    width ± 60 px; then they follow the target. Squared errors per degree of freedom, by its position.
 
-    Whatever is inside is seen; ``miss_share`` is the detection probability that a look in vain is taken to have.
+    Every target inside is detected; ``miss_share`` is the assumed detection probability of a missed detection.
     """
     rng = np.random.default_rng([seed, 3])
     rig = make_rig()
@@ -81,7 +81,7 @@ def flown(weighting: OutOfViewWeighting, miss_share: float = 0.0, flights: int =
 
 @pytest.mark.parametrize("weighting", [OutOfViewWeighting.CONSISTENT, OutOfViewWeighting.GAIN])
 def test_noise_over_t_and_gain_times_t_are_consistent(weighting: OutOfViewWeighting) -> None:
-    """While the target is about the border, the squared errors are what the covariance says."""
+    """While the target is about the border, the squared errors are consistent with the covariance."""
     result = flown(weighting)
     assert 0.8 < result["before"] < 1.3
     assert 0.75 < result["away"] < 1.3
@@ -92,7 +92,7 @@ def test_the_papers_form_is_overconfident() -> None:
     assert flown(OutOfViewWeighting.PAPER)["away"] > 3.0
 
 
-def test_not_being_seen_says_where_it_is() -> None:
+def test_a_missed_detection_gives_information_on_the_position() -> None:
     """Misses as evidence: a tenth less error while the target is away, and still consistent."""
     blind, told = flown(OutOfViewWeighting.CONSISTENT), flown(OutOfViewWeighting.CONSISTENT, miss_share=0.2)
     assert told["away x"] < 0.9 * blind["away x"]

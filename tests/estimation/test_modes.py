@@ -90,7 +90,7 @@ def test_a_glide_is_as_quiet_and_a_flare_as_quick_as_with_the_right_filter(rng: 
     assert 0.5 * low < np.mean(squares) < high
 
 
-def test_flights_that_change_as_it_supposes_are_as_uncertain_as_it_says(rng: np.random.Generator) -> None:
+def test_flights_that_follow_the_modes_are_consistent(rng: np.random.Generator) -> None:
     """Truth drawn from the modes and their changes: mean of the squared errors inside two-sided χ² bounds."""
     modes, stay_s, squares = [noise(0.02), noise(20.0)], (20.0, 2.0), []
     for _ in range(60):

@@ -80,7 +80,7 @@ def test_what_a_miss_leaves_is_the_part_of_the_prediction_outside(
     assert np.abs(wanted - centre).max() > 20.0 * noise, "the draws show which way it goes"
 
 
-def test_a_miss_far_inside_or_far_outside_changes_nothing_that_matters() -> None:
+def test_a_miss_far_inside_or_far_outside_has_a_negligible_effect() -> None:
     covariance = np.diag([30.0, 20.0]) ** 2
     for centre in ([640.0, 480.0], [-4000.0, 480.0], [640.0, 4000.0]):
         mean, spread = moments_after_miss(np.array(centre), covariance, SIZE, 0.9)
@@ -103,13 +103,13 @@ def started(weighting: OutOfViewWeighting, pan_off_rad: float, known: float = 1.
 
 @pytest.mark.parametrize("weighting", list(OutOfViewWeighting))
 def test_well_inside_both_weightings_are_the_plain_update(weighting: OutOfViewWeighting) -> None:
-    # so well that one look is as good as several
+    # so well that one frame is as good as several
     ekf = started(weighting, 0.0, known=1e-4)
     plain = ExtendedKalmanFilter(dim_x=ekf.layout.size, dim_z=2)
     plain.x, plain.P = ekf.state.copy(), ekf.covariance.copy()
     prediction = ekf.predict_pixel("left")
     assert prediction is not None
-    # as noisy as the prediction is uncertain: there is no second look at where to linearise
+    # as noisy as the prediction is uncertain: the linearisation is not iterated
     z, R = prediction.pixel + [3.0, -2.0], np.eye(2) * 10.0**2
     ekf.update_pixel("left", z, R)
     plain.update(z, lambda _: prediction.jacobian, lambda _: prediction.pixel, R=R)

@@ -44,14 +44,14 @@ def runs() -> list[Run]:
     return [drive(f, consistency.one_mode(), drawn_start(f, seed, *consistency.WIDE)) for seed, f in flights]
 
 
-def test_it_recovers_within_half_a_second_and_is_as_uncertain_as_it_says(runs: list[Run]) -> None:
+def test_it_recovers_within_half_a_second_consistently(runs: list[Run]) -> None:
     low, high = consistency.chi2_range(6, FLIGHTS, 0.99)
     for after_s in (0.5, 2.0, 7.0):
         nees = [r.nees(6)[round(10.0 * after_s)] for r in runs]
         assert low < np.mean(nees) / 6.0 < high
 
 
-def test_only_what_followed_the_outlier_is_refused(runs: list[Run]) -> None:
+def test_only_pixels_after_the_outlier_are_refused(runs: list[Run]) -> None:
     """Four in a row until it is noticed, a second time where one of the first passes; of the others, one in 2000."""
     assert all(4 <= r.refused <= 8 for r in runs)
 
@@ -74,7 +74,7 @@ def track(**counts: int) -> ProvisionalTrack:
         ([0, 0, 0, 0, 0, 0], False),
     ],
 )
-def test_the_majority_tells(reported: list[int], refuted: bool) -> None:
+def test_the_majority_decides(reported: list[int], refuted: bool) -> None:
     provisional = track()
     for accepted in reported:
         provisional = provisional.after(accepted=bool(accepted))

@@ -30,7 +30,7 @@ LIVELY = EstimationConfig(
 
 
 def stations() -> dict[str, Station]:
-    """Two fixed cameras that look across each other over 60 m."""
+    """Two fixed cameras with intersecting views across 60 m."""
     first = make_station("first", 0.0, fixed=True)
     lens = replace(first.lens, focal_px=np.array([600.0, 600.0]))
     turned = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
@@ -125,7 +125,7 @@ def flown(seed: int, *, rig_errors: bool, journal: FilterJournal | None = None) 
 
 
 @pytest.mark.parametrize("rig_errors", [False, True])
-def test_the_second_camera_s_first_pixel_places_the_craft_honestly(rig_errors: bool) -> None:
+def test_the_second_camera_s_first_pixel_places_the_craft_consistently(rig_errors: bool) -> None:
     """Position, velocity and both together inside two-sided chi-square bounds."""
     back = [flown(seed, rig_errors=rig_errors) for seed in range(RUNS)]
     placed = [b for b in back if b.placed]
@@ -138,7 +138,7 @@ def test_the_second_camera_s_first_pixel_places_the_craft_honestly(rig_errors: b
     assert low < np.mean([b.square(slice(3, 6)) for b in placed]) < high
     low, high = chi2.ppf([0.001, 0.999], 6 * n) / n
     assert low < np.mean([b.square(slice(0, 6)) for b in placed]) < high
-    # and it says something: the bearing rate is known, the speed along the ray to a few m/s
+    # and it is informative: the bearing rate is known, the speed along the ray to a few m/s
     assert np.median([np.sqrt(np.trace(b.ekf.covariance[3:6, 3:6])) for b in placed]) < 8.0
     assert max(np.linalg.norm(b.truth[:3] - b.ekf.state[:3]) for b in placed) < (1.5 if rig_errors else 0.6)
 
@@ -151,7 +151,7 @@ def test_taking_it_for_one_more_pixel_would_be_overconfident(monkeypatch: pytest
 
 
 def test_the_rig_s_errors_are_shared_with_the_new_place() -> None:
-    """Cross-covariances are those of a position that errs with the mounts: as steep as the rays' crossing says."""
+    """Cross-covariances are those of a position with the mounts' errors, by the geometry of the rays' intersection."""
     back = next(b for seed in range(RUNS) if (b := flown(seed, rig_errors=True)).placed)
     ekf = back.ekf
     here, errors = ekf.layout.position, ekf.layout.constant
@@ -162,11 +162,11 @@ def test_the_rig_s_errors_are_shared_with_the_new_place() -> None:
         J = np.vstack([v.jacobian[:, here] for v in views if v is not None])
         by_error = np.concatenate([v.jacobian[:, errors.start + k] for v in views if v is not None])
         moved[:, k] = -np.linalg.lstsq(J, step * by_error, rcond=None)[0] / step
-    # the height is that of both cameras, weighed by how well each has it; here they count alike
+    # the height is that of both cameras, weighted by their sigmas; here they count equally
     np.testing.assert_allclose(slope, moved, atol=0.15 * np.abs(moved).max())
 
 
-def test_a_ray_that_passes_by_places_nothing(rng: np.random.Generator) -> None:
+def test_a_ray_that_misses_does_not_reinitialise(rng: np.random.Generator) -> None:
     """A pixel whose ray misses the first camera's is refused, as any wild one is."""
     geometries = {name: s.geometry() for name, s in stations().items()}
     ekf = StationEkf(geometries, (), LIVELY)
@@ -188,7 +188,7 @@ def test_a_ray_that_passes_by_places_nothing(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(ekf.state[:3], point + 8.0 * d, atol=0.05)
 
 
-def test_a_needle_keeps_what_its_camera_sees(rng: np.random.Generator) -> None:
+def test_a_bearing_only_prior_keeps_its_cameras_information(rng: np.random.Generator) -> None:
     """Moved along the ray, a target turns about the camera as fast as before; slopes have numeric twins."""
     origin, target = rng.normal(size=3), np.concatenate([rng.normal(0, 30, 3), rng.normal(0, 5, 3)])
     A = rng.normal(size=(6, 6))

@@ -1,4 +1,4 @@
-"""Reference positions: who may throw the track over, what a new start knows, what stays considered."""
+"""Reference positions: when they replace the track, the covariance of a new start, considered parameters."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def test_going_back_forgets_refusals_too() -> None:
     assert not ekf.update_reference(POINT + [0.0, 50.0, 0.0], 1e-4 * np.eye(3)).accepted
 
 
-def test_a_learnt_rig_is_not_thrown_over() -> None:
+def test_an_estimated_rig_is_not_replaced() -> None:
     """However often a receiver repeats what the pictures contradict, once the mounts are known it is refused."""
     ekf = started(make_rig(), EstimationConfig())
     ekf.start_target(POINT, VELOCITY, np.diag([1e-4] * 3 + [0.01] * 3))
@@ -55,8 +55,8 @@ def test_a_learnt_rig_is_not_thrown_over() -> None:
     assert ekf.state[1] == pytest.approx(POINT[1], abs=0.2)
 
 
-def test_a_new_start_stands_where_the_learnt_rig_puts_it() -> None:
-    """Pans wrong by 0.06° and −0.05° and learnt: a point triangulated by the rig file is 13 m off, the start is not."""
+def test_a_new_start_is_placed_by_the_estimated_rig() -> None:
+    """Pans wrong by 0.06° and −0.05° and estimated: triangulated by the rig file a point is 13 m off, the start not."""
     true = make_rig()
     off = {"left": np.radians(0.06), "right": np.radians(-0.05)}
     believed = perturbed(true, {n: StationErrors(mount_rad=np.array([0.0, 0.0, -o])) for n, o in off.items()})
@@ -111,7 +111,7 @@ def test_an_adopted_place_errs_with_the_speed_that_carried_it(rng: np.random.Gen
     assert low < np.mean(squares) < high
 
 
-def test_a_miss_moves_nothing_that_is_only_considered() -> None:
+def test_a_miss_does_not_move_considered_parameters() -> None:
     ekf = started(make_rig(), EstimationConfig())
     ekf.start_target(POINT + [0.0, 0.0, 18.0], VELOCITY, np.diag([1.0, 16.0, 25.0, 1.0, 1.0, 1.0]), triangulated=True)
     places = list(ekf.layout.parameters.values())

@@ -43,14 +43,14 @@ def test_the_file_keeps_it_and_the_filter_carries_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(prior.covariance, SIGMA_S**2 * np.eye(2))
 
 
-def test_a_rig_that_says_nothing_carries_nothing(tmp_path: Path) -> None:
+def test_a_rig_without_sigmas_adds_no_states(tmp_path: Path) -> None:
     path = written(tmp_path, with_shutters(0.0))
     assert "readout_sigma_s" not in path.read_text()
     assert rig_prior(load_rig(path)).names == ()
 
 
 def test_the_whole_rigs_table_may_name_it_and_must_agree(tmp_path: Path) -> None:
-    """What two shutters share comes from the table; a station that says otherwise is refused."""
+    """The common part of two shutters is in the table; a station that contradicts it is refused."""
     shared = ParameterCovariance(names=NAMES, matrix=SIGMA_S**2 * np.array([[1.0, 0.5], [0.5, 1.0]]))
     rig = replace(with_shutters(SIGMA_S), shared_covariance=shared)
     prior = rig_prior(load_rig(written(tmp_path, rig)))

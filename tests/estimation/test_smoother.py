@@ -1,4 +1,4 @@
-"""Going back along the tape: exact where everything is linear, honest on flights drawn from the model, bounded."""
+"""The backward pass over the journal: exact in the linear case, consistent on flights drawn from the model, bounded."""
 
 import copy
 from collections.abc import Iterator
@@ -106,7 +106,7 @@ def test_it_is_the_batch_least_squares_solution() -> None:
         np.testing.assert_allclose((found[t][1] - P[k]) / np.outer(sigma, sigma), 0.0, atol=1e-6)
 
 
-def test_a_time_that_the_filter_has_passed_is_answered_by_the_same_formula() -> None:
+def test_a_time_before_the_filters_is_smoothed_by_the_same_formula() -> None:
     """`kinematics_at` behind the filter's time, at a measurement's and between two: the batch solution there."""
     ekf = position_filter()
     times, measured, _ = drive(ekf, np.random.default_rng(2))
@@ -131,7 +131,7 @@ def test_a_time_that_the_filter_has_passed_is_answered_by_the_same_formula() -> 
     assert np.all(np.diag(ekf.kinematics_at(between).covariance) < np.diag(super_at(ekf, between).covariance))
 
 
-def test_the_answer_at_the_filters_own_time_is_the_motion_models_over_no_time() -> None:
+def test_the_estimate_at_the_filters_own_time_is_the_motion_models_over_no_time() -> None:
     ekf = position_filter()
     drive(ekf, np.random.default_rng(3))
     assert ekf.time_s is not None
@@ -151,8 +151,8 @@ def super_at(ekf: StationEkf, t_s: float) -> Kinematics:
     return without_journal.kinematics_at(t_s)
 
 
-def test_what_was_learnt_holds_before_and_what_is_considered_stays() -> None:
-    """A DGPS clock's offset: learnt, its last value is the smoothed one everywhere; the considered keeps its sigma."""
+def test_later_estimates_apply_before_and_considered_parameters_stay() -> None:
+    """A DGPS clock's offset: estimated, its last value is the smoothed one; considered, it keeps its sigma."""
     prior = ParameterPrior.independent(["dgps_clock.offset"], [0.1])
     learnt = position_filter(prior)
     times, _, _ = drive(learnt, np.random.default_rng(3))
@@ -231,7 +231,7 @@ def errors(flight: SimulatedFlight, found: dict[float, Kinematics]) -> tuple[np.
     return off, np.einsum("ni,ni->n", off, np.linalg.solve(P, off[:, :, None])[:, :, 0])
 
 
-def test_the_smoother_is_better_than_the_filter_and_knows_how_good_it_is(drawn: list) -> None:
+def test_the_smoother_is_better_than_the_filter_and_consistent(drawn: list) -> None:
     """Twelve flights drawn from the motion model: RMSE along the runway below 0.75 × the filter's, NEES in χ² bounds.
 
     Times are two seconds apart, so that errors are nearly independent.
@@ -297,7 +297,7 @@ def test_nothing_is_smoothed_where_there_was_no_target() -> None:
     kinematics = estimates[last].kinematics
     assert kinematics is not None
     assert found[last].covariance[1, 1] == pytest.approx(kinematics.covariance[1, 1], rel=0.05)
-    # the first track knows nothing of the second
+    # the first track is independent of the second
     alone, first = flown((e for e in cut if e.t_s < 7.0), Pipeline(make_rig(), tuned(lost_after_s=2.0), span_m=2.3))
     t = min(first)
     np.testing.assert_allclose(found[t].position_runway_m, first[t].position_runway_m, atol=1e-9)

@@ -1,4 +1,4 @@
-"""The state's slices tile it; the motion model is what it says at any step length."""
+"""The state's slices tile it; the motion model is consistent at any step length."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Three stations tell the errors of their mounts by how their rays miss each other; two can't, and don't try."""
+"""Three stations determine the errors of their mounts by the misclosure of their rays; two cannot, and do not try."""
 
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,7 @@ QUIET = EstimationConfig(
 
 
 def stations(names: tuple[str, ...] = NAMES) -> dict[str, Station]:
-    """Cameras on stands that look along the runway, wide enough for all of the approach."""
+    """Cameras on stands, along the runway, with fields of view that cover all of the approach."""
     places = {"left": (-5.0, 0.0), "right": (5.0, 0.0), "third": (40.0, 60.0)}
     stands = {name: make_station(name, *places[name], fixed=True) for name in names}
     return {name: replace(s, lens=replace(s.lens, focal_px=np.array([500.0, 500.0]))) for name, s in stands.items()}
@@ -98,13 +98,13 @@ def begun(use: CalibrationUse, names: tuple[str, ...] = NAMES, journal: FilterJo
 
 
 def test_three_rays_make_up_for_their_mounts() -> None:
-    """Without a reference: lower errors than where mounts are but considered, and as large as is said."""
+    """Without a reference: lower errors than where mounts are only considered, with a consistent covariance."""
     learnt = [flown(seed, CalibrationUse.REFERENCE) for seed in range(FLIGHTS)]
     considered = [flown(seed, CalibrationUse.CONSIDER) for seed in range(FLIGHTS)]
     low, high = chi2.ppf([0.001, 0.999], 3 * FLIGHTS)
     assert low < sum(f.square for f in learnt) < high
     rms, rms_considered = (np.sqrt(np.mean([f.error**2 for f in fs], axis=0)) for fs in (learnt, considered))
-    # across, a mount that is off cannot be told from an aircraft that is: what all three agree on is its height
+    # across, a mount error is equivalent to one of the aircraft: all three agree only on its height
     assert rms[2] < 0.8 * rms_considered[2]
     assert np.all(rms < 1.15 * rms_considered)
 
@@ -138,7 +138,7 @@ def test_another_target_is_seen_anew() -> None:
     assert not ekf.learns
 
 
-def test_who_only_considers_goes_on_to() -> None:
+def test_with_considered_parameters_the_filter_continues_to_consider() -> None:
     ekf = begun(CalibrationUse.CONSIDER)
     before = mount_sigmas(ekf)
     show(ekf, NAMES, 0.0)
@@ -146,7 +146,7 @@ def test_who_only_considers_goes_on_to() -> None:
     assert mount_sigmas(ekf) == pytest.approx(before, rel=1e-12)
 
 
-def test_going_back_forgets_who_has_seen() -> None:
+def test_reprocessing_resets_the_contributing_stations() -> None:
     """And doing the same again learns the same."""
     ekf = begun(CalibrationUse.REFERENCE, journal=FilterJournal())
     show(ekf, NAMES[:2], 0.0)

@@ -28,7 +28,7 @@ def test_a_straight_steady_flight_is_predicted_exactly(predict, times) -> None:
     np.testing.assert_allclose(predict(knots(straight, times), 0.45), straight(0.45), atol=1e-6)
 
 
-def test_too_few_knots_predict_nothing() -> None:
+def test_too_few_knots_give_no_prediction() -> None:
     assert line(knots(straight, [0.0]), 1.0) is None
     assert curve(knots(straight, [0.0, 0.1]), 1.0) is None
 

@@ -1,4 +1,4 @@
-"""The baseline: exact on exact pixels, its covariance that of sampled noise, honest about what has no answer."""
+"""The baseline: exact on exact pixels, its covariance that of sampled noise, a named status without a solution."""
 
 from dataclasses import replace
 
@@ -69,7 +69,7 @@ def test_covariance_is_that_of_sampled_noise(rng: np.random.Generator) -> None:
 
 
 def test_the_closed_form_bound(rng: np.random.Generator) -> None:
-    """σ_x = y σ/√2, σ_y = √2 y² σ/b: the covariance says so too."""
+    """σ_x = y σ/√2, σ_y = √2 y² σ/b: so is the covariance."""
     y = 200.0
     views = [replace(v, covariance_px2=np.eye(2) * 0.25) for v in exact_views(np.array([0.0, y, 1.5]))]
     found = triangulate(views)

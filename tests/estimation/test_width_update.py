@@ -69,7 +69,7 @@ def test_no_width_where_the_wings_are_not_seen_across() -> None:
 def fly(seed: int, widths: bool, common: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Both cameras for 3 s, then the left one alone: errors (n, 3), squares (n,) and the span's sigma (n,).
 
-    Without ``common`` the filter is told that the span is exact.
+    Without ``common`` the filter assumes that the span is exact.
     """
     rng = np.random.default_rng(seed)
     rig = make_rig()
@@ -114,9 +114,9 @@ def fly(seed: int, widths: bool, common: bool = True) -> tuple[np.ndarray, np.nd
     return np.array(errors), np.array(squares), np.array(sigmas)
 
 
-def test_one_camera_with_a_learnt_span_keeps_its_range() -> None:
-    """24 flights with drawn span errors: the span is learnt while two cameras see it, the range stays several times
-    better than without widths, and the squared errors are what the covariance says."""
+def test_one_camera_with_an_estimated_span_keeps_its_range() -> None:
+    """24 flights with drawn span errors: the span is estimated while two cameras detect it, the range is several times
+    better than without widths, and the squared errors are consistent with the covariance."""
     flown = [fly(seed, widths=True) for seed in range(24)]
     plain = [fly(seed, widths=False) for seed in range(24)]
     end = slice(-5, None)
@@ -129,13 +129,13 @@ def test_one_camera_with_a_learnt_span_keeps_its_range() -> None:
     assert np.mean([s[30] for *_, s in flown]) < 0.03 < np.mean([s[0] for *_, s in flown])
 
 
-def test_widths_do_not_touch_the_track_while_two_cameras_see_it() -> None:
+def test_widths_do_not_affect_the_track_while_two_cameras_detect_it() -> None:
     with_widths, without = fly(1, widths=True), fly(1, widths=False)
     np.testing.assert_allclose(with_widths[0][:30], without[0][:30], atol=1e-9)
 
 
 def test_a_common_error_is_not_averaged_away() -> None:
-    """Told that the span is exact, the filter believes its range far too much."""
+    """With a span assumed exact, the filter's sigma of the range is far too small."""
     squares = [fly(seed, widths=True, common=False)[1][-1] for seed in range(12)]
     assert np.mean(squares) / 3.0 > 3.0
 

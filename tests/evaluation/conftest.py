@@ -1,4 +1,4 @@
-"""Runs that several tests look at, made once."""
+"""Runs that several tests use, made once."""
 
 from pathlib import Path
 

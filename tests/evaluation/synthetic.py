@@ -1,4 +1,4 @@
-"""Runs made from a known path: stations look at it through noise, rays meet, a plain Kalman filter follows."""
+"""Runs made from a known path: stations observe it with noise, rays intersect, a plain Kalman filter follows."""
 
 import csv
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ def approach(seconds: float = 30.0, rate_hz: float = 10.0, speed_m_s: float = 15
 
 
 def fixes_of(path: Path3D, offset_s: float, rng: np.random.Generator, noise_m: float = 0.015) -> list[DgpsFix]:
-    """A DGPS log of a path whose clock says ``offset_s`` more than the session's."""
+    """A DGPS log of a path whose clock is ``offset_s`` ahead of the session's."""
     noisy = path.position_runway_m + noise_m * rng.normal(size=path.position_runway_m.shape)
     return [DgpsFix(t_s=float(t + offset_s), position_runway_m=p) for t, p in zip(path.t_s, noisy, strict=True)]
 

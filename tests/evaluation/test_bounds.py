@@ -38,7 +38,7 @@ PAIR = (_station("left", -BASE_M / 2), _station("right", BASE_M / 2))
 
 
 def _views(point: np.ndarray, case: str, stations: tuple[StationGeometry, ...] = PAIR) -> list[StationView]:
-    """Every station looks straight at the point."""
+    """Every station points straight at the point."""
     sigma_px, sigma_rad = CASES[case]
     views = []
     for station in stations:

@@ -46,7 +46,7 @@ def _sigma(covariance: np.ndarray) -> np.ndarray:
 
 
 def _located(point: np.ndarray, true: list[StationGeometry], assumed: list[StationView]) -> np.ndarray:
-    """Weighted least squares on the pixels of the true stations, by someone who assumes others."""
+    """Weighted least squares on the pixels of the true stations, with other assumed stations."""
     x = point.copy()
     for _ in range(6):
         information, right = np.zeros((3, 3)), np.zeros(3)
@@ -117,7 +117,7 @@ def test_a_hundredth_of_a_degree_of_relative_pan(y_m: float, along_m: float) -> 
     assert abs(moved[0]) < 1e-6
 
 
-def test_common_pan_moves_x_common_tilt_z_and_relative_tilt_nothing() -> None:
+def test_common_pan_moves_x_common_tilt_z_and_relative_tilt_neither() -> None:
     bound = fix_consider(_joint(_on_glide(200.0), "B"))
     assert bound is not None
     hundredth = np.radians(0.01)
@@ -137,7 +137,7 @@ def test_unknown_mounts_of_a_twentieth_of_a_degree() -> None:
     np.testing.assert_allclose(_sigma(learned), [0.007, 0.14, 0.009], rtol=0.04)
 
 
-def test_what_pictures_alone_can_teach() -> None:
+def test_observability_from_pictures_alone() -> None:
     """Differential tilt well, relative pan through the assumed motion to 0.015°, common pan and tilt not at all."""
     t, joint = _approach(30.0)
     known = track_learning(t, joint, MOUNT_COVARIANCE, PSD, 10.0, 5.0)[-1][6:, 6:]
@@ -158,7 +158,7 @@ def test_what_pictures_alone_can_teach() -> None:
 
 
 # ------------------------------------------------------------------------------------------------ tracks
-def test_a_considered_track_is_what_a_filter_with_a_wrong_rig_does(rng: np.random.Generator) -> None:
+def test_a_considered_track_equals_a_filter_with_a_wrong_rig(rng: np.random.Generator) -> None:
     """A linear filter run on noiseless measurements that are off by a mount error drifts by S·(assumed − true)."""
     t, joint = _approach(10.0, to_y_m=300.0)
     bound = track_consider(t, joint, PSD, 10.0, 5.0)
@@ -184,14 +184,14 @@ def test_no_averaging_goes_below_the_floor() -> None:
     assert np.sqrt(bound.floor(P)[-1][1, 1]) == pytest.approx(0.65, rel=0.03)
 
 
-def test_learning_with_nothing_to_learn_is_the_plain_bound() -> None:
+def test_estimation_without_parameters_is_the_plain_bound() -> None:
     t, joint = _approach(10.0, to_y_m=400.0)
     learned = track_learning(t, joint, np.zeros((4, 4)), PSD, 10.0, 5.0)
     np.testing.assert_allclose(learned[:, :6, :6], posterior_bound(t, joint[:, :3, :3], PSD, 10.0, 5.0), atol=1e-12)
 
 
 # ------------------------------------------------------------------------------------------------- edges
-def test_errors_that_stations_share_are_told_apart_from_their_own() -> None:
+def test_shared_errors_of_stations_are_distinguished_from_their_own() -> None:
     """Two pans wrong by the same amount do not touch y; wrong each on its own they do."""
     bound = fix_consider(_joint(_on_glide(200.0), "B"))
     assert bound is not None

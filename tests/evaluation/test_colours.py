@@ -1,4 +1,4 @@
-"""What a figure tells by colour is told apart without one kind of cone, too."""
+"""Colours of a figure are distinguishable without one kind of cone, too."""
 
 import itertools
 
@@ -66,7 +66,7 @@ def least_difference(colours: np.ndarray, vision: np.ndarray) -> float:
 
 @pytest.mark.parametrize("vision", VISIONS)
 @pytest.mark.parametrize("palette", PALETTES)
-def test_any_two_colours_are_told_apart(palette: str, vision: str) -> None:
+def test_any_two_colours_are_distinguishable(palette: str, vision: str) -> None:
     assert least_difference(PALETTES[palette], VISIONS[vision]) >= APART
 
 
@@ -78,6 +78,6 @@ def test_any_two_colours_are_told_apart(palette: str, vision: str) -> None:
         ("tritanopia", from_hex("#3FA0FF", "#3AB0B0")),
     ],
 )
-def test_the_simulation_confuses_what_is_known_to_be_confused(vision: str, colours: np.ndarray) -> None:
+def test_the_simulation_confuses_known_confusable_colours(vision: str, colours: np.ndarray) -> None:
     assert least_difference(colours, VISIONS["all cones"]) > APART
     assert least_difference(colours, VISIONS[vision]) < APART

@@ -49,7 +49,7 @@ def compared(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("kind", ["--csv", "--json"])
-def test_a_folder_that_is_not_there_is_said_and_not_made(
+def test_a_missing_folder_is_reported_and_not_created(
     session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
     path = tmp_path / "none" / "x.csv"
@@ -74,7 +74,7 @@ def test_the_figures_are_the_summarys(compared: Path) -> None:
     assert figures["misses.left.no_region"] >= 0
 
 
-def test_the_table_and_the_json_say_the_same(compared: Path) -> None:
+def test_the_table_and_the_json_agree(compared: Path) -> None:
     with (compared / "c.csv").open(newline="") as file:
         rows = {(r["run"], r["figure"]): r for r in csv.DictReader(file)}
     whole = json.loads((compared / "c.json").read_text())
@@ -90,7 +90,7 @@ def test_the_table_and_the_json_say_the_same(compared: Path) -> None:
             assert float(row["baseline"]) == pytest.approx(before, rel=1e-6)
             assert loose["difference"][name] == pytest.approx(value - before)
     assert set(usual["difference"].values()) == {0.0}
-    # a filter that trusts its motion hundreds of times less follows the noise
+    # a filter with hundreds of times less process noise follows the noise
     assert loose["difference"]["truth.y250-400.ekf.rmse_y_m"] > 0.0
 
 
@@ -108,10 +108,10 @@ def test_the_printed_table_has_rows_settings_and_differences(
     assert "misses, usual:" in printed
 
 
-def test_the_errors_of_triangulation_stand_in_the_report_as_well(
+def test_the_errors_of_triangulation_are_in_the_report_as_well(
     compared: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Expected: `evaluate` takes all pairs of each method; table and report say the same besides those of both."""
+    """Expected: `evaluate` uses all pairs of each method; table and report agree with it next to those of both."""
     run = compared / "runs" / "loose"
     assert main(["evaluate", str(run)]) == 0
     printed = capsys.readouterr().out

@@ -25,7 +25,7 @@ def test_a_constant_error_counts_once() -> None:
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6, 0.9])
-def test_bounds_hold_the_mean_of_consistent_errors_as_often_as_they_say(rng: np.random.Generator, rho: float) -> None:
+def test_bounds_contain_the_mean_of_consistent_errors_at_the_stated_rate(rng: np.random.Generator, rho: float) -> None:
     """95 % of 400 series, two-sided; taken as independent, the most correlated would fail two times in five."""
     inside = 0
     for _ in range(400):

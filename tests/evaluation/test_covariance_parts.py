@@ -36,7 +36,7 @@ def of_noise(runs: list[ErrorsWithCovariance]) -> ChiSquareMean | None:
     return None if found is None else found.mean
 
 
-def test_what_is_drawn_from_the_stated_model_is_inside_as_often_as_the_bounds_say(rng: np.random.Generator) -> None:
+def test_draws_of_the_stated_model_are_inside_the_bounds_at_the_stated_rate(rng: np.random.Generator) -> None:
     """80 flights, 95 %: at least 71 and not all of each; four flights at once have narrower bounds."""
     flown = [drawn_flight(rng) for _ in range(80)]
     assert 71 <= sum(verdict(flights_chi_square([flight])) == "inside" for flight in flown) <= 79
@@ -63,7 +63,7 @@ def test_a_lasting_part_of_the_wrong_size_needs_many_flights(rng: np.random.Gene
     assert verdict(flights_chi_square([drawn_flight(rng, lasting=0.3) for _ in range(40)])) == "below"
 
 
-def test_the_noise_does_not_see_what_lasts_and_a_jump_is_counted_apart(rng: np.random.Generator) -> None:
+def test_the_noise_excludes_constant_errors_and_jumps_count_separately(rng: np.random.Generator) -> None:
     run = drawn_flight(rng)[0]
     drift = np.linspace(0.0, 8.0, FRAMES)[:, None]
     plain, moved = noise_chi_square([run]), noise_chi_square([replace(run, errors=run.errors + 3.0 + drift)])

@@ -5,7 +5,7 @@ import numpy as np
 from groundstation.evaluation.dgps_lag import _MIN_WINDOW_SAMPLES, _windowed
 
 
-def test_windows_sum_what_is_in_them_and_poor_ones_say_nothing() -> None:
+def test_windows_sum_their_content_and_poor_ones_are_skipped() -> None:
     n = _MIN_WINDOW_SAMPLES
     score, information = np.arange(1.0, 2 * n + 1), np.full(2 * n, 4.0)
     lo, hi = np.array([0, n, 0]), np.array([n, 2 * n, n - 1])

@@ -60,7 +60,7 @@ def test_summary_agrees_with_a_plain_calculation(
 
 
 def test_a_consistent_run_is_called_consistent(evaluation: Evaluation) -> None:
-    """Expected: ANEES near 1 and triangulation on its bound, since this run's noise is what it says it is.
+    """Expected: ANEES near 1 and triangulation on its bound, because this run's noise is as stated.
 
     The reading noise is that of the rig and no reading is interpolated.
     """
@@ -118,7 +118,7 @@ def test_page_is_self_contained_and_names_are_escaped(evaluation: Evaluation, tm
         ET.fromstring(picture)
 
 
-def test_what_is_left_out_is_said_everywhere(
+def test_excluded_data_are_reported_everywhere(
     landing_run: ResultCollector, landing_truth: Path3D, landing_fixes: list[DgpsFix], rig: Rig
 ) -> None:
     """Expected: a held log is named frozen in summary, table and page, and lowers the number of compared epochs."""

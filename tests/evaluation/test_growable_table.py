@@ -8,7 +8,7 @@ ROWS = 5000
 DTYPE = np.dtype([("number", "i4"), ("place_m", "f8", 3)])
 
 
-def test_rows_handed_out_stay_what_they_were_while_the_table_grows() -> None:
+def test_returned_rows_stay_unchanged_while_the_table_grows() -> None:
     table = GrowableTable(DTYPE)
     assert len(table.rows()) == len(table) == 0
     seen = []

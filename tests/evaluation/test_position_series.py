@@ -28,7 +28,7 @@ def test_interpolation_is_linear_and_refuses_gaps_and_ends() -> None:
     np.testing.assert_allclose(at.velocity_m_s[2], [1.0, 2.0, 3.0])
 
 
-def test_interpolation_of_nothing_is_not_usable() -> None:
+def test_interpolation_of_an_empty_series_is_not_usable() -> None:
     assert not interpolate(_series(np.zeros(1), np.zeros((1, 3))), np.array([0.0]), 0.5).usable.any()
 
 

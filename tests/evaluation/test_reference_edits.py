@@ -1,4 +1,4 @@
-"""Fault scenarios: a good DGPS log edited, and what the evaluation must find. Each docstring says the expected."""
+"""Fault scenarios: a good DGPS log edited, and the faults that the evaluation must find, stated in each docstring."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -89,15 +89,15 @@ def test_offset_is_only_reported_where_the_clocks_are_one(
     landing_fixes: list[DgpsFix],
     landing_truth: Path3D,
 ) -> None:
-    """Expected: a session on DGPS time is compared as it says; the 0.3 s that contradict it are found and shown."""
+    """Expected: a session on DGPS time is compared as stated; the 0.3 s that contradict it are found and shown."""
     found = check_reference(landing_fixes, landing_track, landing_points, None, EvaluationConfig(), clocks_given=True)
     assert _offset(found).offset_s == pytest.approx(OFFSET_S, abs=0.03)
     assert found.applied_offset_s == 0.0
     assert _worst_error(found, landing_truth) > 3.0
 
 
-def test_offset_sigma_is_honest(landing_truth: Path3D, rig: Rig) -> None:
-    """Expected: over 12 runs the errors are about as large as stated, from triangulation and from the track alike."""
+def test_offset_sigma_is_consistent(landing_truth: Path3D, rig: Rig) -> None:
+    """Expected: over 12 runs the errors are about as large as stated, for triangulation and track."""
     scores: dict[OffsetSource, list[float]] = {s: [] for s in OffsetSource}
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -165,7 +165,7 @@ def test_held_then_resumed_with_growing_lag(
 def test_held_then_resumed_late_for_good(
     check: Check, landing_fixes: list[DgpsFix], landing_truth: Path3D, rng: np.random.Generator
 ) -> None:
-    """Expected: a receiver that comes back 2 s late is lagging, although most of the log says so."""
+    """Expected: a receiver that returns 2 s late is lagging, although most of the log does not show it."""
     late = _late(_hold(landing_fixes, 8.0, 10.0), landing_truth, 10.0, lambda _: 2.0, rng)
     found = check(late)
     assert _spans(found, ExclusionReason.LAGGING)
@@ -208,7 +208,7 @@ def test_glitches_are_left_out(check: Check, landing_fixes: list[DgpsFix], landi
 
 
 def test_standing_aircraft_is_not_frozen(rig: Rig, rng: np.random.Generator) -> None:
-    """Expected: eight seconds of standing, then a take-off run: nothing is left out, noise or exact repeats alike."""
+    """Expected: eight seconds at rest, then a take-off run: nothing is left out, with noise or exact repeats."""
     t = np.arange(0.5, 20.5, 0.05)
     run_s = np.maximum(t - 8.5, 0.0)
     points = np.column_stack([0.6 + 0 * t, 200.0 - 1.5 * run_s**2, 0.3 + 0.02 * np.maximum(run_s - 5, 0) ** 2])
@@ -222,7 +222,7 @@ def test_standing_aircraft_is_not_frozen(rig: Rig, rng: np.random.Generator) -> 
 
 
 @pytest.mark.parametrize("session", ["landing-1", "takeoff-1"])
-def test_recorded_logs_lose_nothing_good(session: str, shared_data: Path, rng: np.random.Generator) -> None:
+def test_recorded_logs_lose_no_valid_fix(session: str, shared_data: Path, rng: np.random.Generator) -> None:
     """Expected: on the rendered sessions' own DGPS at most 1 % of the fixes is left out for anything but gaps."""
     folder = shared_data / session
     truth, log = read_path(folder / "truth.csv"), read_path(folder / "dgps.csv")
@@ -284,7 +284,7 @@ def test_log_too_slow_to_interpolate(check: Check, landing_fixes: list[DgpsFix],
 
 
 def test_no_overlap_gives_a_reason(check: Check, landing_fixes: list[DgpsFix], landing_truth: Path3D) -> None:
-    """Expected: a log of another hour finds no offset, says why, and nothing is compared."""
+    """Expected: a log of another hour gives no offset, with a reason, and nothing is compared."""
     found = check([replace(f, t_s=f.t_s + 3600.0) for f in landing_fixes])
     assert isinstance(found.offset, NoOffset)
     assert found.offset.reason

@@ -78,14 +78,14 @@ def sampled(request: pytest.FixtureRequest) -> tuple[float, np.ndarray, list[Tim
     return request.param, np.array(off), all_found
 
 
-def test_the_offset_scatters_as_its_sigma_says(sampled: tuple[float, np.ndarray, list[TimeOffset]]) -> None:
+def test_the_offset_scatters_by_its_sigma(sampled: tuple[float, np.ndarray, list[TimeOffset]]) -> None:
     """Expected: mean of (error/σ)² inside two-sided χ² bounds of the flights, white errors or lasting."""
     _, off, flights = sampled
     low, high = chi2.ppf([0.001, 0.999], FLIGHTS)
     assert low < np.sum((off / [f.sigma_s for f in flights]) ** 2) < high
 
 
-def test_errors_that_last_raise_the_sigma_by_what_they_cost(
+def test_correlated_errors_raise_the_sigma_by_their_effect(
     sampled: tuple[float, np.ndarray, list[TimeOffset]],
 ) -> None:
     """Expected: white errors are at the bound; of lasting ones the sampled scatter is a multiple, and so is sigma."""

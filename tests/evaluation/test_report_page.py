@@ -118,7 +118,7 @@ LAID_OUT = """({
 
 @pytest.mark.parametrize("width_px", [390, 800, 1060, 1100, 1340, 1440])
 def test_a_real_browser_shows_it(chromium: Browser, written: Path, width_px: int) -> None:
-    """Expected: no complaint, no request but for the page, nothing beyond the window's edge, every picture drawn."""
+    """Expected: no error, no request but for the page, nothing beyond the window's edge, every picture drawn."""
     address = (written / "report.html").as_uri()
     chromium.show(address, width_px)
     assert chromium.complaints() == []
@@ -141,7 +141,7 @@ BEYOND = """({
 PAPER_PX = 688
 
 
-def test_printed_nothing_is_cut_off_or_folded_away(chromium: Browser, written: Path) -> None:
+def test_in_print_no_content_is_cut_off_or_folded(chromium: Browser, written: Path) -> None:
     """Expected: all within the paper's width, log and configuration open, and few pages, so none nearly empty."""
     chromium.show((written / "report.html").as_uri(), 1440)
     assert chromium.value(BEYOND)["hidden"] >= 1
@@ -179,7 +179,7 @@ def test_the_papers_page_holds_its_figures(tmp_path: Path) -> None:
     assert "<li>a &lt;smaller&gt; aircraft</li>" in page
 
 
-def test_a_real_browser_sees_what_is_wrong(chromium: Browser, tmp_path: Path) -> None:
+def test_a_real_browser_renders_faulty_parts(chromium: Browser, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     page.write_text(
         "<!doctype html><meta name=viewport content='width=device-width'><div style='width:900px'>wide</div>"
@@ -201,8 +201,8 @@ def test_the_page_is_well_formed_and_small(page: str) -> None:
     assert len(page.encode()) < 5_000_000
 
 
-def test_it_loads_nothing(page: str) -> None:
-    """Expected: no reference that leaves the page; names of XML dialects are none, nothing fetches them."""
+def test_it_loads_no_external_file(page: str) -> None:
+    """Expected: no reference to outside the page; names of XML dialects do not count, nothing fetches them."""
     for tag, attributes in Document(page).found:
         assert tag not in ("script", "link", "iframe", "img"), tag
         for name, value in attributes.items():
@@ -212,7 +212,7 @@ def test_it_loads_nothing(page: str) -> None:
     assert not re.search(r"@import|url\((?!#|'#|\"#)", page)
 
 
-def test_every_picture_says_what_it_shows(page: str) -> None:
+def test_every_picture_has_a_caption(page: str) -> None:
     pictures = [attributes for tag, attributes in Document(page).found if tag == "svg"]
     assert len(pictures) == 8
     for attributes in pictures:
@@ -233,7 +233,7 @@ def test_every_table_fits_a_phone(page: str) -> None:
                 assert all(cell.get("data-label") for cell in row[1:])
 
 
-def test_the_style_knows_phone_and_paper() -> None:
+def test_the_style_covers_phone_and_paper() -> None:
     assert "@media screen and (max-width:1050px)" in PAGE_CSS
     assert "@media print" in PAGE_CSS
     assert PAGE_CSS.count("{") == PAGE_CSS.count("}")
@@ -249,14 +249,14 @@ def test_figures_lie_beside_the_page(written: Path) -> None:
         assert path.read_bytes().startswith(b"\x89PNG")
 
 
-def test_what_the_clocks_sigma_leaves_out_stands_beside_it(page: str) -> None:
+def test_errors_outside_the_clocks_sigma_are_listed_next_to_it(page: str) -> None:
     """Expected: in the same paragraph as the figure, that a lasting error of the detected nose is not in its ±."""
     clock = next(p for p in page.split("<p>") if p.startswith("Clock: t<sub>dgps</sub>")).partition("</p>")[0]
     assert " ms (1 σ)" in clock
     assert "where on the aircraft its nose is detected, is not in it" in clock
 
 
-def test_what_was_learnt_is_said(page: str) -> None:
+def test_estimated_parameters_are_reported(page: str) -> None:
     assert "+2.0000 ± 1.0000 ms" in page
     assert "not estimated" in page
     assert "taught until 12.50 s" in page
@@ -264,7 +264,7 @@ def test_what_was_learnt_is_said(page: str) -> None:
     assert "Smoothed over the whole flight" in page
 
 
-def test_bounds_stand_beside_errors(page: str, evaluation: Evaluation) -> None:
+def test_bounds_are_listed_next_to_errors(page: str, evaluation: Evaluation) -> None:
     bound = evaluation.summary["accuracy"]["truth"]["total"]["bound"]["track_sigma_m"]
     assert axes_cell(bound, ".3f") in page
 

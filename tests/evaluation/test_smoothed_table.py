@@ -21,7 +21,7 @@ def comparison(known: list[bool], error_m: list[float]) -> Comparison:
     )
 
 
-def test_the_filter_is_judged_on_the_epochs_that_both_know() -> None:
+def test_the_filter_is_evaluated_on_the_common_epochs() -> None:
     filtered = comparison([True, True, False, True], [3.0, 4.0, 0.0, 100.0])
     smoothed = comparison([True, True, True, False], [1.0, 2.0, 2.0, 0.0])
     table = smoothed_table(filtered, smoothed)

@@ -1,4 +1,4 @@
-"""The study of the paper's detection experiments: it repeats exactly, and its tables say what the outcomes do."""
+"""The study of the paper's detection experiments: it repeats exactly, and its tables match the outcomes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -99,7 +99,7 @@ def test_a_point_is_wrong_beyond_ten_px_and_a_quarter_of_the_width(off: float, w
     assert made_up(error_px=np.array([0.0, off]), width_px=width).wrong is wrong
 
 
-def test_tables_count_misses_deviations_and_honesty() -> None:
+def test_tables_count_misses_deviations_and_consistency() -> None:
     missed = made_up(reason="no_region", overlap=0.0, background="ground", t_s=1.1)
     moved = made_up(point_px=np.array([55.0, 31.0]), t_s=1.1)
     sweep = findings.roi_table({"a": [made_up(), moved], FULL: [made_up(), made_up(t_s=1.1)]}, FULL, {"a": "theirs"})
@@ -138,7 +138,7 @@ def test_a_session_without_truth_is_refused(landing_1: Path, tmp_path: Path) -> 
         next(scenes(load_session(tmp_path), SEED))
 
 
-def test_a_replay_is_told_by_background_and_width() -> None:
+def test_a_replay_is_evaluated_by_background_and_width() -> None:
     """Expected: rms and percent of the width of each bin, misses counted, and the ranges with a target value."""
     far = [made_up(t_s=0.1 * k, error_px=np.array([1.0, -2.0]), overlap=0.5 + 0.1 * k) for k in range(3)]
     missed = made_up(reason="no_region", error_px=np.full(2, np.nan), overlap=0.0, holds_silhouette=False)

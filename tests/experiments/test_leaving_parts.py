@@ -44,7 +44,7 @@ def test_without_the_bundled_recording_one_has_to_be_named(tmp_path: Path, monke
         reproduce.reproduce(request)
 
 
-def test_edges_are_stated_with_root_mean_square_and_median(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_edges_are_reported_with_root_mean_square_and_median(monkeypatch: pytest.MonkeyPatch) -> None:
     own = np.array([[0.0, 1.0, -1.0, 30.0]])
 
     def track(sequence: object, count: int) -> onboard_edges._Tracked:

@@ -55,7 +55,7 @@ def test_an_empty_cell_is_absent_or_a_fault(tmp_path: Path) -> None:
     assert fault_of(tmp_path, "t_s,x_m\n1, \n") == "table.csv: line 2: got an empty x_m; wanted a finite number"
 
 
-def test_a_missing_column_is_named_beside_what_is_there(tmp_path: Path) -> None:
+def test_a_missing_column_is_named_with_the_existing_ones(tmp_path: Path) -> None:
     assert fault_of(tmp_path, "t_s;x_m\n1;2\n") == "table.csv: line 1: got t_s;x_m; wanted a column t_s"
     assert fault_of(tmp_path, "") == "table.csv: line 1: got nothing; wanted a column t_s"
     assert fault_of(tmp_path, "\n\n") == "table.csv: line 1: got nothing; wanted a column t_s"
@@ -125,7 +125,7 @@ ROWS = st.lists(st.lists(CELL, max_size=4).map(",".join), max_size=8).map("\n".j
 
 
 @given(st.one_of(st.binary(max_size=200), ROWS.map(lambda t: ("t_s,x_m\n" + t).encode("utf-8", "surrogatepass"))))
-def test_whatever_the_bytes_only_our_errors_come_out(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
+def test_arbitrary_bytes_raise_only_project_errors(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     folder = tmp_path_factory.getbasetemp()
     with only(SessionError):
         opened = table(folder, content)

@@ -1,4 +1,4 @@
-"""The size that a coded picture claims is told as a decoder tells it, and no decoder is given one that is too large."""
+"""The size in a coded picture's header equals the decoder's, and no decoder gets one that is too large."""
 
 import struct
 
@@ -54,5 +54,5 @@ def test_what_is_too_large_or_of_another_kind_is_not_decoded() -> None:
 
 
 def test_a_whole_picture_in_colour_and_a_chunk_can_be_read_again() -> None:
-    """Expected: the recorder writes no chunk that the reader refuses, with a picture as large as a rig may say."""
+    """Expected: the recorder writes no chunk that the reader refuses, with a picture of the largest size in a rig."""
     assert RecorderConfig().chunk_bytes + 3 * MAX_PICTURE_PX + 65_536 < MAX_RECORD_BYTES

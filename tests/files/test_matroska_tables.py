@@ -49,7 +49,7 @@ def test_tables_over_and_over_are_refused_before_they_are_decoded(video: Path, t
     assert "left.mkv: got no video that OpenCV can open; wanted a complete video file" in reported
 
 
-def test_a_second_table_and_bytes_that_look_like_some_are_no_fault(video: Path) -> None:
+def test_a_second_table_and_similar_bytes_are_not_a_fault(video: Path) -> None:
     with_copies(video, TRACKS, 1)
     video.write_bytes(video.read_bytes() + 8 * (TRACKS + bytes(500)))
     assert not repeats_tables(video)

@@ -35,7 +35,7 @@ def test_what_is_no_plain_component_is_refused_in_one_line(name: str, tmp_path: 
 
 
 @pytest.mark.parametrize("name", TAKEN)
-def test_plain_names_are_taken_as_they_are(name: str, tmp_path: Path) -> None:
+def test_plain_names_are_unchanged(name: str, tmp_path: Path) -> None:
     assert name_fault(name) is None
     assert below(tmp_path, name) == tmp_path / name
 
@@ -120,7 +120,7 @@ OF_OURS = {"groundstation/simulation/device_simulator.py", "groundstation/simula
 
 
 @pytest.mark.parametrize("package", ["groundstation", "calibration"])
-def test_names_put_together_are_joined_to_folders_by_below_alone(package: str) -> None:
+def test_composed_names_are_joined_to_folders_by_below_alone(package: str) -> None:
     """Expected: no `folder / f"…"` outside; the links of simulated heads, named by checked stations, are replaced."""
     found = []
     for path in sorted((ROOT / package).rglob("*.py")):

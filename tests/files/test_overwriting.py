@@ -1,4 +1,4 @@
-"""What a command writes never replaces what it reads: by any name, of any command, and said before anything is done."""
+"""An output never replaces an input: by any name, of any command, and reported before anything is done."""
 
 import argparse
 import os
@@ -36,7 +36,7 @@ def every_argument(parser: argparse.ArgumentParser, command: str = "") -> Iterat
 ARGUMENTS = list(every_argument(build_parser()))
 
 
-def test_every_argument_that_takes_a_path_says_whether_it_is_read_or_written() -> None:
+def test_every_path_argument_is_declared_as_read_or_written() -> None:
     """Expected: none is a bare path, and none is a bare text but those that name no file."""
     assert len(ARGUMENTS) > 150
     for command, action in ARGUMENTS:
@@ -199,7 +199,7 @@ def test_two_outputs_are_two_files(tmp_path: Path) -> None:
         refuse_overwriting([], [one, other])
 
 
-def test_a_replay_writes_what_it_is_declared_to_write(tmp_path: Path) -> None:
+def test_a_replay_writes_its_declared_files(tmp_path: Path) -> None:
     """Expected: no other file, and evaluating it into a folder that holds the results of others is allowed."""
     session = Tiny(rows=3).write(tmp_path / "session")
     (session / "dgps.csv").write_text("t_s,x_m,y_m,z_m\n1.0,0,300,20\n1.1,0,299,20\n")

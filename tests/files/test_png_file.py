@@ -1,4 +1,4 @@
-"""A PNG is whole, or it is none: told before a decoder makes room for what it claims."""
+"""A PNG is complete or refused, before a decoder allocates memory for its stated size."""
 
 import struct
 import zlib
@@ -29,7 +29,7 @@ def test_a_chunk_longer_than_its_file_is_none() -> None:
     assert png_size_px(PNG[:at] + struct.pack(">I", 2**31 - 1) + PNG[at + 4 :]) is None
 
 
-def test_a_file_of_nothing_but_chunks_ends() -> None:
+def test_a_file_of_only_chunks_ends() -> None:
     empty = struct.pack(">I", 0) + b"teXt" + struct.pack(">I", zlib.crc32(b"teXt"))
     assert png_size_px(PNG[:33] + empty * 100_001 + PNG[33:]) is None
 

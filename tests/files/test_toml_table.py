@@ -16,7 +16,7 @@ def table(**values: Any) -> TomlTable:
     return TomlTable(values, "rig.toml", RigError)
 
 
-def test_values_come_back_with_their_type() -> None:
+def test_values_are_read_with_their_type() -> None:
     t = table(name="left", x=3, flag=True, v=[1, 2.5], sub={"y": 1})
     assert (t.text("name"), t.number("x"), t.flag("flag", False), t.table("sub").number("y")) == ("left", 3.0, True, 1)
     assert t.vector("v", 2).dtype == np.float64
@@ -24,7 +24,7 @@ def test_values_come_back_with_their_type() -> None:
     assert "z" not in t
 
 
-def test_defaults_stand_in_for_what_is_absent() -> None:
+def test_defaults_replace_absent_keys() -> None:
     t = table()
     assert (t.text("a", "b"), t.number("x", 2.0), t.flag("f", True)) == ("b", 2.0, True)
     assert t.vector("v", 2, (1.0, 2.0)).tolist() == [1.0, 2.0]

@@ -7,7 +7,7 @@ from tests.geometry.test_station import LENS, station
 
 
 @pytest.mark.parametrize("range_m", [5.0, 200.0, 5000.0])
-def test_the_point_comes_onto_the_principal_point(rng: np.random.Generator, range_m: float) -> None:
+def test_the_point_is_projected_to_the_principal_point(rng: np.random.Generator, range_m: float) -> None:
     geometry = station(rng)
     for _ in range(20):
         direction = np.array([rng.normal(), abs(rng.normal()) + 0.1, abs(0.3 * rng.normal())])

@@ -59,7 +59,7 @@ def assert_twins(geometry: StationGeometry, point: NDArray[np.float64], pan: flo
     np.testing.assert_array_equal(projected.jacobian, plain.jacobian)
     assert projected.depth_m == plain.depth_m
     twin = numeric_calibration_jacobian(geometry, point, pan, tilt)
-    # a column is judged by its size; the smallest are the last distortion terms, far below a pixel
+    # a column is compared with its size; the smallest are the last distortion terms, far below a pixel
     scale = np.abs(twin).max(axis=0) + 1e-3
     np.testing.assert_allclose(projected.calibration_jacobian / scale, twin / scale, atol=2e-5)
 
@@ -124,7 +124,7 @@ def test_a_pan_error_is_a_turned_base_and_a_tilt_error_a_turned_camera(rng: np.r
     np.testing.assert_allclose(projected.calibration_jacobian[:, 6], projected.jacobian[:, 4], rtol=1e-9)
 
 
-def test_a_change_is_what_its_names_say(rng: np.random.Generator) -> None:
+def test_a_change_affects_the_named_parameters(rng: np.random.Generator) -> None:
     """runway_from_base_true = exp([θ]×) · runway_from_base, and so on, to the last digit and for large angles."""
     geometry = station(rng)
     change = np.zeros(CALIBRATION_SIZE)

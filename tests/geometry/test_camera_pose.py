@@ -49,13 +49,13 @@ def test_the_pose_carries_a_pixels_ray(
     np.testing.assert_allclose(pose.runway_from_camera.T @ pose.runway_from_camera, np.eye(3), atol=1e-12)
 
 
-def test_at_rest_the_camera_looks_along_the_runway() -> None:
+def test_at_rest_the_camera_points_along_the_runway() -> None:
     pose = _station([1.0, 0.0, 0.0, 0.0]).camera_pose(0.0, 0.0)
     np.testing.assert_allclose(pose.runway_from_camera[:, 2], [0.0, 1.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(pose.runway_from_camera[:, 1], [0.0, 0.0, -1.0], atol=1e-12)
     np.testing.assert_allclose(pose.position_runway_m, [-5.39, 0.26, 1.65], atol=1e-12)
 
 
-def test_positive_pan_turns_left_and_positive_tilt_looks_up() -> None:
+def test_positive_pan_turns_left_and_positive_tilt_up() -> None:
     axis = _station([1.0, 0.0, 0.0, 0.0]).camera_pose(0.1, 0.2).runway_from_camera[:, 2]
     assert axis[0] < 0 < axis[2]

@@ -1,4 +1,4 @@
-"""Dual quaternions: the algebra by its properties, and against pytransform3d, which shares no code with ours."""
+"""Dual quaternions: the algebra by its properties, and against pytransform3d, an independent implementation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Files of at most a megabyte that ask for far more room or time than that: one for each way that was thought of."""
+"""Files of at most a megabyte that need far more memory or time than that: one for each known way."""
 
 import io
 import json
@@ -24,7 +24,7 @@ def _zstd(data: bytes) -> bytes:
 
 
 def _recording(*chunks: tuple[int, bytes]) -> bytes:
-    """A recording with a header as one of ours has it, an epoch, and these chunks."""
+    """A recording with a header as the recorder writes it, an epoch, and these chunks."""
     epoch = b'{"n":0,"kind":"epoch","t_s":1.0,"epoch":0,"stations":["left","right"]}'
     first = chunk(channel(9, EVENTS_TOPIC) + message(9, epoch))
     head = [metadata(ABOUT, header_values(header())), *(attachment(name, data) for name, data in FILES.items())]
@@ -190,7 +190,7 @@ def toml_space() -> bytes:
 
 
 def png(width: int, height: int, *, interlaced: bool = False, depth: int = 8, colour: int = 0) -> bytes:
-    """A PNG of nothing that is as large as it says."""
+    """An empty PNG of the stated size."""
     channels = {0: 1, 2: 3, 6: 4}[colour]
     row = 1 + (width * channels * depth + 7) // 8
     # as much of it as goes into a megabyte: a thousand to one is the most that there is
@@ -210,7 +210,7 @@ def png_text() -> bytes:
 
 
 def jpeg() -> bytes:
-    """A JPEG that says to be 65,000 pixels wide and high."""
+    """A JPEG whose header states 65,000 pixels of width and height."""
     import cv2
     import numpy as np
 
@@ -233,7 +233,7 @@ def jpeg_scans() -> bytes:
 
 
 def bmp() -> bytes:
-    """A BMP that says to be large, packed in runs."""
+    """A BMP with a large stated size, packed in runs."""
     head = struct.pack("<IiiHHIIiiII", 40, 60_000, 60_000, 1, 8, 1, 900_000, 0, 0, 256, 0)
     palette = bytes(1024)
     body = b"\xff\x00" * 400_000
@@ -241,7 +241,7 @@ def bmp() -> bytes:
 
 
 def tiff() -> bytes:
-    """A TIFF of nothing, as large as it says, packed."""
+    """An empty TIFF of a large stated size, packed."""
     import cv2
     import numpy as np
 
@@ -397,7 +397,7 @@ def mp4_inside() -> bytes:
 
 
 def mp4_boxes() -> bytes:
-    """Boxes in boxes, and tables that say to be long."""
+    """Nested boxes, and tables with a long stated length."""
     inner = struct.pack(">I4sIII", 20, b"stsz", 0, 1, 0xFFFFFFFF)
     for kind in (b"stbl", b"minf", b"mdia", b"trak", b"moov"):
         inner = struct.pack(">I4s", len(inner) + 8, kind) + inner

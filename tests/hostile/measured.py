@@ -1,6 +1,6 @@
-"""A process that reads a file for another one, in a process forked for it, and says what room and time that took.
+"""A process that reads a file for another one, in a forked process, and reports the memory and time of it.
 
-python -m tests.hostile.measured FOLDER: then a line READER for each file that lies where that reader expects it.
+python -m tests.hostile.measured FOLDER: then a line READER for each file in the place where that reader expects it.
 """
 
 import json

@@ -20,7 +20,7 @@ def record(opcode: int, content: bytes, length: int | None = None) -> bytes:
 
 
 def container(records: Iterable[Record], *, closed: bool = True) -> bytes:
-    """Return the bytes of a file of some records, with the end of one that was closed unless told otherwise."""
+    """Return the bytes of a file of some records, with the end of a closed one by default."""
     end = record(Opcode.DATA_END, bytes(4)) + record(Opcode.FOOTER, bytes(20)) + MAGIC if closed else b""
     return MAGIC + b"".join(record(*one) for one in records) + end
 
@@ -31,7 +31,7 @@ def text(value: str) -> bytes:
 
 
 def chunk(inside: bytes, compression: str = "", *, says: int | None = None, packed: bytes | None = None) -> Record:
-    """Return a chunk of some records; ``says`` is the length it announces, ``packed`` what stands in it."""
+    """Return a chunk of some records; ``says`` is its stated length, ``packed`` its content."""
     data = inside if packed is None else packed
     head = struct.pack("<QQQI", 0, 0, len(inside) if says is None else says, 0)
     return Opcode.CHUNK, head + text(compression) + struct.pack("<Q", len(data)) + data

@@ -14,7 +14,7 @@ from groundstation.integrity.leave_one_out import (
 
 
 @pytest.mark.parametrize("stations", [2, 3, 5])
-def test_it_is_what_eliminating_the_target_leaves_of_a_bias(rng: np.random.Generator, stations: int) -> None:
+def test_it_equals_the_bias_after_elimination_of_the_target(rng: np.random.Generator, stations: int) -> None:
     H, r = rng.normal(size=(stations, 2, 3)), rng.normal(size=(stations, 2))
     roots = rng.normal(size=(stations, 2, 2))
     noises = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(2)
@@ -32,7 +32,7 @@ def test_it_is_what_eliminating_the_target_leaves_of_a_bias(rng: np.random.Gener
         assert np.linalg.inv(A) == pytest.approx(np.linalg.inv(information)[3:, 3:], rel=1e-6)
         assert np.linalg.solve(A, g) == pytest.approx(solved[3:], rel=1e-6)
     else:
-        # two cameras say nothing of a bias along one direction
+        # two cameras do not determine a bias along one direction
         assert abs(np.linalg.det(A)) < 1e-9 * np.trace(A) ** 2
 
 
@@ -87,7 +87,7 @@ def test_summed_up_epochs_are_the_pseudo_inverse_of_their_sums(rng: np.random.Ge
     g = (A @ rng.normal(size=2)).reshape(9, 2)
     parts = np.column_stack([A[:, 0, 0], A[:, 0, 1], A[:, 1, 1], g, np.full(9, noise), np.full(9, constant)])
     bias = np.empty(2)
-    # what lies behind the count is not looked at
+    # values beyond the count are not used
     statistic, dof = window_statistic(np.vstack([parts, np.full((3, 7), np.nan)]), 9, bias)
     wanted = np.linalg.pinv(A.sum(axis=0), rcond=1e-9) @ g.sum(axis=0)
     assert dof == directions

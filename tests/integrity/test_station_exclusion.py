@@ -59,7 +59,7 @@ def test_separation_is_chi_square_whatever_the_target_does(rng: np.random.Genera
 
 
 def test_false_alarms_are_as_rare_as_stated(rng: np.random.Generator) -> None:
-    """Asked for 200 an hour, to have something to count, in 0.12 h: no more than three sigmas above it."""
+    """At 200 an hour, for a countable number, in 0.12 h: no more than three sigmas above it."""
     watcher = IntegrityMonitor(STATIONS, IntegrityConfig(constant_px=0.0, false_alarms_per_hour=200.0))
     alarms = 0
     hours = 0.12
@@ -107,8 +107,8 @@ def test_no_station_is_accused_without_fault(kind: str) -> None:
     ids=["tilt-left", "tilt-third", "pan-left", "pan-right", "clock-third"],
 )
 def test_a_faulty_station_is_named_and_left_out(station: str, error: StationErrors) -> None:
-    """Three stations, a bump of 0.05° or a PTU clock that jumps by 0.15 s: named within 2.5 s, no other ever; what is
-    left is as uncertain as it says."""
+    """Three stations, a bump of 0.05° or a PTU clock that jumps by 0.15 s: named within 2.5 s, no other ever; the
+    remaining estimate is consistent."""
     flights = []
     for seed in range(3):
         watched = watch(broken(scenario(seed, trajectory=drawn_path(seed)), {station: error}, BUMP_S))
@@ -172,7 +172,7 @@ def test_a_wrong_target_is_left_out() -> None:
 
 
 def test_a_station_that_agrees_again_is_used_again() -> None:
-    """A mount pushed for 1.5 s and let go: excluded, and trusted again three seconds after it agrees."""
+    """A mount pushed for 1.5 s and released: excluded, and readmitted three seconds after it agrees."""
     pushed = broken(scenario(2), {"left": mount(tilt_deg=0.06)}, BUMP_S)
     healthy = simulate(scenario(2))
     events = [e for e in pushed.events if e.t_s < 5.5] + [e for e in healthy.events if e.t_s >= 5.5]
@@ -185,7 +185,7 @@ def test_a_station_that_agrees_again_is_used_again() -> None:
 
 
 @pytest.mark.parametrize(("min_epochs", "readmit_s"), [(5, 0.2), (16, 0.2), (5, 1.5)])
-def test_a_station_is_trusted_again_only_by_so_many_epochs_of_so_long(
+def test_a_station_is_readmitted_only_after_enough_epochs_over_enough_time(
     rng: np.random.Generator, min_epochs: int, readmit_s: float
 ) -> None:
     """Expected: windows begin empty at the exclusion; first the epochs are there, then it has to agree for the time.
@@ -238,9 +238,9 @@ def test_in_and_out_are_not_the_same_limit(share: float, trusted: bool) -> None:
     assert (watcher.verdict("left") is StationVerdict.TRUSTED) is trusted
 
 
-def test_two_stations_cannot_say_which() -> None:
-    """Differential tilt is seen, both stations doubted, none excluded, and the covariance is what the error is;
-    differential pan is not seen at all: it looks like range."""
+def test_two_stations_cannot_identify_the_faulty_one() -> None:
+    """Differential tilt is detected, both stations doubted, none excluded, and the covariance matches the error;
+    differential pan is not observable: it is equivalent to range."""
     doubting, believing = [], []
     for seed in range(3):
         flight = broken(
@@ -261,7 +261,7 @@ def test_two_stations_cannot_say_which() -> None:
 
 
 @pytest.mark.parametrize(("beyond", "epochs", "alarmed"), [(0.0, 5, False), (1e-9, 5, True), (1e-9, 4, False)])
-def test_only_what_is_beyond_the_limit_alarms(beyond: float, epochs: int, alarmed: bool) -> None:
+def test_only_values_beyond_the_limit_alarm(beyond: float, epochs: int, alarmed: bool) -> None:
     config = IntegrityConfig()
     assert config.min_epochs == 5
     watched = IntegrityMonitor(("left", "right"), config)

@@ -12,7 +12,7 @@ def wait_for_word(pipe: Any) -> None:
 
 
 def ignore_everything(pipe: Any) -> None:
-    """Report, and go on whatever is sent, SIGTERM too."""
+    """Report, and continue after any signal, SIGTERM too."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     pipe.send("here")
     while True:

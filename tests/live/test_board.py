@@ -1,4 +1,4 @@
-"""What the operator is told."""
+"""The operator's display in words."""
 
 import math
 from dataclasses import replace
@@ -28,7 +28,7 @@ def answer(epoch: int, status: TrackStatus = TrackStatus.TRACKING, t_s: float = 
     )
 
 
-def test_delays_are_from_the_first_frame_to_the_answer() -> None:
+def test_latency_is_from_the_first_frame_to_the_result() -> None:
     board = StatusBoard()
     for k in range(100):
         board.arrived(k, 0.1 * k)
@@ -50,7 +50,7 @@ def state(t_s: float, status: TrackStatus, sigma_y_m: float | None) -> TrackStat
     return TrackState(t_s=t_s, status=status, kinematics=grown)
 
 
-def test_without_pairs_the_prediction_is_told_and_how_old_the_newest_pair_is() -> None:
+def test_without_pairs_the_prediction_and_the_age_of_the_newest_pair_are_shown() -> None:
     """Expected: position and grown sigma of the heartbeat; the pair's age from half a second on; lost has no place."""
     board = StatusBoard()
     board.answered(answer(0, t_s=10.0), 10.02)
@@ -69,7 +69,7 @@ def test_without_pairs_the_prediction_is_told_and_how_old_the_newest_pair_is() -
     assert reported(20.02, TrackStatus.TRACKING).startswith("tracking at 212 ± 0.5 m")
 
 
-def test_what_is_not_known_of_now_is_not_told_as_if_it_were() -> None:
+def test_outdated_states_are_not_shown_as_present() -> None:
     """Expected: neither a place nor the word for what the track was a second and more ago."""
     board = StatusBoard()
     board.answered(answer(0, t_s=10.0), 10.02)
@@ -80,19 +80,19 @@ def test_what_is_not_known_of_now_is_not_told_as_if_it_were() -> None:
     assert board.status(11.01, TrackStatus.COASTING, (), {}, "").lines[0].startswith("coasting: predicted")
 
 
-def test_before_the_first_answer_no_age_is_shown() -> None:
+def test_before_the_first_result_no_age_is_shown() -> None:
     board = StatusBoard()
     board.passed(state(-1e9, TrackStatus.SEARCHING, None))
     assert board.status(6.1, TrackStatus.SEARCHING, (), {}, "").lines[0] == "not known: no answer yet"
 
 
-def test_one_of_a_kind_is_told_in_the_singular() -> None:
+def test_a_count_of_one_is_in_the_singular() -> None:
     dropped = {"frames of left": 1, "frames of right": 2, "readings": 1, "pairs, being behind": 1}
     assert dropped_text(dropped) == "dropped: 1 frame of left, 2 frames of right, 1 reading, 1 pair, being behind"
 
 
 def test_zero_has_no_sign() -> None:
-    """Expected: what is -0.04 m is told as +0.0."""
+    """Expected: -0.04 m is printed as +0.0."""
     board, newest = StatusBoard(), answer(0)
     assert newest.kinematics is not None
     near = replace(newest.kinematics, position_runway_m=np.array([-0.04, 212.0, -0.04]))
@@ -109,7 +109,7 @@ def test_before_anything_has_come() -> None:
     assert board.latency_ms(99) == 0.0
 
 
-def test_a_device_that_is_silent_is_said_to_be() -> None:
+def test_a_silent_device_is_reported() -> None:
     assert DeviceState(name="left PTU", rate_hz=80.2, age_s=0.01, note="ready").summary() == "left PTU 80 Hz, ready"
     assert DeviceState(name="left PTU", rate_hz=0.0, age_s=2.5).summary() == "left PTU 0 Hz, silent for 2.5 s"
 
@@ -124,8 +124,8 @@ def test_a_rate_is_that_of_the_last_seconds() -> None:
     assert rate == 0.0
 
 
-def test_a_cameras_clock_is_told_in_words() -> None:
-    """Expected: offset, drift, envelope and how well it is known; nothing of what went by before anybody listened."""
+def test_a_cameras_clock_is_described_in_words() -> None:
+    """Expected: offset, drift, envelope and its sigma; nothing from before the start of listening."""
     clock = ClockFitState(
         offset_s=1234.56789, drift=12.4e-6, sigma_s=0.00004, drift_sigma=1e-7, spread_s=0.00031, bins=60
     )

@@ -32,7 +32,7 @@ def field(folder: Path, rig: Rig, safety: str = "[safety]\nsun_angle_deg = 0\n")
     return folder / "field.toml"
 
 
-def test_whole_stations_are_well_and_turn_only_when_told(
+def test_intact_stations_pass_and_turn_only_on_request(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Expected: each line ok and exit code 0; heads stay, and with --move go half a degree on both axes and back."""

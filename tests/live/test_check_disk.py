@@ -20,7 +20,7 @@ class Usage(NamedTuple):
     free: int
 
 
-def test_free_space_is_judged_by_the_rate_of_a_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_free_space_is_compared_with_the_rate_of_a_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: two raw cameras of 1280 × 960 at 30 Hz are 73.7 MB/s, half an hour of that 133 GB; 20 GB are 4 min."""
     file = simulated_station_file(tmp_path, 30.0, None)
     rig = load_rig(file.rig)

@@ -66,7 +66,7 @@ def test_the_time_runs_from_the_first_wish_on() -> None:
     assert end.overdue()
 
 
-def test_the_steps_of_the_end_share_what_is_left() -> None:
+def test_the_steps_of_the_end_share_the_remaining_time() -> None:
     clock = Clock()
     end = ending(clock)
     assert end.left_s(1.5) == 1.5
@@ -92,7 +92,7 @@ def test_a_recorder_that_writes_is_waited_for_and_one_that_does_not_is_not() -> 
     assert end.overdue()
 
 
-def test_what_hangs_is_given_up_once() -> None:
+def test_a_hanging_step_is_abandoned_once() -> None:
     clock = Clock()
     reported: list[str] = []
     end = Shutdown(lambda: True, force_exit=reported.append, clock=clock)
@@ -104,7 +104,7 @@ def test_what_hangs_is_given_up_once() -> None:
     assert len(reported) == 1
 
 
-def test_what_has_ended_is_not_given_up() -> None:
+def test_an_ended_step_is_not_abandoned() -> None:
     clock = Clock()
     reported: list[str] = []
     end = Shutdown(lambda: True, force_exit=reported.append, clock=clock)
@@ -127,7 +127,7 @@ def test_restarts_are_ever_further_apart_up_to_eight_seconds() -> None:
 
 
 def test_a_child_that_is_stopped_is_killed() -> None:
-    """Expected: SIGTERM waits for a stopped process to go on; no `join` without a bound waits with it."""
+    """Expected: SIGTERM waits for a stopped process to continue; no `join` without a bound waits with it."""
     child = ChildProcess("stopped", wait_for_word)
     assert child.pipe.poll(60.0)
     os.kill(child.pid, signal.SIGSTOP)
@@ -147,7 +147,7 @@ def test_a_child_that_does_not_listen_is_killed_and_one_that_does_is_not() -> No
     assert not good.send("anything")
 
 
-def test_a_child_is_asked_before_it_is_forced() -> None:
+def test_a_child_is_requested_to_end_before_it_is_killed() -> None:
     child = ChildProcess("asked", wait_for_word)
     assert child.pipe.poll(60.0)
     assert child.end("nothing that it knows", 60.0, 60.0)

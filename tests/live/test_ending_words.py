@@ -1,4 +1,4 @@
-"""What `live` says at its end, its exit code, and what to do where its screen cannot be shown."""
+"""The messages of `live` at its end, its exit code, and the advice where its display cannot be shown."""
 
 import sys
 from contextlib import ExitStack
@@ -38,7 +38,7 @@ def ended(*, epochs: int = 40, tracked: int = 20, p50_ms: float = 9.0, tracking_
     )
 
 
-def test_delays_of_nothing_are_not_told() -> None:
+def test_latency_of_no_pairs_is_not_printed() -> None:
     """Expected: a line for what was measured; none, rather than 0.0 ms, where nothing was tracked or nothing came."""
     assert "the same while tracking: median 7.5 ms, 99 % within 15.0 ms" in _result_text(ended())
     never = _result_text(ended(tracked=0, tracking_p50_ms=0.0))
@@ -60,7 +60,7 @@ def test_without_a_display_it_names_an_option_that_it_has(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize("lost", [False, True])
-def test_where_nothing_was_recorded_the_exit_code_says_so(
+def test_without_a_recording_the_exit_code_is_an_error(
     lost: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Expected: 1 and a line where a recording was wanted and nothing of it is there; 0 where only some of it lacks."""
@@ -76,7 +76,7 @@ def test_where_nothing_was_recorded_the_exit_code_says_so(
 def test_a_lost_process_of_the_heads_is_exit_code_1(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Expected: though it was begun again, and all files are whole; a line each."""
+    """Expected: though it was restarted, and all files are whole; a line each."""
     lines = ("12.0 s: the PTUs' process was ended by SIGKILL", "14.0 s: left: no halt was acknowledged")
     result = replace(ended(), losses=lines)
     monkeypatch.setattr("groundstation.live.command.live", lambda *_, **__: result)

@@ -115,7 +115,7 @@ def test_a_filter_that_fails_begins_anew_and_so_does_its_replay(tmp_path: Path, 
     assert TrackStatus.SEARCHING in statuses
 
 
-def test_one_that_fails_when_asked_for_the_heads_target_does_as_well(tmp_path: Path) -> None:
+def test_a_failure_in_the_heads_target_resets_the_filter_too(tmp_path: Path) -> None:
     flown, result, folder = flown_and_replayed(tmp_path, lambda r: r.fail_when_asked(1.5))
     held_to(flown, result, folder, 1)
 

@@ -26,7 +26,7 @@ def paired(arrivals: list[tuple[str, float]]) -> tuple[list[tuple[str, float, in
     return frames, epochs + list(pairing.flush())
 
 
-def test_triggered_cameras_pair_as_they_come() -> None:
+def test_triggered_cameras_pair_in_order_of_arrival() -> None:
     arrivals = [(name, k * PERIOD) for k in range(5) for name in CAMERAS]
     frames, epochs = paired(arrivals)
     assert [e for _, _, e in frames] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]

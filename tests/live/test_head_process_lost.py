@@ -1,4 +1,4 @@
-"""The PTUs' process or the motion guard's killed, stopped or ended: the heads stand by their own log; it is said."""
+"""The PTUs' process or the motion guard's killed, stopped or ended: the heads stop by their own log; it is reported."""
 
 import contextlib
 import os
@@ -70,7 +70,7 @@ def flir(link: Path | int) -> tuple[SimulatedServer, HeadDevice, SimulatedAxis]:
 
 
 def pelco(link: Path | int) -> tuple[SimulatedServer, HeadDevice, SimulatedAxis]:
-    """A unit without a lease of its own, and whose rate stays until it is told otherwise."""
+    """A unit without a lease of its own, whose rate stays until the next command."""
     unit = SimulatedPelco(PelcoModel(baud=9600))
     server = SimulatedServer(VirtualLine(unit, 9600, start_s=time.monotonic()), link)
     speeds = {1: 1.0, 8: 5.7, 63: 40.0}
@@ -179,7 +179,7 @@ def test_a_lost_process_leaves_no_head_turning(tmp_path: Path, kind: str, number
 
 
 def test_a_head_that_does_not_acknowledge_is_not_called_halted(tmp_path: Path) -> None:
-    """Expected: of a unit whose line is dead when its process is lost, it is said that it may still turn."""
+    """Expected: of a unit whose line is dead when its process is lost, it is reported that it may still turn."""
     with operated("flir on a pty", tmp_path) as station:
         lost_s = time.monotonic()
         with station.server.lock:

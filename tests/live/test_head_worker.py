@@ -1,4 +1,4 @@
-"""One head's thread on a scripted unit: what it asks and tells, and that whatever ends it, the unit is halted."""
+"""One PTU's thread on a scripted unit: its queries and commands, and that the unit is halted at any end."""
 
 import math
 import threading
@@ -31,7 +31,7 @@ COMMAND = PointingCommand(
 
 
 class ScriptedUnit(PanTiltUnit):
-    """Turns as it is told, writes down each call, and fails where a test wants it to."""
+    """Executes commands, records each call, and fails where a test requests it."""
 
     def __init__(self, *, by_rate: bool = True, failing: dict[str, BaseException] | None = None) -> None:
         self.calls: list[str] = []
@@ -127,7 +127,7 @@ def all_of(input_queue: InputQueue) -> list[Item]:
 @pytest.mark.parametrize("place", ["read", "move_at", "move_to", "halt"])
 @pytest.mark.parametrize("fault", [RuntimeError("a bug"), ValueError("nonsense"), MemoryError()])
 def test_a_thread_that_fails_leaves_its_head_halted(place: str, fault: Exception) -> None:
-    """Expected: closed, which halts, by the thread itself before anyone asks it to stop; one line, level error."""
+    """Expected: closed, which halts, by the thread itself before it is requested to stop; one line, level error."""
     unit, input_queue = ScriptedUnit(by_rate=place != "move_to", failing={place: fault}), InputQueue()
     unit.turning = True
     head = worker(unit, input_queue)
@@ -144,7 +144,7 @@ def test_a_thread_that_fails_leaves_its_head_halted(place: str, fault: Exception
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_a_head_is_halted_even_where_nobody_can_be_told() -> None:
+def test_a_head_is_halted_even_without_a_listener() -> None:
     """Expected: what takes readings and lines fails, so that the line about it fails as well; the head stops."""
     unit, outlet = ScriptedUnit(), RefusingOutlet()
     head = worker(unit, outlet)
@@ -179,7 +179,7 @@ def obeyed(unit: ScriptedUnit, *commands: PointingCommand) -> HeadWorker:
     return head
 
 
-def test_what_is_told_is_done_in_the_terms_of_the_unit() -> None:
+def test_commands_are_executed_in_the_terms_of_the_unit() -> None:
     """Expected: rates where it turns by rate, places where it does not, a halt for a hold; each once."""
     by_rate, by_place = ScriptedUnit(), ScriptedUnit(by_rate=False)
     head = obeyed(by_rate, COMMAND)
@@ -212,7 +212,7 @@ def test_the_newest_command_counts() -> None:
         ({"purpose": Purpose.SEARCH}, True),
         ({"purpose": Purpose.HOLD}, True),
         ({"t_s": 0.14}, False),
-        # the unit's watchdog wants to hear the same rate again
+        # the unit's watchdog needs the same rate again
         ({"t_s": 0.16}, True),
     ],
 )
@@ -222,7 +222,7 @@ def test_the_same_rate_is_repeated_only_for_the_watchdog(change: dict[str, objec
     assert len(unit.calls) == 1 + sent
 
 
-def test_a_place_is_told_each_time() -> None:
+def test_a_position_is_commanded_each_time() -> None:
     unit = ScriptedUnit(by_rate=False)
     obeyed(unit, COMMAND, COMMAND)
     assert unit.calls == ["move_to 0.3 0.1"] * 2
@@ -235,8 +235,8 @@ def test_a_place_is_told_each_time() -> None:
         (LineError("line", got="gone", wanted="a line"), 1),
     ],
 )
-def test_a_refused_command_is_counted_and_said(fault: Exception, lines: int) -> None:
-    """Expected: each beyond a limit; of a line in trouble the first, since readings tell the rest."""
+def test_a_refused_command_is_counted_and_reported(fault: Exception, lines: int) -> None:
+    """Expected: each beyond a limit; of a line in trouble the first, because readings report the rest."""
     unit, input_queue = ScriptedUnit(failing={"move_at": fault}), InputQueue()
     head = worker(unit, input_queue)
     for k in range(2):
@@ -256,7 +256,7 @@ def test_readings_are_handed_over_in_session_time() -> None:
     assert (head.readings, head.newest_s) == (1, 5.01)
 
 
-def test_a_unit_without_angles_is_said_once_and_so_is_its_return() -> None:
+def test_a_unit_without_angles_is_reported_once_and_so_is_its_return() -> None:
     """Expected: not before a second of silence; the same reason not again."""
     now = [0.0]
     unit, input_queue = ScriptedUnit(), InputQueue()

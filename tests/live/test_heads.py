@@ -1,4 +1,4 @@
-"""PTUs in operation: read on real serial lines, told what is wanted, halted whatever ends."""
+"""PTUs in operation: read on real serial lines, commanded, halted at any end."""
 
 import contextlib
 import math
@@ -139,7 +139,7 @@ def reading(pan_s: float, tilt_s: float) -> Reading:
     return Reading(pan=sample(Axis.PAN, pan_s), tilt=sample(Axis.TILT, tilt_s), sent_s=pan_s, answered_s=tilt_s)
 
 
-def test_two_answers_become_one_instant() -> None:
+def test_two_replies_become_one_instant() -> None:
     at_once = PanTiltAligner("left", session_from_unit_s=-1.0)
     assert at_once.sample(reading(2.00, 2.01)) is None
     sample = at_once.sample(reading(2.03, 2.04))
@@ -149,6 +149,6 @@ def test_two_answers_become_one_instant() -> None:
     assert sample.tilt_rad == pytest.approx(1.0 - 2.03)
 
 
-def test_one_answer_is_taken_as_it_is() -> None:
+def test_one_reply_keeps_its_instant() -> None:
     sample = PanTiltAligner("left", session_from_unit_s=0.0).sample(reading(2.0, 2.0))
     assert sample == PtuSample(t_s=2.0, station="left", pan_rad=4.0, tilt_rad=-1.0)

@@ -1,4 +1,4 @@
-"""A station whose cameras or source die: what the operator is told, and that a replay of it is the same."""
+"""A station whose cameras or source die: the operator's display, and that a replay of it is the same."""
 
 import math
 from pathlib import Path
@@ -32,7 +32,7 @@ def dead(*kinds: ClosedLoopFaultKind, to_s: float) -> list[ClosedLoopFault]:
 
 
 class PollStatistics(ClosedLoopSimulation):
-    """A rehearsal that keeps what the operator would read, and what the heads are told, at each turn."""
+    """A rehearsal that records the operator's display and the heads' commands at each turn."""
 
     def __init__(self, faults: list[ClosedLoopFault], seconds: float) -> None:
         flight = GlideApproach(start_y_m=360.0, end_y_m=360.0 - 20.0 * seconds, speed_m_s=20.0, aim_y_m=60.0)
@@ -75,14 +75,14 @@ def test_both_cameras_lost_for_ten_seconds() -> None:
         assert square < 3.0 * 9.0
     # nothing of it is a pair
     assert not [e for e in result.estimates if LOSS_S + 0.1 < e.t_s < LOSS_S + 10.0]
-    # once lost, the heads look where it must have gone
+    # once lost, the heads point at the predicted position
     searching = [p for t_s, p in flown.told if lost[0].t_s + 0.1 < t_s < LOSS_S + 9.9]
     assert Purpose.SEARCH in searching
     assert Purpose.TRACK not in searching
 
 
 def test_the_source_killed_to_the_end() -> None:
-    """Expected: with neither pictures nor angles it is lost sooner, and stays so; the heads are told nothing new."""
+    """Expected: with neither pictures nor angles it is lost sooner, and stays so; the heads get no new command."""
     flown = PollStatistics(dead(ClosedLoopFaultKind.CAMERA_LOST, ClosedLoopFaultKind.PTU_SILENT, to_s=math.inf), 9.0)
     result = flown.run()
     assert flown.statuses(LOSS_S + 0.5, 9.0) == [TrackStatus.COASTING, TrackStatus.LOST]
@@ -142,8 +142,8 @@ def test_one_every_tenth_of_a_second_without_a_pair() -> None:
     assert beats(core.take(DeviceLogLine(t_s=5.4, level="info", text="parking"), 5.41)) == [5.41]
 
 
-def test_with_more_waiting_it_is_no_later_than_what_was_taken() -> None:
-    """Expected: after a stall of the computer what waits is taken at its own time, before the track is given up."""
+def test_with_more_waiting_it_is_no_later_than_the_processed_records() -> None:
+    """Expected: after a stall of the computer waiting data are processed at their time, before the track is lost."""
     core = fresh()
     core.pass_time(5.0)
     reading = PtuSample(t_s=5.05, station="left", pan_rad=0.0, tilt_rad=0.0)
@@ -159,7 +159,7 @@ def test_slow_cameras_do_not_coast_from_pair_to_pair(rate_hz: float, coast_after
     assert live_config(live_config(Config(), rate_hz), 30.0).estimation.coast_after_s == pytest.approx(coast_after_s)
 
 
-# ------------------------------------------------------------------------------------ what is told
+# ------------------------------------------------------------------------------------ the display
 class Canned(LiveCore):
     """A core whose status is set, and whose time passes with a heartbeat's answer or without."""
 
@@ -198,7 +198,7 @@ def operated(tmp_path: Path) -> tuple[Operation, Operator, list[float]]:
     return operation, operator, now
 
 
-def test_a_status_that_time_has_changed_is_told_at_once(tmp_path: Path) -> None:
+def test_a_status_changed_by_time_is_shown_at_once(tmp_path: Path) -> None:
     """Expected: otherwise twice a second; a change that a pair brought waits for that."""
     operation, operator, now = operated(tmp_path)
     core, heads = Canned(), HeadManager({}, 0.0)
@@ -218,12 +218,12 @@ def test_a_status_that_time_has_changed_is_told_at_once(tmp_path: Path) -> None:
     assert operator.read[-1].lines == ("lost: searching where it must be",)
     core.status, core.beating = TrackStatus.TRACKING, False
     assert turn(11.3) == 5
-    # an answer that is a second old is none
+    # a result that is a second old is not shown
     assert turn(12.3) == 6
     assert operator.read[-1].lines[0] == "not known: was tracking, and nothing is known of the last 1.1 s"
 
 
-def test_a_turn_knows_whether_more_waits(tmp_path: Path) -> None:
+def test_a_turn_reports_whether_more_waits(tmp_path: Path) -> None:
     operation, _, now = operated(tmp_path)
     core, heads = Canned(), HeadManager({}, 0.0)
     reading = PtuSample(t_s=9.5, station="left", pan_rad=0.0, tilt_rad=0.0)

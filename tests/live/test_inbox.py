@@ -84,7 +84,7 @@ def test_readings_do_not_push_out_frames_nor_frames_readings() -> None:
     assert shots(left) == [("left", 0.5)]
 
 
-def test_what_comes_wakes_who_waits() -> None:
+def test_arriving_data_wake_the_waiting_thread() -> None:
     input_queue, got = InputQueue(), []
     waiting = threading.Thread(target=lambda: got.append(input_queue.get(60.0)))
     waiting.start()

@@ -39,7 +39,7 @@ print(sorted(int(s) for s in inside), blocked & 1, sorted(signal.pthread_sigmask
 """
 
 
-def test_a_child_hears_nothing_and_its_parent_hears_again() -> None:
+def test_a_child_ignores_signals_and_its_parent_handles_them_again() -> None:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
     with terminal_signals_blocked():
         deaf = subprocess.run([sys.executable, "-S", "-c", ASKED], check=False).returncode
@@ -50,13 +50,13 @@ def test_a_child_hears_nothing_and_its_parent_hears_again() -> None:
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the mask of another process is read in /proc")
 def test_the_first_child_is_as_deaf_and_so_is_the_librarys_own_process() -> None:
-    """Expected: where `multiprocessing` starts its tracker only now, which lets its caller hear Ctrl-C again."""
+    """Expected: where `multiprocessing` starts its tracker only now, after which its caller handles Ctrl-C again."""
     done = subprocess.run([sys.executable, "-c", STARTED], check=True, capture_output=True, text=True)
     # SIGHUP, SIGINT, SIGQUIT and SIGTSTP: all that a terminal's keys send
     assert done.stdout == "[1, 2, 3, 20] 1 []\n"
 
 
-def test_what_is_not_wanted_any_more_is_not_opened(tmp_path: Path) -> None:
+def test_abandoned_devices_are_not_opened(tmp_path: Path) -> None:
     reported: list[str] = []
     request = LiveRequest(station=None, out=tmp_path / "out")
     simulator = SimulatedStation(SimulatedStationConfig())
@@ -65,7 +65,7 @@ def test_what_is_not_wanted_any_more_is_not_opened(tmp_path: Path) -> None:
     assert reported == []
 
 
-def test_what_hangs_before_operation_is_given_up_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_hanging_step_before_operation_is_abandoned_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Expected: while something compiles or opens that does not return, the bound of the end holds as in operation."""
     asked, given_up, reported = threading.Event(), threading.Event(), list[str]()
 
@@ -83,7 +83,7 @@ def test_what_hangs_before_operation_is_given_up_too(monkeypatch: pytest.MonkeyP
     simulator = AttachedSimulator(MagicMock(truth={}), simulated_station_file(tmp_path / "range", 30.0, None), 0.0)
     with pytest.raises(KeyboardInterrupt):
         live(request, asked.is_set, lambda status: None, lambda line: None, simulator, force_exit)
-    # nothing is recorded yet, and nothing is said of it
+    # nothing is recorded yet, and nothing reported of it
     assert reported == ["did not end within 3 s and is ended by force; the heads' processes halt them now"]
 
 
@@ -113,7 +113,7 @@ def hang_up(times: int) -> None:
 
 @pytest.mark.usefixtures("heard")
 def test_a_closed_terminal_lands_it_softly(dead_terminal: TextIO, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: SIGHUP, however often, only asks for the end, and what cannot be said stops nothing; exit code 0."""
+    """Expected: SIGHUP, however often, only requests the end, and a failed message stops nothing; exit code 0."""
 
     def flown(
         request: LiveRequest,
@@ -153,12 +153,12 @@ def test_a_terminal_that_closes_while_it_starts(
 
     monkeypatch.setattr("groundstation.live.command.live", starting)
     monkeypatch.setattr(sys, "stderr", dead_terminal)
-    # one that did not hear it would fly for ever
+    # one that did not receive it would fly without end
     assert main(["live", "--simulate", "--for", "1", "--out", str(tmp_path / "out")]) == 130
     assert not (tmp_path / "out").exists()
 
 
-def test_nohup_is_obeyed_and_who_presses_twice_need_not_wait() -> None:
+def test_nohup_is_respected_and_a_second_ctrl_c_ends_the_wait() -> None:
     before = {s: signal.getsignal(s) for s in (signal.SIGHUP, signal.SIGINT)}
     try:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)

@@ -61,7 +61,7 @@ def kept(unit: TurningUnit, keep_out: KeepOut) -> KeepOutUnit:
 def clearances(unit: TurningUnit, keep_out: KeepOut) -> np.ndarray:
     """How far outside the lens was all the time, rad; far from a zone with the Sun where it stood at the start."""
     t_s, pan, tilt = np.array(unit.log[::2]).T
-    # in a minute the Sun goes on by a quarter of a degree; where it stands exactly matters near a zone alone
+    # in a minute the Sun moves by a quarter of a degree; its exact position matters near a zone only
     assert t_s[-1] - t_s[0] < 60.0
     away = keep_out.zones(t_s[0]).clearance(pan, tilt)
     for k in np.flatnonzero(away < max(away.min(), 0.0) + math.radians(1.0)):
@@ -126,7 +126,7 @@ def test_whatever_is_commanded_the_lens_stays_outside(
 
 
 def sun_at(t_s: float) -> tuple[float, float]:
-    """Pan and tilt of the lens that looks into the Sun, deg, of the zones below."""
+    """Pan and tilt of the lens that points into the Sun, deg, of the zones below."""
     direction = PLACE.direction_runway(NOON_S + t_s)
     base = LENS.base_from_runway @ direction
     return math.degrees(math.atan2(-base[0], base[1])), math.degrees(math.asin(base[2]))
@@ -143,7 +143,7 @@ def settled(unit: TurningUnit, guard: KeepOutUnit, seconds: float) -> None:
 
 
 def test_the_suns_angles_are_the_lenses() -> None:
-    """What `sun_at` says is where the optical axis meets the Sun, to a boresight's error."""
+    """The angles of `sun_at` put the optical axis on the Sun, to a boresight's error."""
     pan, tilt = (math.radians(a) for a in sun_at(0.0))
     zones_now = about_the_sun().zones(0.0)
     assert zones_now.at((pan, tilt)) < math.radians(-8.0)
@@ -162,7 +162,7 @@ def test_nothing_outside_is_refused(start: tuple[float, float], goal: tuple[floa
 
 
 @pytest.mark.parametrize(("rate_deg_s", "room_deg"), [(5.0, 5.0), (20.0, 20.0), (40.0, 45.0)])
-def test_a_rate_towards_the_sun_is_obeyed_as_long_as_it_can_be_stopped(rate_deg_s: float, room_deg: float) -> None:
+def test_a_rate_towards_the_sun_is_executed_as_long_as_it_can_be_stopped(rate_deg_s: float, room_deg: float) -> None:
     pan, tilt = sun_at(0.0)
     unit = TurningUnit(pan - 10.5 / math.cos(math.radians(tilt)) - room_deg / math.cos(math.radians(tilt)), tilt)
     guard = kept(unit, about_the_sun())
@@ -176,14 +176,14 @@ def test_a_rate_towards_the_sun_is_obeyed_as_long_as_it_can_be_stopped(rate_deg_
     settled(unit, guard, 2.0)
     away = clearances(unit, about_the_sun())
     assert away.min() > 0.0
-    # and it came near: no more than the lease, the look and the brakes keep it off
+    # and it came near: only the lease, the check's period and the braking keep it off
     reach = rate_deg_s * 0.8 + rate_deg_s**2 / 120.0 + 0.5
     assert math.degrees(away.min()) < reach
     assert np.all(unit.rates == 0.0)
 
 
 def test_without_further_commands_motion_is_halted_before_it() -> None:
-    """The unit's own watchdog is not there: a rate that goes on for ever is stopped by what is read."""
+    """Without the unit's own watchdog: a rate that continues without end is stopped by the readings."""
     pan, tilt = sun_at(0.0)
     unit = TurningUnit(pan - 60.0, tilt)
     reported: list[str] = []
@@ -260,7 +260,7 @@ def test_from_inside_only_ways_out_are_let_through() -> None:
     insist_outside(unit, about_the_sun())
 
 
-def test_a_standing_head_to_which_the_sun_comes_is_known() -> None:
+def test_the_sun_reaching_a_standing_head_is_detected() -> None:
     pan, tilt = sun_at(3600.0)
     unit = TurningUnit(pan, tilt)
     keep_out = about_the_sun()

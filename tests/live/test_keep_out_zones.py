@@ -39,7 +39,7 @@ def kept(folder: Path, tables: str, utc_s: float = NOON_S) -> StationFile:
     return with_keep_out(load_station(field(folder, tables)), make_rig(), 1000.0, utc_s)
 
 
-def test_the_sun_and_sectors_come_to_the_heads(tmp_path: Path) -> None:
+def test_the_sun_and_sectors_are_passed_to_the_heads(tmp_path: Path) -> None:
     left, right = (s.head for s in kept(tmp_path, ORIGIN + "[safety]\nsun_angle_deg = 12\n").stations)
     assert left is not None
     assert right is not None
@@ -78,7 +78,7 @@ def test_left_out_it_is_half_the_field_of_view_and_five_degrees(tmp_path: Path) 
         ("", False, "the Sun is not avoided: no [origin]"),
     ],
 )
-def test_that_the_sun_is_not_avoided_is_said(tmp_path: Path, tables: str, good: bool, reported: str) -> None:
+def test_an_unavoided_sun_is_reported(tmp_path: Path, tables: str, good: bool, reported: str) -> None:
     file = load_station(field(tmp_path, tables))
     found, words = sun_text(file, make_rig(), NOON_S)
     assert found is good
@@ -123,7 +123,7 @@ def test_moves_by_hand_keep_out_too(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert reported.err == ""
 
 
-def test_moves_by_url_say_that_nothing_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_moves_by_url_report_the_absence_of_zones(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with simulated_unit(tmp_path / "left"):
         assert main(["ptu", "jog", f"{tmp_path}/left", "--pan", "1", "--rate", "20"]) == 0
     assert "nothing keeps the lens from the Sun or closed sectors" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""A live recording says how its run was set up, as a replay needs it."""
+"""A live recording contains its run's settings, as a replay needs them."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +34,7 @@ def test_what_a_replay_needs_is_in_it(tmp_path: Path) -> None:
     assert (session.recorded.epochs, session.recorded.header.initial) == (1, None)
 
 
-def test_what_is_known_of_the_receiver_is_what_a_replay_knows(tmp_path: Path) -> None:
+def test_the_receivers_parameters_equal_those_of_a_replay(tmp_path: Path) -> None:
     file = replace(
         simulated_station_file(tmp_path, 30.0, None, dgps=True),
         antenna_in_body_m=(-0.8, 0.1, -0.15),

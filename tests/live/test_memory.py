@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-# the first picture of all teaches the allocator; of the rest only the last stays
+# the first picture of all initialises the allocator; of the rest only the last stays
 PROGRAM = """
 import sys
 import numpy as np

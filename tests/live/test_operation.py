@@ -38,7 +38,7 @@ def small_rig() -> Rig:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, int]:
-    """Operate until two dozen pairs are answered, then press Ctrl-C; returns folder, what was said, exit code."""
+    """Operate until two dozen pairs are processed, then press Ctrl-C; returns folder, output, exit code."""
     folder = tmp_path_factory.mktemp("live")
     (folder / "small.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
     out = folder / "out"
@@ -77,7 +77,7 @@ def test_ctrl_c_ends_it_softly(flown: tuple[Path, str, int]) -> None:
         assert (out / name).is_file(), reported
     rows = (out / "track.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) > 24
-    # both cameras, looked at by both pipelines' thread
+    # both cameras, processed by both pipelines' thread
     assert {line.split(",")[1] for line in (out / "detections.csv").read_text().splitlines()[1:]} == {"left", "right"}
 
 
@@ -109,7 +109,7 @@ def test_a_folder_that_is_in_use_is_refused(flown: tuple[Path, str, int], capsys
     assert "wanted a new or empty folder" in capsys.readouterr().err
 
 
-def test_without_a_station_file_it_says_what_it_needs(
+def test_without_a_station_file_the_message_states_the_need(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -148,7 +148,7 @@ def test_what_no_range_can_do_is_refused(words: list[str], capsys: pytest.Captur
     assert words[1] in capsys.readouterr().err
 
 
-def test_without_jsbsim_it_says_what_to_install(
+def test_without_jsbsim_the_message_states_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "jsbsim", None)
@@ -156,7 +156,7 @@ def test_without_jsbsim_it_says_what_to_install(
     assert "pip install 'groundstation[jsbsim]'" in capsys.readouterr().err
 
 
-def test_check_says_what_is_wrong_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_reports_faults_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "rig.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
     (tmp_path / "station.toml").write_text(
         f"""format = "groundstation-station/1"
@@ -198,7 +198,7 @@ class FullDisk:
         raise OSError(errno.ENOSPC, "No space left on device")
 
 
-def test_a_full_disk_ends_the_tables_and_nothing_else() -> None:
+def test_a_full_disk_ends_only_the_tables() -> None:
     disk, faults = FullDisk(), list[str]()
     sink = GuardedSink(disk, faults)
     for _ in range(5):
@@ -210,7 +210,7 @@ def test_a_full_disk_ends_the_tables_and_nothing_else() -> None:
 
 
 def test_another_files_fault_does_not_end_the_tables() -> None:
-    """Expected: what the disk does with `dgps.csv` is said in the same list, and the track's tables go on."""
+    """Expected: the disk's error for `dgps.csv` is reported in the same list, and the track's tables continue."""
     disk, faults = FullDisk(), ["dgps.csv ends here: No space left on device"]
     sink = GuardedSink(disk, faults)
     sink.write(StepReport())

@@ -1,4 +1,4 @@
-"""A start that fails leaves nothing behind; one that has begun keeps everything, whatever happens then."""
+"""A start that fails leaves nothing behind; one that has begun keeps everything, whatever follows."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ def test_what_never_began_leaves_the_folder_as_it_was(tmp_path: Path, *, was_the
     require_free(out)
 
 
-def test_what_has_begun_is_kept(tmp_path: Path) -> None:
+def test_started_output_is_kept(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with pytest.raises(OSError, match="later"):
         operate(out, OSError("later"), begins=True)
@@ -41,14 +41,14 @@ def test_what_has_begun_is_kept(tmp_path: Path) -> None:
         require_free(out)
 
 
-def test_a_file_where_a_folder_should_be_is_said(tmp_path: Path) -> None:
+def test_a_file_in_place_of_a_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "flights").touch()
     with pytest.raises(InputError, match="flights, a file; wanted a folder"):
         require_free(tmp_path / "flights" / "today" / "one")
 
 
 def test_the_same_command_can_be_given_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Expected: a PTU that is not there is said in one line, twice the same; no folder is in the way."""
+    """Expected: a missing PTU is reported in one line, twice the same; no folder is in the way."""
     (tmp_path / "rig.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
     (tmp_path / "station.toml").write_text(
         f"""format = "groundstation-station/1"

@@ -1,4 +1,4 @@
-"""The heads at the end: who is not where it was sent, or does not say, is named."""
+"""The heads at the end: one that is not at its commanded position, or does not report it, is named."""
 
 import math
 
@@ -36,7 +36,7 @@ def says(core: LiveCore, station: str, t_s: float, pan_rad: float) -> None:
     core.take(PtuSample(t_s=t_s, station=station, pan_rad=pan_rad, tilt_rad=0.0), t_s)
 
 
-def test_heads_that_are_there_and_say_so_are_parked(core: LiveCore) -> None:
+def test_available_heads_are_parked(core: LiveCore) -> None:
     for station in ("left", "right"):
         says(core, station, 0.0, 0.002)
     assert core.not_parked(0.1, WITHIN_RAD) == []
@@ -50,7 +50,7 @@ def test_a_head_that_is_elsewhere_is_named(core: LiveCore) -> None:
     assert core.not_parked(0.0, WITHIN_RAD, heard=True) == [line]
 
 
-def test_a_head_that_does_not_answer_is_named(core: LiveCore) -> None:
+def test_a_head_without_a_reply_is_named(core: LiveCore) -> None:
     """It may stand anywhere; it is not waited for."""
     says(core, "left", 0.0, 0.0)
     lines = core.not_parked(8.0, WITHIN_RAD)

@@ -1,4 +1,4 @@
-"""A reference receiver in operation: its sentences become positions where and when they were true, or say why not."""
+"""A reference receiver in operation: its sentences become positions at their time and place, or a reason."""
 
 import socket
 import threading
@@ -89,7 +89,7 @@ def test_without_a_date_it_is_the_listeners(off_s: float) -> None:
     assert gps_from_civil(fix.day, fix.second, fix.scale) == gps_from_civil(*civil_from_unix(UNIX_S), TimeScale.UTC)
 
 
-def test_heights_that_nothing_explains_are_said_and_the_line_goes_on() -> None:
+def test_unexplained_heights_are_reported_and_the_line_continues() -> None:
     listener = stream()
     reported = complaint(LogError, lambda: listener.feed(gga(flight(1)[0], separation=""), UNIX_S))
     assert "geoid separation" in reported
@@ -111,7 +111,7 @@ def test_a_position_is_where_and_when_it_was_true() -> None:
     assert placed.nose.t_s == pytest.approx(4.0, abs=1e-6)
     np.testing.assert_allclose(placed.nose.position_runway_m, place_at(4.0), atol=3e-4)
     assert placed.antenna.status == "fix"
-    # sigmas come in east, north, up, and +y looks to 35°
+    # sigmas are in east, north, up, and +y points to 35°
     c, s = np.cos(np.radians(35.0)), np.sin(np.radians(35.0))
     level = np.hypot([c * SIGMA_M[0], s * SIGMA_M[0]], [s * SIGMA_M[1], c * SIGMA_M[1]])
     np.testing.assert_allclose(placed.nose.sigma_m, [*level, SIGMA_M[2]], atol=1e-6)
@@ -148,7 +148,7 @@ def test_a_clock_that_is_off_is_found_out_unless_it_is_given() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 5.0])
-def test_a_clock_that_steps_and_comes_back_is_right_again(rate_hz: float) -> None:
+def test_a_clock_that_steps_and_returns_is_right_again(rate_hz: float) -> None:
     """Ahead by 1.5 s for eight seconds: the way back is a step, too, and no delay of 1.5 s."""
     place, late_s = placing(), 0.12
     off_s = list[float]()
@@ -202,7 +202,7 @@ def test_what_is_no_new_position_is_named() -> None:
 
 # ------------------------------------------------------------------------------------------ worker
 class Script:
-    """A line that gives what it is told: bytes, or a fault; after that nothing."""
+    """A line that delivers a script: bytes, or a fault; after that nothing."""
 
     def __init__(self) -> None:
         self.waiting: list[bytes | DeviceError] = []
@@ -214,7 +214,7 @@ class Script:
         return self
 
     def refuse(self, count: int) -> None:
-        """Let so many datagrams of a stranger come with the next read."""
+        """Deliver so many datagrams of a refused sender with the next read."""
         self._strange += count
 
     def read(self, timeout_s: float) -> bytes:
@@ -279,7 +279,7 @@ def listening(
         worker.stop()
 
 
-def test_it_says_when_the_receiver_is_gone_and_there_again(tmp_path: Path) -> None:
+def test_loss_and_return_of_the_receiver_are_reported(tmp_path: Path) -> None:
     now, input_queue, faults = Now(), InputQueue(), list[str]()
     script, table = Script(), DgpsTable(tmp_path / "dgps.csv", faults)
     with listening(script, now, input_queue, table) as worker:
@@ -313,7 +313,7 @@ def test_it_says_when_the_receiver_is_gone_and_there_again(tmp_path: Path) -> No
     assert faults == []
 
 
-def test_for_comparison_only_it_teaches_nothing() -> None:
+def test_for_comparison_only_nothing_is_estimated_from_it() -> None:
     now, input_queue, script = Now(), InputQueue(), Script()
     with listening(script, now, input_queue, learn=False) as worker:
         now.s = 0.1
@@ -323,7 +323,7 @@ def test_for_comparison_only_it_teaches_nothing() -> None:
     assert not [i for i in drained(input_queue) if isinstance(i, ReferenceFix)]
 
 
-def test_a_table_that_the_disk_refuses_ends_by_itself(tmp_path: Path) -> None:
+def test_a_table_refused_by_the_disk_ends_alone(tmp_path: Path) -> None:
     faults = list[str]()
     table = DgpsTable(tmp_path / "no folder" / "dgps.csv", faults)
     fix = DgpsFix(t_s=1.0, position_runway_m=np.zeros(3), sigma_m=np.ones(3), status="fix")
@@ -346,7 +346,7 @@ def send(port: int, data: bytes, source: str = "127.0.0.1") -> None:
         sender.sendto(data, ("127.0.0.1", port))
 
 
-def test_udp_and_tcp_bring_what_is_sent() -> None:
+def test_udp_and_tcp_deliver_the_sent_bytes() -> None:
     port = free_port()
     device = ReferenceDevice(url=f"udp://127.0.0.1:{port}")
     line = open_reference_line(device)
@@ -412,7 +412,7 @@ def test_beyond_this_machine_its_senders_have_to_be_named() -> None:
         assert "wanted IPv4 addresses" in complaint(ConfigError, lambda w=wrong: sender_networks([w], "test"))
 
 
-def test_the_operator_is_told_of_strangers_now_and_then() -> None:
+def test_refused_senders_are_reported_periodically() -> None:
     now, input_queue, script = Now(), InputQueue(), Script()
     with listening(script, now, input_queue) as worker:
         for k in range(40):
@@ -423,7 +423,7 @@ def test_the_operator_is_told_of_strangers_now_and_then() -> None:
     assert reported == ["DGPS: 10.9.8.7 is not among its senders: datagrams refused"]
 
 
-def test_a_clock_came_back_only_within_what_overtaking_explains() -> None:
+def test_a_clock_stepped_back_only_within_the_limits_of_overtaking() -> None:
     for offset_s, adopted_s in ((0.29, 0.0), (-0.29, 0.0), (0.3, 0.3), (-0.3, -0.3), (5.0, 5.0)):
         clock = ReferenceClock(0.0, None)
         clock._adopt(offset_s)
@@ -470,7 +470,7 @@ def receiver(link: Path, model: ReceiverModel) -> Iterator[str]:
         thread.join(5.0)
 
 
-def test_check_says_in_a_line_how_a_receiver_does(tmp_path: Path) -> None:
+def test_check_describes_a_receiver_in_a_line(tmp_path: Path) -> None:
     with receiver(tmp_path / "dgps", ReceiverModel(rate_hz=10.0)) as url:
         line = check_reference(ReferenceDevice(url=url), SIMULATED_ORIGIN, 1.5)
     assert line.good, line.text

@@ -1,4 +1,4 @@
-"""When a silent process is killed: by what the system says that it does."""
+"""When a silent process is killed: by its state in the system."""
 
 import os
 import signal
@@ -23,11 +23,11 @@ from ptu_drivers.motion_guard import LEASE_S
         # ready, and not given a processor
         ("R", False, LONGEST_S),
         ("R", True, LONGEST_S),
-        # the system does not tell
+        # the system does not report it
         ("", False, LONGEST_S),
     ],
 )
-def test_how_long_a_process_may_say_nothing(state: str, advancing: bool, bound_s: float) -> None:
+def test_limit_of_a_process_silence(state: str, advancing: bool, bound_s: float) -> None:
     ticks = 0
 
     def look(_pid: int) -> ProcessActivity:
@@ -43,7 +43,7 @@ def test_how_long_a_process_may_say_nothing(state: str, advancing: bool, bound_s
     assert silent_s > bound_s
 
 
-def test_a_process_that_is_heard_of_again_begins_at_the_front() -> None:
+def test_a_process_heard_again_resets_its_delay() -> None:
     """Expected: what it did before its last sign of life does not count as activity since."""
     ticks = [5]
     silence = HangDetector(lambda _: ProcessActivity(state="S", ticks=ticks[0]))

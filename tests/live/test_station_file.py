@@ -1,4 +1,4 @@
-"""The station file: what it says is what is used, and what it says wrongly is said back in one line."""
+"""The station file: its values are used, and a wrong one is reported in one line."""
 
 import math
 from pathlib import Path
@@ -65,7 +65,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_everything_that_it_says(tmp_path: Path) -> None:
+def test_every_key_is_read(tmp_path: Path) -> None:
     file = load_station(written(tmp_path, WHOLE))
     assert (file.name, file.rate_hz, file.span_m) == ("North field", 25.0, 2.3)
     assert file.rig == tmp_path / "rig.toml"
@@ -153,7 +153,7 @@ def test_it_has_to_fit_the_rig(tmp_path: Path) -> None:
         check_against_rig(without, rig)
 
 
-def test_a_camera_setting_that_nobody_knows(tmp_path: Path) -> None:
+def test_an_unknown_camera_setting(tmp_path: Path) -> None:
     file = load_station(written(tmp_path, WHOLE.replace("gain = 6.0", "gian = 6.0")))
     with pytest.raises(ConfigError, match="gian: got an unknown key"):
         camera_of(file.stations[0], lambda: 0.0, lambda _: None, rate_hz=25.0)

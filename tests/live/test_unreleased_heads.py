@@ -21,7 +21,7 @@ COMMAND = PointingCommand(
 
 
 class Process:
-    """Stands for both processes: ends when it is asked to, and the guard's answers each request at once."""
+    """Replaces both processes: ends on request, and the guard's process acknowledges each request at once."""
 
     made: ClassVar[dict[str, "Process"]] = {}
     acknowledges = True
@@ -83,7 +83,7 @@ def closed(kind: type[Process]) -> tuple[HeadManager, dict[str, Process]]:
     return heads, kind.made
 
 
-def test_a_process_that_gave_its_leases_back_leaves_nothing_to_do() -> None:
+def test_a_process_that_released_its_leases_needs_no_halt() -> None:
     class GivesBack(Process):
         gives_back = True
 
@@ -92,15 +92,15 @@ def test_a_process_that_gave_its_leases_back_leaves_nothing_to_do() -> None:
     assert made["ptu-guard"].sent == ["stop"]
 
 
-def test_a_process_that_ended_by_itself_with_a_lease_in_force_has_its_head_halted_by_the_guard() -> None:
-    """Expected: its driver got no acknowledgement; the guard is asked, then ended; the loss is on record."""
+def test_a_process_that_ended_with_a_lease_in_force_has_its_head_halted_by_the_guard() -> None:
+    """Expected: its driver got no acknowledgement; the guard gets the request, then ends; the loss is on record."""
     heads, made = closed(Process)
     assert made["ptu-guard"].sent == ["halt", "stop"]
     (loss,) = heads.log.losses
     assert "ended without an acknowledged halt of left" in loss
 
 
-def test_a_head_that_does_not_answer_the_guard_either_may_still_turn() -> None:
+def test_a_head_that_does_not_reply_to_the_guard_may_still_turn() -> None:
     class Deaf(Process):
         acknowledges = False
 
@@ -131,7 +131,7 @@ def test_a_process_that_is_lost_while_a_command_waits_to_be_sent_is_no_error() -
 
 
 @pytest.mark.parametrize("acknowledges", [True, False])
-def test_a_halt_that_the_guard_did_by_itself_is_reported(acknowledges: bool) -> None:
+def test_a_halt_by_the_guard_alone_is_reported(acknowledges: bool) -> None:
     """Expected: a lease ran out without a request: a line in the log, and no loss yet."""
     Process.made = {}
     heads = HeadManager({"left": HeadDevice(url="nowhere")}, 0.0, make=Process)  # type: ignore[arg-type]

@@ -41,7 +41,7 @@ def vouched(leases: MotionLeases, threads: dict[str, Thread], now_s: float) -> N
     renew_leases(cast(dict[str, HeadWorker], threads), leases, now_s)
 
 
-def test_a_thread_that_does_not_come_round_loses_its_lease_and_no_other() -> None:
+def test_a_hanging_thread_loses_its_lease_and_no_other() -> None:
     leases = MotionLeases(("left", "right"))
     threads = {"left": Thread(100.0), "right": Thread(100.0)}
     leases.set_guard_heartbeat(100.0)
@@ -67,7 +67,7 @@ def test_a_thread_may_wait_as_long_as_its_unit_may_take() -> None:
 def test_without_a_guard_all_are_held() -> None:
     leases = MotionLeases(("left", "right"))
     threads = {"left": Thread(100.0), "right": Thread(100.0)}
-    # none has ever said that it is there
+    # none has ever reported that it is alive
     vouched(leases, threads, 100.0)
     assert [t.held for t in threads.values()] == [True, True]
     leases.set_guard_heartbeat(100.0)
@@ -126,12 +126,12 @@ def test_a_driver_that_does_not_return_is_not_ready_and_then_lost() -> None:
     ]
 
 
-def test_a_thread_that_has_not_begun_is_not_lost() -> None:
+def test_a_thread_that_has_not_started_is_not_lost() -> None:
     assert unresponsive_heads(cast(dict[str, HeadWorker], {"left": Thread(math.inf)}), 100.0) == []
 
 
 def test_the_process_ends_with_a_loss_when_a_thread_has_ended() -> None:
-    """Expected: though it is asked for nothing, and says why first."""
+    """Expected: without a request, and with the reason first."""
     here, there = mp.Pipe()
     leases, thread = MotionLeases(("left",)), Thread(math.inf)
     thread.ended = True

@@ -1,4 +1,4 @@
-"""What the operator is told of the recording, the screen and the counts, in plain words; and where it is shown."""
+"""The operator's display of the recording, the screen and the counts, in plain words; and where it is shown."""
 
 import itertools
 import math
@@ -34,7 +34,7 @@ from groundstation.viewer.live_view import LiveView
 from tests.recording.recorded import events, header, looked_at, small_rig
 
 
-def test_the_recorder_says_rate_and_free_disk(tmp_path: Path) -> None:
+def test_the_recorder_reports_rate_and_free_disk(tmp_path: Path) -> None:
     """Expected: MB, MB/s, free GB and how long they last; in the end both rates."""
     path, now = tmp_path / "flight.mcap", [0.0]
     config = RecorderConfig(png_fill=0.0, keep_free_bytes=2 * 10**9, chunk_s=0.0)
@@ -54,7 +54,7 @@ def test_the_recorder_says_rate_and_free_disk(tmp_path: Path) -> None:
     assert "tracking" not in recorder.written_summary()
 
 
-def test_what_is_written_is_booked_to_what_the_track_did() -> None:
+def test_written_bytes_are_counted_by_the_tracks_status() -> None:
     answers = looked_at(Epoch(t_s=0.0, epoch=0, stations=())).estimates
     book = DataRateMeter()
     at = 0
@@ -72,7 +72,7 @@ def test_what_is_written_is_booked_to_what_the_track_did() -> None:
     assert rates.line() == "2.0 MB/s while tracking (10 s), 40.0 MB/s while searching (10 s)"
 
 
-def test_what_the_screen_left_out_is_said() -> None:
+def test_skipped_reports_of_the_display_are_reported() -> None:
     import rerun as rr
 
     view = LiveView(rr.RecordingStream("test"), standard_rig(), "test")
@@ -95,7 +95,7 @@ def test_each_count_of_the_pipeline_has_its_words() -> None:
     assert describe_counts({"something_new": 2}) == ["2 something new"]
 
 
-def test_the_watch_speaks_while_nothing_is_told() -> None:
+def test_the_watch_reports_while_no_status_arrives() -> None:
     now, reported = [100.0], list[float]()
     watch = StatusWatchdog(reported.append, lambda: now[0])
     watch.check()
@@ -111,7 +111,7 @@ def test_the_watch_speaks_while_nothing_is_told() -> None:
     assert len(reported) == 2
 
 
-def test_the_watch_looks_by_itself_and_ends() -> None:
+def test_the_watch_checks_in_its_own_thread_and_ends() -> None:
     now, spoken = [0.0], threading.Event()
     with StatusWatchdog(lambda age_s: spoken.set(), lambda: now[0]) as watch:
         watch.notify()
@@ -120,7 +120,7 @@ def test_the_watch_looks_by_itself_and_ends() -> None:
     assert not watch._thread.is_alive()
 
 
-def test_the_screen_says_by_itself_that_it_is_old(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_display_reports_that_it_is_outdated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: with nothing to draw and no status for two seconds, that; at the time it would have had."""
     import rerun as rr
 

@@ -1,4 +1,4 @@
-"""A pan-tilt unit in simulated time: late to obey, limited in acceleration, and with a log of where it was."""
+"""A pan-tilt unit in simulated time: with delay, limited acceleration, and a log of its positions."""
 
 import math
 from dataclasses import replace

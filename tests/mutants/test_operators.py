@@ -62,7 +62,7 @@ SAMPLES = [
 
 
 @pytest.mark.parametrize(("kind", "ordinal", "source", "arguments", "right", "wrong"), SAMPLES)
-def test_a_fault_changes_what_the_function_gives(
+def test_a_fault_changes_the_functions_result(
     kind: str, ordinal: int, source: str, arguments: tuple[Any, ...], right: object, wrong: object
 ) -> None:
     space: dict[str, Any] = {}
@@ -91,7 +91,7 @@ def test_every_kind_has_a_sample() -> None:
     assert set(RULES) == {kind for kind, *_ in SAMPLES} | {"refusal", "operands"}
 
 
-def test_text_and_heads_and_logs_and_small_guards_are_left_alone() -> None:
+def test_text_heads_logs_and_small_guards_are_unchanged() -> None:
     function = function_of(
         '''
         @decorated(3)

@@ -1,4 +1,4 @@
-"""The whole tool on a small program: what tests find, miss and do not reach; and a run that goes on where it was."""
+"""The whole tool on a small program: faults that tests find, miss and do not reach; and a run that is continued."""
 
 import json
 import os
@@ -154,7 +154,7 @@ def run(program: Path, *words: str) -> str:
     return done.stdout
 
 
-def test_what_is_found_missed_and_not_reached_and_going_on(program: Path) -> None:
+def test_results_found_missed_not_reached_and_continued(program: Path) -> None:
     file = program / "out" / "mutants" / "results.jsonl"
     assert "8 faults to try, 0 of the list gone" in run(program, "run")
     names = {entry.key: entry.function for entry in read_list(program / "benchmarks" / "mutants" / "list.jsonl")}
@@ -187,7 +187,7 @@ def test_a_stronger_test_is_seen_by_the_next_run(program: Path) -> None:
     assert "found: 6 of 8 run" in out
 
 
-def test_processes_are_as_many_as_wanted_and_each_job_gets_its_own_result(tmp_path: Path) -> None:
+def test_the_number_of_processes_is_as_requested_and_each_job_gets_its_own_result(tmp_path: Path) -> None:
     running, most, got = 0, 0, {}
 
     def start(run: Run, folder: Path) -> int:

@@ -9,7 +9,7 @@ from groundstation.onboard.scenes import jsbsim_flight
 from groundstation.onboard.scenes.sequences import SEQUENCES
 
 
-def test_the_flight_models_flight_is_of_the_scene_and_as_long_as_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_flight_models_flight_fits_the_scene_and_the_requested_length(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jsbsim_flight, "jsbsim_nose_flight", lambda sequence, setup: (sequence, setup))
     sequence, setup = drawn_flight(1, 3, frames=60, motion="jsbsim")
     assert sequence.seed == SEQUENCES[1].seed + 30_000

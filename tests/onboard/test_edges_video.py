@@ -79,7 +79,7 @@ def test_a_video_with_an_imu_gives_a_table_a_video_and_a_recording(
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"edges.csv", "edges.mp4", "edges.rrd"}
 
 
-def test_without_an_imu_the_motion_comes_from_the_pictures(flight: Path, tmp_path: Path) -> None:
+def test_without_an_imu_the_motion_is_estimated_from_the_pictures(flight: Path, tmp_path: Path) -> None:
     assert run(flight, tmp_path / "out", "--no-rerun") == 0
     table = (tmp_path / "out" / "edges.csv").read_text()
     assert (table.count("acquiring"), table.count("tracking")) == (3, FRAMES - 3)
@@ -142,7 +142,7 @@ def test_an_imu_table_of_another_time_is_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_help_says_how(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_describes_the_use(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["onboard", "edges", "--help"])
     reported = capsys.readouterr().out
@@ -166,14 +166,14 @@ def test_help_says_how(capsys: pytest.CaptureFixture[str]) -> None:
         ("t_s,roll_deg,pitch_deg,yaw_deg,lat_deg,lon_deg,alt_m\n0,0,0,0,1,1,9\n1,0,0,0,1,1,9\n", "[runway]"),
     ],
 )
-def test_a_bad_imu_table_says_what_is_wrong(tmp_path: Path, text: str, words: str) -> None:
+def test_a_bad_imu_table_is_reported(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "nose.toml").write_text(LENS)
     (tmp_path / "imu.csv").write_text(text)
     camera = load_nose_camera(tmp_path / "nose.toml")
     assert words in complaint(ImuFileError, lambda: load_imu(tmp_path / "imu.csv", camera))
 
 
-def test_an_imu_table_that_is_none_is_said_in_words(tmp_path: Path) -> None:
+def test_a_file_that_is_not_an_imu_table_is_reported_in_words(tmp_path: Path) -> None:
     (tmp_path / "nose.toml").write_text(LENS)
     (tmp_path / "nose.avi").write_bytes(b"RIFF\xa5\x80\n")
     camera = load_nose_camera(tmp_path / "nose.toml")
@@ -217,7 +217,9 @@ def test_a_bent_lens_is_straightened_and_its_pixels_go_back(tmp_path: Path) -> N
     np.testing.assert_allclose(flat.original(np.array([[u, v]]))[0], [91.5, 101.5], atol=0.6)
 
 
-def test_damaged_frames_are_left_out_and_said(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_damaged_frames_are_left_out_and_reported(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     shutil.copytree(flight, tmp_path / "flight")
     damage(tmp_path / "flight" / "nose.avi", range(2, 4))
     assert run(tmp_path / "flight", tmp_path / "out", "--imu", str(flight / "imu.csv"), "--no-rerun") == 0

@@ -112,7 +112,7 @@ def test_bad_input_is_one_line(flight: Path, tmp_path: Path, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize("missing", [("width_m",), ("length_m",), ("width_m", "length_m")])
-def test_the_runways_size_is_never_guessed(
+def test_the_runways_size_is_never_assumed_silently(
     flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], missing: tuple[str, ...]
 ) -> None:
     """Expected: a camera file without it is refused, unless a surveyed runway is named; `edges` takes it as before."""
@@ -285,7 +285,7 @@ def test_a_ground_track_of_another_time_is_refused(
         ("g.csv", "t_s,x_m\n0,1\n", "a column y_m"),
     ],
 )
-def test_a_bad_ground_track_says_what_is_wrong(tmp_path: Path, name: str, text: str, words: str) -> None:
+def test_a_bad_ground_track_is_reported(tmp_path: Path, name: str, text: str, words: str) -> None:
     (tmp_path / name).write_text(text)
     assert words in complaint(InputError, lambda: read_ground_track(tmp_path / name, np.zeros(3), 1.0))
     with pytest.raises(GroundTrackError):
@@ -302,7 +302,7 @@ def test_a_replays_track_brings_its_covariance(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.covariance_m2[0], [[4, 1, 0], [1, 5, 0], [0, 0, 6]])
 
 
-def test_without_jsbsim_it_says_what_to_install(
+def test_without_jsbsim_the_message_states_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def none(name: str) -> None:
@@ -323,10 +323,10 @@ def test_the_same_seed_gives_the_same_flight(tmp_path: Path) -> None:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
-def test_damaged_pictures_are_left_out_and_said(
+def test_damaged_pictures_are_left_out_and_reported(
     flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Expected: the pictures after them are used as before, and a line tells how many are missing."""
+    """Expected: the pictures after them are used as before, and a line states how many are missing."""
     shutil.copytree(flight, tmp_path / "flight")
     nose = tmp_path / "flight" / "nose.avi"
     source = VideoFile(flight / "nose.avi")

@@ -106,7 +106,7 @@ def test_clocks_move_the_point_along_the_track(tmp_path: Path) -> None:
 
 
 def test_whose_clock_is_late(tmp_path: Path) -> None:
-    """A turning camera late by itself does no harm, its PTU's angles tell the motion; a fixed one is off by J·v."""
+    """A PTU's late camera alone has no effect, because its angles give the motion; a fixed one is off by J·v."""
     late = ClockModel(sigma_s=0.01)
     site = load(tmp_path, EXACT)
     rig = Rig(
@@ -181,7 +181,7 @@ def test_what_it_is_good_enough_for(tmp_path: Path) -> None:
     assert all(len(line) <= 120 for line in text.splitlines())
 
 
-def test_what_is_not_seen_is_said(tmp_path: Path) -> None:
+def test_an_invisible_target_is_reported(tmp_path: Path) -> None:
     text = EXACT.replace("pixel_sigma_px = 0.5", "min_silhouette_px = 500")
     site = load(tmp_path, text + "[required_sigma_m]\nflare = [1, 1, 1]\n")
     reported = format_plan(site, forecast(site))
@@ -265,7 +265,7 @@ def test_a_rig_has_its_own_lens_and_encoders(tmp_path: Path) -> None:
 @example(EXACT.replace("height_m = 1.5", "height_m = 1000").encode())
 @example(EXACT.replace("baseline_m = 10.77", "baseline_m = 0.01").encode())
 @given(st.one_of(damaged(EXACT), damaged(EXAMPLE.read_text(encoding="utf-8"))))
-def test_whatever_the_file_only_our_errors_come_out(tmp_path: Path, content: bytes) -> None:
+def test_arbitrary_files_raise_only_project_errors(tmp_path: Path, content: bytes) -> None:
     with only(InputError):
         site = load(tmp_path, content)
         # few frames: it is the arithmetic that is tried

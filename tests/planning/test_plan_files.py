@@ -38,8 +38,8 @@ def test_without_a_folder_it_only_prints(tmp_path: Path, capsys: pytest.CaptureF
     assert len(reported.splitlines()) > 12
 
 
-def test_nobody_sees_it_and_it_is_still_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two stations above each other tell no range; there is a picture without any curve."""
+def test_a_plan_without_views_is_still_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two stations above each other do not determine range; there is a picture without any curve."""
     text = EXAMPLE.read_text(encoding="utf-8").replace("baseline_m = 10.77\nheight_m = 1.5 ", "#")
     site = tmp_path / "site.toml"
     station = "[[station]]\nposition_m = [0.0, 0.0, 1.5]\n"

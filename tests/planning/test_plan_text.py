@@ -11,7 +11,9 @@ from tests.conftest import ROOT
 
 
 @pytest.mark.parametrize(("notes", "verdicts"), [([], []), (["a note"], []), ([], ["good"]), (["a note"], ["good"])])
-def test_notes_and_verdicts_stand_apart(notes: list[str], verdicts: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_notes_and_verdicts_are_separate(
+    notes: list[str], verdicts: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     site = load_site(ROOT / "docs" / "site-example.toml")
     site = type("Site", (), {name: getattr(site, name) for name in dir(site) if not name.startswith("__")})()
     site.required = verdicts

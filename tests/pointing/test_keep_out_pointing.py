@@ -113,7 +113,7 @@ def test_it_goes_round_the_sun_over_the_horizon(goal: tuple[float, float], by_ra
     assert flight.off_deg(*goal) < 1.0
     insist_outside(flight.unit, keep_out)
     if by_rate:
-        # what the pilot asks for, the unit does not refuse
+        # the unit refuses no command of the pilot
         assert not flight.refusals
         assert flight.guard.stops == 0
 
@@ -141,7 +141,7 @@ def test_a_target_that_passes_before_the_sun_is_waited_for_at_the_edge() -> None
     assert not flight.refusals
 
 
-def test_a_target_that_stays_in_a_closed_sector_is_not_looked_at_and_the_head_stands() -> None:
+def test_a_target_that_stays_in_a_closed_sector_is_not_followed_and_the_head_stands_still() -> None:
     closed = Sector(pan_rad=(-10 * DEG, 10 * DEG), tilt_rad=(-30 * DEG, 40 * DEG))
     keep_out = KeepOut(lens=LENS, sun=None, sectors=(closed,), utc_zero_s=NOON_S)
     flight = Flight(keep_out, (-40.0, 5.0))
@@ -155,7 +155,7 @@ def test_a_target_that_stays_in_a_closed_sector_is_not_looked_at_and_the_head_st
     insist_outside(flight.unit, keep_out)
 
 
-def test_a_standing_head_to_which_the_sun_comes_is_moved_out_of_its_way() -> None:
+def test_a_head_at_rest_is_moved_out_of_the_suns_way() -> None:
     """Held without a target, half a degree off the edge: it leaves by itself, as far as the plan keeps off."""
     keep_out = low_sun()
     pans = np.linspace(0.0, 40.0, 4001)
@@ -169,7 +169,7 @@ def test_a_standing_head_to_which_the_sun_comes_is_moved_out_of_its_way() -> Non
     assert not flight.refusals
 
 
-def test_the_search_leaves_out_what_is_closed() -> None:
+def test_the_search_skips_closed_zones() -> None:
     """A sweep over 40° with 20° of it closed: no time goes by in which all would wait."""
     pattern = SearchPattern({"left": GEOMETRY}, SearchConfig(azimuth_deg=(-20.0, 20.0), dwell_s=1.0))
 

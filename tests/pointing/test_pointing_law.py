@@ -114,12 +114,12 @@ def test_no_command_leads_beyond_a_limit(pan: float, tilt: float, goal_pan: floa
 
 
 @given(at=st.floats(-1.0, 1.0), goal=st.floats(-3.0, 3.0), acceleration=st.floats(0.5, 10.0))
-def test_no_rate_is_told_that_a_driver_refuses(at: float, goal: float, acceleration: float) -> None:
-    """Expected: by the driver's own rule, the head could be told 0.1 s later to stop, and would before its limit."""
+def test_no_rate_is_commanded_that_a_driver_refuses(at: float, goal: float, acceleration: float) -> None:
+    """Expected: by the driver's own rule, a stop command 0.1 s later would still stop the head before its limit."""
     limits = AxisLimits(low_rad=-1.0, high_rad=1.0, fastest_rad_s=2.0, acceleration_rad_s2=acceleration)
     pilot = HeadPilot(make_rig().stations[0].geometry(), HeadLimits(pan=limits, tilt=limits), PointingConfig())
     for k in range(40):
-        # held where it is while what is told grows to all that it would ever be told there
+        # held at its position while the command grows to its maximum there
         pilot.read(PtuSample(t_s=0.03 * k, station="left", pan_rad=at, tilt_rad=at))
         rate = pilot.go_to(0.03 * k, goal, goal, Purpose.TRACK).tilt_rate_rad_s
         reach = at + rate * abs(rate) / (2.0 * acceleration) + 0.1 * rate
@@ -161,7 +161,7 @@ def test_the_sector_is_swept_whole_and_slowly() -> None:
             assert near.all(axis=1).any(), (azimuth, elevation)
 
 
-def test_after_a_loss_it_looks_where_the_target_must_have_gone() -> None:
+def test_after_a_loss_it_points_at_the_predicted_position() -> None:
     stations = {s.name: s.geometry() for s in make_rig().stations}
     pattern = SearchPattern(stations, SearchConfig(lost_s=10.0))
     last = Kinematics(

@@ -1,4 +1,4 @@
-"""A far end that answers what a test says: for answers that no simulated unit gives."""
+"""A far end with scripted replies: for replies that no simulated unit gives."""
 
 from collections.abc import Callable
 
@@ -6,11 +6,11 @@ from ptu_drivers.simulated.peer import SimulatedPeer
 
 
 class ScriptedPeer(SimulatedPeer):
-    """Calls `answer(bytes so far)` after each byte; what it returns is sent after `delay_s`, and the bytes forgotten.
+    """Calls `answer(bytes so far)` after each byte; the result is sent after `delay_s`, and the bytes discarded.
 
     Attributes
     ----------
-    heard : all bytes that came.
+    heard : all received bytes.
     """
 
     def __init__(self, answer: Callable[[bytes], bytes | None], baud: int = 9600, delay_s: float = 0.004) -> None:

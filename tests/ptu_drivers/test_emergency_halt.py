@@ -77,7 +77,7 @@ def test_each_protocol_can_be_halted() -> None:
 
 
 @pytest.mark.parametrize("make", [flir, pelco])
-def test_a_unit_whose_line_another_holds_is_halted(
+def test_a_unit_whose_line_another_program_holds_is_halted(
     tmp_path: Path, make: Callable[[], tuple[SimulatedPeer, HaltLine, SimulatedAxis]]
 ) -> None:
     """Expected: though the line is open exclusively, as a stopped process leaves it, with half a command on it."""
@@ -97,7 +97,7 @@ def test_a_unit_whose_line_another_holds_is_halted(
 
 
 def halted(line: HaltLine) -> None:
-    """Halt it, over and over as the guard does: on a busy machine an answer may come late."""
+    """Halt it repeatedly as the guard does: on a busy machine a reply may be late."""
     for attempt in range(20):
         try:
             return halt_once(line, attempt)
@@ -140,7 +140,7 @@ def test_a_dynamixel_is_halted_by_its_registers(tmp_path: Path) -> None:
 
 
 def test_silence_is_no_acknowledgement(tmp_path: Path) -> None:
-    """Expected: an error; whether the unit heard is not known, and not claimed."""
+    """Expected: an error; whether the unit received it is unknown, and not reported."""
     unit, line, _ = flir()
     link = tmp_path / "ptu"
     with served(unit, link) as server:
@@ -177,7 +177,7 @@ def mount(refused: set[str]) -> Iterator[tuple[str, SimulatedMount]]:
             self.wfile.write(data)
 
         def log_message(self, *_: object) -> None:
-            """Say nothing."""
+            """Write no log."""
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     thread = threading.Thread(target=server.serve_forever, daemon=True)
@@ -191,8 +191,8 @@ def mount(refused: set[str]) -> Iterator[tuple[str, SimulatedMount]]:
 
 
 @pytest.mark.parametrize("refused", [set(), {"abortslew"}, {"moveaxis"}])
-def test_a_mount_is_halted_by_what_it_knows(refused: set[str]) -> None:
-    """Expected: one that knows but one of the two ways is halted by that."""
+def test_a_mount_is_halted_by_the_requests_it_supports(refused: set[str]) -> None:
+    """Expected: one that supports only one of the two ways is halted by that."""
     with mount(refused) as (url, simulated):
         simulated.axes[Axis.PAN].move_at(time.monotonic(), 30_000.0)
         halted(HaltLine(url=url, protocol="alpaca"))

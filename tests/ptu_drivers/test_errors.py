@@ -1,4 +1,4 @@
-"""What the drivers' errors say, and what a program can read from them."""
+"""Messages of the drivers' errors, and their fields for programs."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 from ptu_drivers.errors import LimitError, LineError, NoAnswerError, ProtocolError, PtuError, RefusedError
 
 
-def test_each_says_what_was_got_and_wanted_and_keeps_it() -> None:
+def test_each_message_contains_the_got_and_wanted_values() -> None:
     gone = LineError("/dev/ttyS0", got="no such\ndevice", wanted="a serial line")
     assert (gone.url, gone.got, gone.wanted) == ("/dev/ttyS0", "no such\ndevice", "a serial line")
     silent = NoAnswerError("PP", waited_s=0.25, got="nothing")

@@ -96,7 +96,7 @@ def test_it_is_halted(motion: str, end: str | signal.Signals, children: Running)
     assert axis.motor(time.monotonic()) < axis.high - 1000
 
 
-def test_sockets_and_what_is_no_line(tmp_path: Path) -> None:
+def test_sockets_and_urls_that_are_not_lines(tmp_path: Path) -> None:
     with ExitStack() as stack:
         server = serve(stack, 0)
         with open_ptu(server.url) as unit:
@@ -118,7 +118,7 @@ def test_sockets_and_what_is_no_line(tmp_path: Path) -> None:
         open_ptu("x", colour="red")
 
 
-def test_a_pty_that_is_pulled_out_and_comes_back(tmp_path: Path) -> None:
+def test_a_pty_that_is_removed_and_returns(tmp_path: Path) -> None:
     with ExitStack() as stack:
         server = serve(stack, tmp_path / "unit")
         with open_ptu(server.url) as unit:
@@ -134,7 +134,7 @@ def test_a_pty_that_is_pulled_out_and_comes_back(tmp_path: Path) -> None:
                 assert time.monotonic() < deadline
 
 
-def test_an_axis_whose_neighbour_refused_does_not_turn_on(tmp_path: Path) -> None:
+def test_an_axis_whose_neighbour_refused_does_not_continue(tmp_path: Path) -> None:
     with ExitStack() as stack:
         server = serve(stack, tmp_path / "unit")
         flir = server.line.unit.flir
@@ -152,7 +152,7 @@ def test_an_axis_whose_neighbour_refused_does_not_turn_on(tmp_path: Path) -> Non
             while moves(server) and time.monotonic() < deadline:
                 time.sleep(0.05)
             assert not moves(server)
-            # and it obeys again
+            # and it executes commands again
             unit.move_at(pan_rad_s=0.3, tilt_rad_s=0.0)
 
 
@@ -178,7 +178,7 @@ class DeafLine:
 
 
 class DeafUnit(PolledUnit):
-    """A unit that turns, and hears nothing while it is deaf."""
+    """A unit that turns, and receives nothing while it is deaf."""
 
     deaf = False
     turning = False
@@ -223,11 +223,11 @@ DEAF = UnitDescription(
 )
 
 
-def test_a_halt_that_was_not_heard_is_tried_until_it_is() -> None:
+def test_an_unacknowledged_halt_is_repeated() -> None:
     unit = DeafUnit(DeafLine(), UnitSettings(watchdog_s=0.2), DEAF, HealthCounter(), watch=True)
     unit.move_at(pan_rad_s=0.1, tilt_rad_s=0.0)
     unit.deaf = True
-    # no reads, no commands: the watchdog's halt is not received, and it must not give up
+    # no reads, no commands: the watchdog's halt is not received, and it must continue
     time.sleep(1.0)
     assert unit.turning
     unit.deaf = False
@@ -239,7 +239,7 @@ def test_a_halt_that_was_not_heard_is_tried_until_it_is() -> None:
 
 
 @pytest.mark.parametrize("deaf", [True, False])
-def test_a_closed_unit_says_whether_its_halt_was_acknowledged(deaf: bool) -> None:
+def test_a_closed_unit_reports_whether_its_halt_was_acknowledged(deaf: bool) -> None:
     """Expected: `close` never raises; what came of it is in the health."""
     unit = DeafUnit(DeafLine(), UnitSettings(), DEAF, HealthCounter(), watch=False)
     unit.move_at(pan_rad_s=0.1, tilt_rad_s=0.0)
@@ -252,7 +252,7 @@ def test_a_closed_unit_says_whether_its_halt_was_acknowledged(deaf: bool) -> Non
 
 
 @pytest.mark.parametrize("dead", [True, False])
-def test_a_closed_flir_says_whether_its_halt_was_acknowledged(dead: bool) -> None:
+def test_a_closed_flir_reports_whether_its_halt_was_acknowledged(dead: bool) -> None:
     virtual = VirtualLine(SimulatedUnit(FlirModel(), LineModel()))
     unit = connect(virtual, UnitSettings())
     unit.move_at(pan_rad_s=0.05, tilt_rad_s=0.0)

@@ -17,7 +17,7 @@ def wait_until(holds: "threading.Event | None" = None, *, lock: LineLock | None 
         time.sleep(0.001)
 
 
-def test_a_halt_is_let_in_before_what_waited_longer() -> None:
+def test_a_halt_is_admitted_before_longer_waiting_threads() -> None:
     lock, order = LineLock(), []
     started = [threading.Event() for _ in range(5)]
 

@@ -60,12 +60,12 @@ def test_a_line_that_stays_lost_is_no_missed_target(make: Callable[[], tuple[Vir
     assert line.now() - began < 10.0
 
 
-def test_a_line_that_comes_back_is_said_beside_the_steps() -> None:
+def test_the_return_of_a_line_is_reported_with_the_steps() -> None:
     line, unit = flir()
     line.at(line.now() + 2.0, lambda: setattr(line, "gone", False))
     pan = moved(line, unit, 1.0, lambda: setattr(line, "gone", True))
     assert pan.lost_line
-    # this unit is halted when it is heard again
+    # this unit is halted when it receives again
     assert pan.lost_steps > 100
     assert f"MISSED by {pan.lost_steps} steps; THE LINE WAS LOST on the way" in format_moved(pan)
 
@@ -98,7 +98,7 @@ def test_angles_that_tremble_in_their_last_digits_are_at_rest() -> None:
     assert line.now() - began < 60.0
 
 
-def test_a_halt_that_nobody_hears_is_not_called_one() -> None:
+def test_an_unacknowledged_halt_is_not_reported_as_one() -> None:
     line, unit = flir()
     unit.move_to(pan_rad=FAR_RAD)
     line.wait(0.5)

@@ -1,4 +1,4 @@
-"""Leases that run out, halts that are tried until they are acknowledged, and a guard that outlives who asked for it."""
+"""Leases that expire, halts that are repeated until acknowledged, and a guard that outlives its client."""
 
 import multiprocessing as mp
 import queue
@@ -47,7 +47,7 @@ def test_a_lease_that_runs_out_is_acted_on_once() -> None:
     leases.renew("right", 20.0)
     assert expiry.pending()
     assert expiry.expired(9.99) == expiry.expired(10.0) == ()
-    # the second look in a row that finds it so
+    # the second successive check with that result
     assert expiry.expired(10.01) == ()
     assert expiry.expired(10.03) == ("left",)
     assert expiry.expired(10.05) == ()
@@ -104,7 +104,7 @@ def test_a_halt_is_tried_until_it_is_acknowledged() -> None:
 
 @pytest.mark.parametrize("fault", [NoAnswerError("halt", waited_s=0.1, got="nothing"), RuntimeError("a fault of ours")])
 def test_a_halt_that_nobody_acknowledges_is_reported_as_that(fault: Exception) -> None:
-    """Expected: after the time for it, on a clock that goes on with each try, with the last reason."""
+    """Expected: after the time for it, on a clock that advances with each attempt, with the last reason."""
     reports: list[GuardReport] = []
     now_s = [0.0]
 
@@ -119,7 +119,7 @@ def test_a_halt_that_nobody_acknowledges_is_reported_as_that(fault: Exception) -
     assert reports[0].ended_s == HALTING_S
 
 
-def test_the_lines_address_is_looked_up_once_and_before_it_is_needed() -> None:
+def test_the_lines_address_is_resolved_once_and_ahead() -> None:
     found, tried = threading.Event(), queue.Queue[str]()
 
     def find(line: HaltLine) -> HaltLine:
@@ -134,7 +134,7 @@ def test_the_lines_address_is_looked_up_once_and_before_it_is_needed() -> None:
         assert tried.get(timeout=10.0) == "socket://192.0.2.7:4000"
 
 
-def test_memory_that_is_kept_for_a_halt_is_free_while_one_goes_on() -> None:
+def test_memory_reserved_for_a_halt_is_free_during_one() -> None:
     reserve, free = MemoryReserve(1000), queue.Queue[bool]()
     assert reserve.held
     reports = queue.Queue[GuardReport]()
@@ -157,7 +157,7 @@ def test_memory_stays_free_until_the_last_of_several_halts_has_ended() -> None:
     assert reserve.held
 
 
-def test_without_memory_to_keep_the_guard_goes_on() -> None:
+def test_without_memory_to_reserve_the_guard_continues() -> None:
     assert not MemoryReserve(1 << 60).held
 
 
@@ -180,8 +180,8 @@ def test_a_request_during_a_halt_is_another_halt() -> None:
 
 
 @pytest.mark.parametrize("orphaned", [False, True])
-def test_a_guard_halts_what_nobody_vouches_for(tmp_path: Path, orphaned: bool) -> None:
-    """Expected: by the lease alone, without a word from anybody; a guard that is alone then ends."""
+def test_a_guard_halts_units_with_expired_leases(tmp_path: Path, orphaned: bool) -> None:
+    """Expected: by the lease alone, without a request; a guard without clients then ends."""
     unit = SimulatedPelco(PelcoModel(baud=9600))
     link = tmp_path / "ptu"
     with SimulatedServer(VirtualLine(unit, 9600, start_s=time.monotonic()), link) as server:

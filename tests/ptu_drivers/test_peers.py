@@ -1,8 +1,8 @@
-"""Clients that others wrote drive the simulated unit; and what they said, replayed without them.
+"""Independent clients drive the simulated unit; and their recorded exchanges are replayed without them.
 
 MRPT's driver is compiled C++ (Debian: libmrpt-hwdrivers-dev), flirptu is Python (`make peers` installs it in a venv of
-its own). Where they cannot be had their tests are skipped, or fail (tests/peers.py). The transcripts in peers/ are what
-passed between them and the unit: run this file with --record to write them again.
+its own). If they cannot be installed their tests are skipped, or fail (tests/peers.py). The transcripts in peers/ are
+the exchanged bytes: run this file with --record to write them again.
 """
 
 import re
@@ -98,7 +98,7 @@ def answer_to(line: VirtualLine, command: str) -> str:
 
 
 @pytest.mark.parametrize("name", ["mrpt", "flirptu"])
-def test_what_they_said_replayed(name: str) -> None:
+def test_recorded_exchanges_of_other_programs_are_replayed(name: str) -> None:
     """The unit answers the recorded commands as it did when the client was content."""
     rows = (PEERS / f"{name}.txt").read_text(encoding="utf-8").splitlines()
     assert len(rows) > 15

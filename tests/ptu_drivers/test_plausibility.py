@@ -1,4 +1,4 @@
-"""The gate and the instants: what passes, what is asked again, what cannot be."""
+"""The plausibility test and the instants: accepted, queried again, impossible."""
 
 import math
 import random
@@ -64,7 +64,7 @@ def test_a_lost_digit_is_impossible_or_unconfirmed() -> None:
 
 
 @pytest.mark.parametrize("way", [1, -1])
-def test_what_no_axis_can_turn_is_impossible_however_often_it_is_said(way: int) -> None:
+def test_an_impossible_rate_stays_impossible_when_repeated(way: int) -> None:
     """At most 1.1 times the fastest, two steps and what the instants leave open: 456 counts in 0.05 s."""
     for moved, verdict in ((440, AngleVerdict.CONFIRM), (452, AngleVerdict.CONFIRM), (460, AngleVerdict.IMPOSSIBLE)):
         g = gate()
@@ -100,8 +100,8 @@ def test_a_change_of_speed_has_its_bound() -> None:
 
 
 @pytest.mark.parametrize("faster", [3.0, 30.0])
-def test_a_unit_that_says_it_turns_faster_than_it_can_is_not_believed(faster: float) -> None:
-    """Consistent lies: each answer fits the one before, at a speed that the unit said it does not have."""
+def test_a_unit_reporting_an_impossible_rate_is_not_accepted(faster: float) -> None:
+    """Consistently wrong replies: each fits the one before, at a speed above the unit's stated maximum."""
     sim = SimulatedUnit(FlirModel(combined=False, device_clock=False), LineModel(), seed=3)
     line = VirtualLine(sim)
     with connect(line, UnitSettings()) as unit:
@@ -136,7 +136,7 @@ def test_instants_stay_within_their_bounds() -> None:
             assert 1e-4 <= found.sigma_s <= max(1e-4, (latest - earliest) / math.sqrt(12))
 
 
-def test_the_device_clock_learns_its_offset_and_survives_a_wrap_and_a_restart() -> None:
+def test_the_device_clock_estimates_its_offset_and_survives_a_wrap_and_a_restart() -> None:
     rnd = random.Random(4)
     hz, drift, start = 90_000.0, 1 + 50e-6, 2**32 - 90_000 * 5
     clock, errors = DeviceClock(hz), []

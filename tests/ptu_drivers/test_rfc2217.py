@@ -104,7 +104,7 @@ def test_the_speed_of_the_far_port_is_raised_with_the_units_and_found_again(flir
         reading(unit)
 
 
-def test_the_line_is_lost_and_comes_back(flir: Flir) -> None:
+def test_the_line_is_lost_and_returns(flir: Flir) -> None:
     _, simulated, server = flir
     with open_ptu(server.url) as unit:
         unit.move_to(pan_rad=2.5)
@@ -137,9 +137,9 @@ def test_pelco_behind_a_device_server(tmp_path: Path) -> None:
             lost_and_back(unit, server.pull_out, server.plug_in)
 
 
-# pyserial's reader thread ends with an error where the unit's echo tears a negotiation apart; what counts is ours
+# pyserial's reader thread ends with an error where the unit's echo breaks a negotiation; the driver's error counts
 @pytest.mark.filterwarnings("ignore:Exception in thread pySerial RFC 2217:pytest.PytestUnhandledThreadExceptionWarning")
-def test_nobody_there_and_somebody_who_speaks_no_rfc_2217(flir: Flir, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_server_and_a_server_without_rfc_2217(flir: Flir, capsys: pytest.CaptureFixture[str]) -> None:
     line, _, server = flir
     with SimulatedServer(line, 0) as plain, pytest.raises(LineError, match="got Remote does not "):
         open_ptu(plain.url.replace("socket", "rfc2217") + "?timeout=0.2")

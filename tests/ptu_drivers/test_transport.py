@@ -34,7 +34,7 @@ def port() -> Iterator[HangingPort]:
     hanging.let_go.set()
 
 
-def test_a_connection_that_hangs_is_given_up_and_closed_when_it_comes_late(
+def test_a_hanging_connection_is_abandoned_and_closed_when_established_late(
     port: HangingPort, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def opened(*_: object, **__: object) -> HangingPort:
@@ -94,7 +94,7 @@ def test_a_write_that_rfc2217_does_not_take_is_a_lost_line(port: HangingPort, mo
         ("socket://unit.lan:none", "socket://unit.lan:none"),
     ],
 )
-def test_a_hosts_name_is_looked_up_ahead(url: str, found: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hosts_name_is_resolved_ahead(url: str, found: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         socket, "getaddrinfo", lambda *_, **__: [(socket.AF_INET, socket.SOCK_STREAM, 6, "", ("192.0.2.7", 0))]
     )

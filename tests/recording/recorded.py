@@ -1,4 +1,4 @@
-"""A small rig, events of all kinds, and what a recording of them says."""
+"""A small rig, events of all kinds, and the content of a recording of them."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

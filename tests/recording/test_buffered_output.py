@@ -8,7 +8,7 @@ import pytest
 from groundstation.recording.buffered_output import BufferedOutput
 
 
-def test_the_disk_is_asked_once_for_what_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_disk_gets_one_request_for_the_written_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: list[int] = []
     monkeypatch.setattr(os, "fdatasync", lambda number: synced.append(os.fstat(number).st_size))
     with (tmp_path / "part").open("wb", buffering=0) as raw:

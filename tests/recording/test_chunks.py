@@ -19,7 +19,7 @@ def test_a_record_that_is_cut_short_is_named_with_its_place(data: bytes) -> None
         list(inside.messages(7))
 
 
-def test_names_are_written_as_they_are() -> None:
+def test_names_are_written_unchanged() -> None:
     assert line({"station": "links Süd", "t_s": 0.1}) == '{"station":"links Süd","t_s":0.1}'.encode()
 
 

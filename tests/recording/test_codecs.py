@@ -63,12 +63,12 @@ windows = st.tuples(st.integers(0, 60), st.integers(0, 40), st.integers(1, 30), 
 
 
 @given(simple_events, whole)
-def test_events_come_back_bit_for_bit(event: Event, n: int) -> None:
+def test_events_are_read_back_bit_for_bit(event: Event, n: int) -> None:
     assert parse_line(line(event_values(n, event)), SIZES, "test") == NumberedEvent(n=n, event=event)
 
 
 @given(notes)
-def test_notes_come_back(note: PixelsNote | DroppedNote | LostNote) -> None:
+def test_notes_are_read_back(note: PixelsNote | DroppedNote | LostNote) -> None:
     assert parse_line(line(note_values(note)), SIZES, "test") == note
 
 
@@ -97,7 +97,7 @@ def test_each_window_lies_in_one_part(read: list[Box[int]]) -> None:
 
 @pytest.mark.parametrize("png", [True, False])
 @pytest.mark.parametrize("colour", [True, False])
-def test_pixels_come_back(png: bool, colour: bool, rng: np.random.Generator) -> None:
+def test_pixels_are_read_back(png: bool, colour: bool, rng: np.random.Generator) -> None:
     shape = (13, 7, 3) if colour else (13, 7)
     pixels = rng.integers(0, 256, shape, dtype=np.uint8)
     message = encode_image(pixels, png=png, pattern=BayerPattern.GB, stamp_ns=1, frame_id="left/camera")
@@ -108,7 +108,7 @@ def test_pixels_come_back(png: bool, colour: bool, rng: np.random.Generator) -> 
             decode_image(message, png=png, size_px=size, colour=other, where="test")
 
 
-def test_a_picture_that_says_to_be_enormous_is_not_unpacked() -> None:
+def test_a_picture_with_an_enormous_header_is_not_unpacked() -> None:
     pixels = np.zeros((13, 7), np.uint8)
     message = encode_image(pixels, png=True, pattern=None, stamp_ns=1, frame_id="left/camera")
     bomb = message.replace(struct.pack(">II", 7, 13), struct.pack(">II", 60_000, 60_000))

@@ -41,7 +41,7 @@ def count(path: Path) -> int:
     return found
 
 
-def test_it_plays_what_was_recorded(recording: Path) -> None:
+def test_it_plays_the_recorded_events(recording: Path) -> None:
     back, source = played(recording)
     given = list(events(PAIRS, np.random.default_rng(1)))
     assert len(back) == len(given)
@@ -128,13 +128,13 @@ def test_a_damaged_chunk_is_left_out(recording: Path, tmp_path: Path) -> None:
     ("says", "got", "wanted"),
     [
         (100, "a damaged chunk", "a whole one"),
-        # the bound itself is not too much to ask for, one byte more is
+        # the bound itself is permitted, one byte more is not
         (10_000, "a damaged chunk", "a whole one"),
         (10_001, "a chunk of 10001 bytes", "at most 0 MiB"),
         (2**62, f"a chunk of {2**62} bytes", "at most 0 MiB"),
     ],
 )
-def test_a_chunk_that_unpacks_to_more_than_it_says_or_may_is_refused(
+def test_a_chunk_that_unpacks_to_more_than_stated_or_allowed_is_refused(
     says: int, got: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mcap_reader, "MAX_RECORD_BYTES", 10_000)

@@ -1,4 +1,4 @@
-"""What Foxglove needs of a recording, judged by MCAP's own reader and by Foxglove's own messages.
+"""Requirements of Foxglove on a recording, tested by MCAP's own reader and by Foxglove's own messages.
 
 Foxglove itself is a desktop program that cannot run here: it reads the container, then each message by the schema that
 the file carries, and knows what to draw by the schema's name. These three are held to the makers' own code.
@@ -97,7 +97,7 @@ def test_every_standard_message_is_foxgloves(kind: str) -> None:
 
 
 def test_the_container_is_whole_by_its_makers_reader(recording: Path) -> None:
-    """Expected: all checksums hold; index and statistics say what is in it; schemas and encodings are ones known."""
+    """Expected: all checksums are right; index and statistics match the content; schemas and encodings are known."""
     with recording.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()

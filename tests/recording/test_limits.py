@@ -129,8 +129,8 @@ def test_a_chunk_that_unpacks_to_more_than_the_bound_is_refused(
 
 @pytest.mark.parametrize("packing", ["lz4", "zstd"])
 @pytest.mark.parametrize("less", [1, 1000])
-def test_no_more_is_unpacked_than_a_chunk_says(packing: str, less: int, tmp_path: Path) -> None:
-    """Expected: what unpacks to more than it says is damaged, and is unpacked to one byte more than that."""
+def test_no_more_is_unpacked_than_a_chunk_states(packing: str, less: int, tmp_path: Path) -> None:
+    """Expected: a chunk that unpacks to more than stated is damaged, and is unpacked to one byte more than that."""
     content = channel(1) + message(1, 5000)
     path = written(tmp_path, chunk(content, packing, says=len(content) - less))
     assert refused(path) == "made.mcap: byte 17: got a damaged chunk; wanted a whole one"

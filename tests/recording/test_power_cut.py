@@ -1,6 +1,6 @@
 """A power cut: the file ends at any byte, or its last pages never reached the disk; every complete chunk is recovered.
 
-What is complete is counted by MCAP's own stream reader, not by ours.
+Complete chunks are counted by MCAP's own stream reader, not by this program's.
 """
 
 import io

@@ -63,7 +63,7 @@ def full(times: int) -> Callable[[], None]:
     return before
 
 
-def test_a_disk_that_is_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
+def test_a_temporarily_full_disk_loses_nothing(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     # besides, it takes only some bytes of each write
     file = FaultyFile(path, full(20), most=1000)
@@ -80,7 +80,7 @@ def test_a_disk_that_is_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
     assert len(back) == len(given) - source.missing.frames
 
 
-def test_a_disk_that_takes_nothing_ever_does_not_stop_the_flight(tmp_path: Path) -> None:
+def test_a_disk_that_refuses_all_data_does_not_stop_the_flight(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     file = FaultyFile(path, full(10**9))
     config = RecorderConfig(queue_items=50, retry_s=0.001, close_s=0.2)
@@ -160,7 +160,7 @@ def test_little_space_stops_pictures_first_then_everything(tmp_path: Path) -> No
     path = tmp_path / "flight.mcap"
     space = [PLENTY]
     seen: list[RecorderState] = []
-    # no second passes between looks
+    # no second passes between checks
     clock = itertools.count(0.0, 2.0)
     config = RecorderConfig(keep_free_bytes=1000, stop_free_bytes=100, retry_s=0.001, sync_s=1e12)
     recorder = Recorder(path, small_rig(), header(), config, free_bytes=lambda: space[0], clock=lambda: next(clock))
@@ -199,7 +199,7 @@ def test_a_recording_is_never_written_over(tmp_path: Path) -> None:
     assert path.read_bytes() == b"precious"
 
 
-def test_a_patient_recorder_says_that_the_disk_is_full(tmp_path: Path) -> None:
+def test_a_waiting_recorder_reports_that_the_disk_is_full(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     file = FaultyFile(path, full(10**9))
     config = RecorderConfig(patient=True, chunk_bytes=4096, retry_s=0.001, close_s=0.2)
@@ -232,7 +232,7 @@ def test_killed_at_any_moment_all_that_was_written_is_recovered(lines: int, tmp_
     path = tmp_path / "flight.mcap"
     child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None
-    # the first thing written is the header; then so many lines
+    # the first write is the header; then so many lines
     reported = [child.stdout.readline()]
     while int(reported[-1].split()[1]) < 10_000:
         reported.append(child.stdout.readline())
@@ -249,17 +249,15 @@ def test_killed_at_any_moment_all_that_was_written_is_recovered(lines: int, tmp_
     complete = len(back) - source.missing.frames
     assert all(same(one, other) for one, other in zip(given[:complete], back[:complete], strict=True))
     assert source.missing.events == 0
-    # what had been said to be in the file is there, but for the chunk that was being written
+    # records reported as written are in the file, except for the chunk that was being written
     assert done.lost_bytes <= 2**15 + 20_000
     assert done.messages["/groundstation/events"] > len(back)
     assert path.stat().st_size - done.lost_bytes >= written - 2**15 - 20_000
     assert number > 0
 
 
-def test_what_comes_between_an_idle_moment_and_the_end_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: a writer that found nothing, and then finds the queue closed, looks once more."""
+def test_data_between_an_idle_moment_and_the_end_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: a writer that found nothing, and then finds the queue closed, checks once more."""
     taken, idle, go_on = WriteQueue.take, threading.Event(), threading.Event()
 
     def held_up(queue: WriteQueue, timeout_s: float) -> QueueItem | None:

@@ -40,7 +40,7 @@ def flight() -> list[Event]:
 
 
 class Beaten:
-    """A pipeline that is given events and heartbeats, and what it said."""
+    """A pipeline with events and heartbeats as input, and its results."""
 
     def __init__(self, **estimation: object) -> None:
         self.pipeline = Pipeline(make_rig(), config(**estimation), span_m=2.3)
@@ -73,7 +73,7 @@ def until(events: Iterable[Event], t_s: float) -> Iterator[Event]:
 
 
 def blind(events: Iterable[Event], from_s: float, to_s: float = 1e9) -> list[Event]:
-    """Both cameras lost: neither pictures nor pairs, the PTUs go on."""
+    """Both cameras lost: neither pictures nor pairs, the PTUs continue."""
     return [e for e in events if isinstance(e, PtuSample) or not from_s <= e.t_s < to_s]
 
 
@@ -102,7 +102,7 @@ def newest_pair_s(run: Beaten) -> float:
 
 
 def test_without_pairs_it_coasts_from_the_stated_time_on(flight: list[Event]) -> None:
-    """Expected: tracking up to ``coast_after_s`` after the newest pair was answered, coasting beyond, said once."""
+    """Expected: tracking up to ``coast_after_s`` after the newest pair was processed, coasting beyond, logged once."""
     run = Beaten().take(until(flight, LOSS_S))
     pair_s = run.answered_s
     assert newest_pair_s(run) < pair_s < newest_pair_s(run) + 0.03
@@ -118,7 +118,7 @@ def test_without_pairs_it_coasts_from_the_stated_time_on(flight: list[Event]) ->
     assert not any(r.estimates for r in run.reports[-4:]), "a heartbeat is no pair"
 
 
-def test_the_covariance_grows_as_the_motion_model_says(flight: list[Event]) -> None:
+def test_the_covariance_grows_by_the_motion_model(flight: list[Event]) -> None:
     """Expected: what the filter's own prediction to each heartbeat gives; mean and covariance, ever more uncertain."""
     run = Beaten(**CERTAIN).take(until(flight, LOSS_S))
     # what waits is let go by then, and fused
@@ -135,7 +135,7 @@ def test_the_covariance_grows_as_the_motion_model_says(flight: list[Event]) -> N
     assert before > 100.0 * spread_m2(known(run.estimates[-1]))
 
 
-def test_a_heartbeat_leaves_the_filter_where_it_is(flight: list[Event]) -> None:
+def test_a_heartbeat_leaves_the_filter_unchanged(flight: list[Event]) -> None:
     """Expected: to the last bit, with its window for late data and its tape; one before the filter's time as well."""
     run = Beaten(**CERTAIN).take(until(flight, LOSS_S))
     ekf, window = run.pipeline._ekf, run.pipeline._late_buffer
@@ -151,13 +151,13 @@ def test_a_heartbeat_leaves_the_filter_where_it_is(flight: list[Event]) -> None:
         np.testing.assert_array_equal(ekf.state, x)
         np.testing.assert_array_equal(ekf.covariance, P)
         np.testing.assert_array_equal(ekf._filter.imm.weights, weights)
-    # what is older than the filter is told of the filter's time, not made more uncertain by going back
+    # times before the filter's get the estimate of the filter's time, without a larger covariance
     np.testing.assert_array_equal(known(run.states[-1]).position_runway_m, x[ekf.layout.position])
     np.testing.assert_allclose(known(run.states[-1]).covariance, P[ekf.layout.target, ekf.layout.target], rtol=1e-12)
 
 
 def test_it_is_lost_after_the_time_without_a_pixel(flight: list[Event]) -> None:
-    """Expected: an estimate to the very end of ``lost_after_s``, none from then on; the PTUs go on all the while."""
+    """Expected: an estimate to the very end of ``lost_after_s``, none from then on; the PTUs continue all the while."""
     run = Beaten(**CERTAIN).take(beaten(blind(flight, LOSS_S)))
     pixel_s = max(c.t_s for r in run.reports for c in r.cameras if c.status.used)
     for state in run.states:
@@ -207,8 +207,8 @@ def test_it_is_lost_when_no_camera_could_be_pointed(flight: list[Event]) -> None
     assert len(statuses) > 3
 
 
-def test_pairs_that_all_come_late_are_pairs(flight: list[Event]) -> None:
-    """Expected: 0.4 s under way, longer than ``coast_after_s``, answered one after the other: tracking, as they say."""
+def test_pairs_that_are_all_late_are_pairs(flight: list[Event]) -> None:
+    """Expected: 0.4 s of latency, longer than ``coast_after_s``, processed one after the other: tracking."""
     late_s = [0.0 if isinstance(e, PtuSample) or e.t_s < 2.0 else 0.4 for e in flight]
     slow = [(e.t_s + late, e) for e, late in zip(flight, late_s, strict=True) if e.t_s < LOSS_S + 2.0]
     clocks: list[tuple[float, Event]] = [(float(t), Heartbeat(t_s=float(t))) for t in np.arange(0.0, LOSS_S + 2.0, 0.1)]
@@ -217,7 +217,7 @@ def test_pairs_that_all_come_late_are_pairs(flight: list[Event]) -> None:
     assert {s.status for s in run.states if s.t_s > 3.0} == {TrackStatus.TRACKING}
 
 
-def test_lines_that_are_held_back_are_said_in_time(flight: list[Event]) -> None:
+def test_delayed_log_lines_are_written_in_time(flight: list[Event]) -> None:
     """Expected: of the same kind one at once, the rest together after five seconds, pairs or not."""
     run = Beaten(**CERTAIN).take(until(flight, LOSS_S))
     for k in range(3):
@@ -238,7 +238,7 @@ def test_silent_cameras_are_named(flight: list[Event]) -> None:
     assert run.pipeline.counts["stations_lost"] == 2
 
 
-def test_cameras_that_come_back_soon_go_on_with_the_track(flight: list[Event]) -> None:
+def test_cameras_that_return_soon_continue_the_track(flight: list[Event]) -> None:
     """Expected: coasting while they are away; then, after so long without a pixel, tracking at the second pair."""
     run = Beaten().take(beaten(blind(flight, LOSS_S, LOSS_S + 1.5)))
     away = [s for s in run.states if LOSS_S + 0.3 < s.t_s < LOSS_S + 1.5]
@@ -249,7 +249,7 @@ def test_cameras_that_come_back_soon_go_on_with_the_track(flight: list[Event]) -
     assert not any("lost" in e.text for e in run.events)
 
 
-def test_cameras_that_come_back_late_find_it_again(flight: list[Event]) -> None:
+def test_cameras_that_return_late_find_it_again(flight: list[Event]) -> None:
     run = Beaten(lost_after_s=3.0).take(beaten(blind(flight, LOSS_S, LOSS_S + 4.0)))
     assert TrackStatus.LOST in {s.status for s in run.states}
     assert [e.text for e in run.events if "→" in e.text and LOSS_S < e.t_s < 15.0] == [
@@ -284,7 +284,7 @@ def test_a_find_without_pictures_is_no_find(flight: list[Event]) -> None:
         if any("acquired" in e.text or "found in labels" in e.text for e in run.events):
             break
     begun_s = run.estimates[-1].t_s
-    # as it is begun from whole frames, which this flight has none of
+    # because it starts from whole frames, which this flight has none of
     life = run.pipeline._track_manager.state_machine
     life.start(begun_s, path(begun_s))
     life.status = TrackStatus.ACQUIRING
@@ -294,7 +294,7 @@ def test_a_find_without_pictures_is_no_find(flight: list[Event]) -> None:
     assert run.events[-2].text == "what was found has had no pictures to prove itself: dropped"
 
 
-def test_candidates_without_pictures_are_not_said_to_be_proved(flight: list[Event]) -> None:
+def test_candidates_without_pictures_are_not_reported_as_under_confirmation(flight: list[Event]) -> None:
     run = Beaten()
     track_manager = run.pipeline._track_manager
     run.take(until(flight, 0.15))
@@ -324,10 +324,10 @@ def delayed(events: list[Event], seed: int, pixels_s: float, readings_s: float) 
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("pixels_s", "readings_s", "coast_after_s"), [(0.06, 0.03, 0.25), (0.4, 0.2, 0.9)])
-def test_while_pairs_are_answered_heartbeats_change_nothing(
+def test_while_pairs_are_processed_heartbeats_change_nothing(
     seed: int, pixels_s: float, readings_s: float, coast_after_s: float
 ) -> None:
-    """Expected: every answer, look, line and count to the last bit, whatever is under way when a heart beats."""
+    """Expected: every result, detection, line and count to the last bit, whatever is in transit at a heartbeat."""
     rig = make_rig()
     events = list(flight_events(rig, glide, np.random.default_rng(seed), duration_s=5.0, frame_hz=20.0, ptu_hz=30.0))
     arrivals = delayed(events, seed, pixels_s, readings_s)
@@ -354,7 +354,7 @@ def test_while_pairs_are_answered_heartbeats_change_nothing(
         assert all(state.status is status for state in report.states)
 
 
-def test_what_waits_is_passed_on_once_nothing_can_be_under_way_any_more() -> None:
+def test_waiting_records_are_passed_on_once_no_earlier_ones_can_arrive() -> None:
     """Expected: by the clock ``IN_FLIGHT_S`` and the hold after its stamp, no earlier; a record sooner than that is
     in time."""
     waiting = Synchroniser(["left"], SynchroniseConfig(hold_s=0.15), cameras=["left"])

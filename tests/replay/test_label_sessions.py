@@ -1,4 +1,4 @@
-"""The whole job on sessions without videos: pixels that someone else has found, N stations, starts of each kind."""
+"""The whole job on sessions without videos: pixels of another detector, N stations, starts of each kind."""
 
 import csv
 import json
@@ -138,7 +138,7 @@ def test_a_start_from_dgps(make_session: Callable[..., Path], tmp_path: Path) ->
     assert summary["accuracy"]["dgps"]["total"]["ekf"]["rmse_m"][0] < 0.05
 
 
-def test_searching_can_be_asked_for(make_session: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_search_can_be_requested(make_session: Callable[..., Path], tmp_path: Path) -> None:
     extra = (
         "[initial]\nt_s = 0.0\nposition_m = [0, 99, 9]\nvelocity_m_s = [0, -25, 0]\n"
         "sigma_position_m = 1.0\nsigma_velocity_m_s = 1.0\n"
@@ -178,6 +178,6 @@ def test_filterpys_filter_gives_the_same_track(make_session: Callable[..., Path]
 
 
 def test_real_labels_need_a_calibrated_rig(shared_data: Path, tmp_path: Path) -> None:
-    """Four fixed cameras whose orientation is not known: said in one line, with what to do."""
+    """Four fixed cameras of unknown orientation: reported in one line, with the remedy."""
     with pytest.raises(InputError, match="calibrate flight"):
         replay(ReplayRequest(session=shared_data / "drone-flight-3", out=tmp_path / "out"))

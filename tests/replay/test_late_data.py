@@ -113,7 +113,7 @@ def test_late_inside_the_horizon_is_as_good_as_in_order(seed: int, offset_s: flo
     scale = np.outer(sigma, sigma)
     np.testing.assert_allclose(late._ekf.state / sigma, ordered._ekf.state / sigma, rtol=0, atol=1e-6)
     np.testing.assert_allclose(late._ekf.covariance / scale, ordered._ekf.covariance / scale, rtol=0, atol=1e-6)
-    # in the end each pixel was judged alike
+    # in the end each pixel was gated equally
     assert verdicts(late) == verdicts(ordered)
     assert len(verdicts(late)) == 120
     assert not all(verdicts(late).values())
@@ -122,7 +122,7 @@ def test_late_inside_the_horizon_is_as_good_as_in_order(seed: int, offset_s: flo
     assert not [c for c in cameras if isinstance(c.result, Miss) and c.result.reason is MissReason.LATE]
 
 
-def test_the_look_is_where_the_target_was_expected_then() -> None:
+def test_late_frames_are_searched_at_the_prediction_of_their_time() -> None:
     """A frame that comes 0.3 s late is predicted as if it had been in time, to a small part of a pixel."""
     events = list(flight_events(make_rig(), glide, np.random.default_rng(4), duration_s=6.0))
     held = next(e for e in events if isinstance(e, PixelMeasurement) and e.station == "left" and e.t_s > 4.0)
@@ -137,7 +137,7 @@ def test_the_look_is_where_the_target_was_expected_then() -> None:
 
 
 def taught(events: list[Event], late_s: float, **estimation: object) -> Pipeline:
-    """Fly with a position of a receiver each fifth of a second, whose clock is 30 ms ahead, told ``late_s`` later."""
+    """Fly with a position of a receiver each fifth of a second, whose clock is 30 ms ahead, ``late_s`` later."""
     generator = np.random.default_rng(7)
     fixes = [
         ReferenceFix(
@@ -155,7 +155,7 @@ def taught(events: list[Event], late_s: float, **estimation: object) -> Pipeline
     return pipeline
 
 
-def test_positions_of_a_receiver_come_late_and_teach_as_much() -> None:
+def test_late_positions_of_a_receiver_give_the_same_estimates() -> None:
     """Each comes 0.15 s after its time, the cameras wait 20 ms: state and covariance are those of positions at once."""
     events = spoiled(6)
     ordered, late = taught(events, 0.0), taught(events, 0.15)
@@ -171,7 +171,7 @@ def test_positions_of_a_receiver_come_late_and_teach_as_much() -> None:
     assert refused.reference_used_until_s is None
 
 
-def test_a_receiver_whose_clock_is_ahead_hurries_nothing() -> None:
+def test_a_receiver_whose_clock_is_ahead_has_no_effect_on_the_order() -> None:
     """Stamps of two seconds from now: no frame is passed on before the reading that it waits for."""
     readings = [PtuSample(t_s=t, station="left", pan_rad=t, tilt_rad=0.0) for t in (0.0, 0.1)]
     frame = PixelMeasurement(t_s=0.05, station="left", epoch=0, u_px=1.0, v_px=1.0)
@@ -223,7 +223,7 @@ def test_the_window_is_bounded_in_time_and_in_number() -> None:
     assert len(by_number._late_buffer) <= 30
 
 
-def test_pictures_that_come_late_are_looked_at_and_disturb_nothing() -> None:
+def test_late_pictures_are_processed_without_a_disturbance() -> None:
     """Every third right picture of two seconds of the bundled landing comes 0.3 s late: nearly all give their pixel,
     and the cameras miss nothing more than without them."""
     session = load_session(RECORDING, None)

@@ -63,7 +63,7 @@ def errors(folder: Path, from_y: float, to_y: float) -> tuple[np.ndarray, np.nda
 def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("taught")
     rig = wrong_rig(out, admitted=True)
-    # as far as it is judged: y = 150 m is passed at 27.3 s
+    # the evaluated part: y = 150 m is passed at 27.3 s
     replay(ReplayRequest(session=LANDING, rig=rig, out=out, to_s=27.5, rerun=False, learn_until_s=UNTIL_S))
     return out
 
@@ -76,7 +76,7 @@ def test_the_track_after_it_is_as_good_as_with_the_right_rig(taught: Path) -> No
     assert 0.1 < squares.mean() / 3 < 2.0
 
 
-def test_what_was_learnt_is_what_was_wrong(taught: Path) -> None:
+def test_the_estimated_errors_are_the_true_ones(taught: Path) -> None:
     """Every mount within three of the sigmas that are stated, and these a fifth of the prior's at most in pan."""
     found = {e["name"]: e for e in json.loads((taught / "summary.json").read_text())["calibration"]["errors"]}
     for station, (tilt, pan) in OFF_DEG.items():
@@ -85,17 +85,17 @@ def test_what_was_learnt_is_what_was_wrong(taught: Path) -> None:
             # what the rig has too much is what the filter takes away
             assert abs(np.degrees(error["value"]) + off) < 3.0 * np.degrees(error["sigma"])
             assert error["sigma"] < 0.3 * error["prior_sigma"]
-    # made 0.300 s late, its antenna on the nose: on a straight glide at 13 m/s a clock and an antenna look alike
+    # made 0.300 s late, its antenna on the nose: on a straight glide at 13 m/s a clock and an antenna are equivalent
     clock, antenna = found["dgps_clock.offset"]["value"], found["dgps_antenna.x"]["value"]
     assert abs((clock + 0.3) * 13.0 + antenna) < 1.5
     # the clock alone is 3.3 of its sigmas off in this draw
     assert abs(clock + 0.3) < 4.0 * found["dgps_clock.offset"]["sigma"]
 
 
-def test_a_rig_that_admits_nothing_is_not_taught(tmp_path: Path) -> None:
-    """Without a covariance the mounts count as exact: nothing is learnt, and what DGPS gave is gone when it ends."""
+def test_a_rig_without_stated_errors_is_not_estimated(tmp_path: Path) -> None:
+    """Without a covariance the mounts count as exact: nothing is estimated, and the effect of DGPS ends with it."""
     rig = wrong_rig(tmp_path, admitted=False)
-    # what may be learnt is settled by the rig, before the first picture
+    # the estimated parameters are fixed by the rig, before the first picture
     replay(ReplayRequest(session=LANDING, rig=rig, out=tmp_path, to_s=6.0, rerun=False, learn_until_s=UNTIL_S))
     names = [e["name"] for e in json.loads((tmp_path / "summary.json").read_text())["calibration"]["errors"]]
     assert not [n for n in names if "runway_from_base" in n]

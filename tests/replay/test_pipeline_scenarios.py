@@ -132,7 +132,7 @@ def test_both_cameras_lost_and_back(flight: list[Event]) -> None:
     assert flown.statuses(7.6, 12.0) == {TrackStatus.TRACKING}
 
 
-def test_lost_for_good_is_said_and_then_acquired_again(flight: list[Event]) -> None:
+def test_permanent_loss_is_reported_and_then_acquired_again(flight: list[Event]) -> None:
     """Without any pixel for longer than lost_after_s: lost, no estimate; with the pixels back: acquired again."""
     cut = [e for e in flight if not (isinstance(e, PixelMeasurement) and 4.0 <= e.t_s < 9.0)]
     flown = Flown(cut, settings=config(lost_after_s=3.0))
@@ -268,14 +268,14 @@ def slow(t_s: float) -> np.ndarray:
     return np.array([0.0, 200.0 - 0.5 * t_s, 8.0])
 
 
-def test_a_labelled_target_need_not_move_to_be_believed() -> None:
+def test_a_labelled_target_is_confirmed_without_motion() -> None:
     """A labelled target: tracked from the start to the end, at half a metre a second."""
     rig = make_rig()
     flown = Flown(flight_events(rig, slow, np.random.default_rng(11), duration_s=8.0), rig=rig)
     assert flown.statuses(1.5, 8.0) == {TrackStatus.TRACKING}
 
 
-def test_arrivals_in_disorder_change_nothing(flight: list[Event], clean: Flown) -> None:
+def test_arrivals_out_of_order_change_nothing(flight: list[Event], clean: Flown) -> None:
     """Pixels delivered 30 ms after their exposure, behind newer readings: the same estimates, bit for bit."""
     arrival = [e.t_s + (0.0 if isinstance(e, PtuSample) else 0.03) for e in flight]
     flown = Flown([flight[i] for i in np.argsort(arrival, kind="stable")])
@@ -331,8 +331,8 @@ def test_a_ptu_spike_does_not_reach_the_baseline(flight: list[Event], clean: Flo
             assert abs(moved) < 4 * np.sqrt(bad.triangulation.covariance_m2[1, 1])
 
 
-def test_a_frozen_encoder_is_noticed() -> None:
-    """A noisy encoder that repeats one value with fresh stamps for 2 s: said, and its frames are named misses."""
+def test_a_frozen_encoder_is_detected() -> None:
+    """A noisy encoder that repeats one value with fresh stamps for 2 s: reported, and its frames are named misses."""
     rig = with_angle_noise(make_rig(), np.radians(0.01))
     events = list(flight_events(rig, glide, np.random.default_rng(12), angle_sigma_rad=np.radians(0.01)))
     held: PtuSample | None = None

@@ -21,7 +21,7 @@ FROM_S, TO_S = 19.0, 21.5
 
 @pytest.fixture(scope="module")
 def recorded(landing_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Some seconds of the landing, taught by DGPS for the first, replayed into out/ and recorded."""
+    """Some seconds of the landing, with DGPS for the first, replayed into out/ and recorded."""
     folder = tmp_path_factory.mktemp("recorded")
     request = ReplayRequest(
         session=landing_path,
@@ -52,11 +52,11 @@ def test_the_same_track_bit_for_bit(recorded: Path, capsys: pytest.CaptureFixtur
     summary = json.loads((again / "summary.json").read_text())
     assert "tracking" in (again / "track.csv").read_text()
     first = json.loads((recorded / "out" / "summary.json").read_text())
-    # truth, DGPS and what was learnt from it came with the recording
+    # truth, DGPS and the parameters estimated from it are in the recording
     assert summary["calibration"] == first["calibration"]
 
 
-def test_only_what_was_looked_at_is_in_it(recorded: Path) -> None:
+def test_only_the_read_windows_are_recorded(recorded: Path) -> None:
     whole = parts = part_bytes = 0
     with McapReader(recorded / "flight.mcap") as reader:
         for message in reader.messages():
@@ -79,7 +79,7 @@ def test_rerun_opens_it(recorded: Path) -> None:
     stats = subprocess.run(
         [rerun, "rrd", "stats", out], check=True, capture_output=True, text=True, env=environment
     ).stdout
-    # its exit code alone says nothing: what is in it counts
+    # its exit code alone is not sufficient: the content counts
     for entity in ("/tf", "/track/pose", "/log", "/groundstation/events"):
         assert f"\n{entity}: " in stats
     for station in ("left", "right"):
@@ -105,8 +105,8 @@ def test_answers_that_differ_are_counted(recorded: Path) -> None:
 
 
 @pytest.mark.parametrize("wider", [True, False])
-def test_another_tuning_looks_where_the_recording_has_pixels(recorded: Path, tmp_path: Path, wider: bool) -> None:
-    """Expected: what it wants next to what was kept it goes without; the aircraft is tracked, and nothing fails."""
+def test_another_tuning_uses_the_recorded_pixels(recorded: Path, tmp_path: Path, wider: bool) -> None:
+    """Expected: pixels next to the recorded ones are not used; the aircraft is tracked, and nothing fails."""
     tuning = tmp_path / "tuning.toml"
     tuning.write_text(f"[detection]\nroi_basic_px = {[220, 140] if wider else [70, 50]}\n", encoding="utf-8")
     request = ReplayRequest(
@@ -125,8 +125,10 @@ def test_another_tuning_looks_where_the_recording_has_pixels(recorded: Path, tmp
         assert counts["status"]["ok"] >= 0.9 * first[station]["status"]["ok"], (counts, first[station])
 
 
-def test_begun_where_only_parts_were_kept_nothing_is_found_and_nothing_fails(recorded: Path, tmp_path: Path) -> None:
-    """Expected: the whole picture, which a search needs, is not there; said as such in every look."""
+def test_started_where_only_parts_were_recorded_no_target_is_found_without_an_error(
+    recorded: Path, tmp_path: Path
+) -> None:
+    """Expected: the whole picture, which a search needs, was not recorded; every detection has that reason."""
     request = ReplayRequest(
         session=recorded / "flight.mcap", out=tmp_path, from_s=TO_S - 0.5, rerun=False, report=False
     )

@@ -1,4 +1,4 @@
-"""Positions of somebody else while two cameras see the target: they replace nothing, are counted, and are reported."""
+"""Wrong positions while two cameras detect the target: they replace nothing, are counted, and are reported."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ OFF_M = np.array([0.0, 0.0, 50.0])
 
 
 def open_rig() -> Rig:
-    """A rig whose mounts are admitted to be uncertain: a reference may teach it, and so may replace the target."""
+    """A rig with uncertain mounts: a reference may correct it, and so may replace the target."""
     names = ("runway_from_base.x", "runway_from_base.z")
     known = {"covariance_parameters": names, "covariance": np.eye(2) * np.radians(0.05) ** 2}
     rig = make_rig()
@@ -60,7 +60,7 @@ def contradictions(result: Flown) -> list[str]:
     return [e.text for e in result.events if "contradicts the cameras" in e.text]
 
 
-def test_hundreds_of_a_strangers_positions_move_nothing() -> None:
+def test_hundreds_of_wrong_positions_move_nothing() -> None:
     """Expected: the track of the same flight without them; before, the first one put the target 50 m off."""
     alone, disturbed = flown([]), flown(strange := sent(OFF_M))
     assert len(strange) > 200
@@ -77,7 +77,7 @@ def test_hundreds_of_a_strangers_positions_move_nothing() -> None:
     assert lines[0].startswith("reference receiver contradicts the cameras by 5")
 
 
-def test_a_receiver_that_was_believed_and_goes_wrong_replaces_nothing() -> None:
+def test_an_accepted_receiver_that_fails_replaces_nothing() -> None:
     """The first position is right, then each is 50 m off. Before, the sixth of them in a row replaced the target's."""
     right = [e for e in sent(np.zeros(3), rate_hz=5.0) if e.t_s < 1.1]
     wrong = sent(OFF_M, from_s=1.2)
@@ -90,7 +90,7 @@ def test_a_receiver_that_was_believed_and_goes_wrong_replaces_nothing() -> None:
 
 
 def test_what_the_rigs_errors_explain_still_replaces_the_first_time() -> None:
-    """Four metres out along the needle of a rig that admits 0.05°: a reference may say so, and teach."""
+    """Four metres out along the axis of uncertainty of a rig with 0.05°: a reference may correct it."""
     result = flown(sent(np.array([0.0, 4.0, 0.0]), rate_hz=5.0))
     assert result.pipeline.reference_used_until_s is not None
     end_m = glide(result.estimates[-1].t_s)
@@ -105,8 +105,8 @@ def test_one_camera_alone_may_be_corrected() -> None:
     assert result.pipeline.reference_used_until_s is not None
 
 
-def test_a_stranger_that_two_cameras_contradicted_does_not_take_the_target_when_one_is_lost() -> None:
-    """Expected: not believed before it agrees; five in a row took the target 1.1 s after the loss."""
+def test_a_position_contradicted_by_two_cameras_does_not_replace_the_target_when_one_is_lost() -> None:
+    """Expected: not accepted before it agrees; five in a row moved the target 1.1 s after the loss."""
     alone, disturbed = flown([], one_camera_from_s=3.0), flown(sent(OFF_M), one_camera_from_s=3.0)
     assert disturbed.pipeline.reference_used_until_s is None
     assert disturbed.estimates[-1].status is TrackStatus.COASTING
@@ -114,8 +114,8 @@ def test_a_stranger_that_two_cameras_contradicted_does_not_take_the_target_when_
     assert np.all(np.abs(disturbed.positions()[-1] - alone.positions()[-1]) < 0.1 * sigma)
 
 
-def test_a_receiver_that_agrees_again_is_believed_again() -> None:
-    """Contradicted while two cameras saw, then right: each that is right teaches."""
+def test_a_receiver_that_agrees_again_is_accepted_again() -> None:
+    """Contradicted while two cameras detected the target, then right: each right one is used."""
     wrong = [e for e in sent(OFF_M, rate_hz=5.0) if e.t_s < 2.0]
     right = [e for e in sent(np.zeros(3), from_s=2.5, rate_hz=5.0) if e.t_s < 2.8]
     result = flown([*wrong, *right])
@@ -124,7 +124,7 @@ def test_a_receiver_that_agrees_again_is_believed_again() -> None:
     assert not result.pipeline._ekf.snapshot().bookkeeping.references.contradicted
 
 
-def test_the_same_flight_comes_out_the_same_again() -> None:
+def test_the_same_flight_gives_the_same_result_again() -> None:
     first, second = flown(sent(OFF_M)), flown(sent(OFF_M))
     np.testing.assert_array_equal(first.positions(), second.positions())
     assert [e.text for e in first.events] == [e.text for e in second.events]

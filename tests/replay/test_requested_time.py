@@ -30,7 +30,7 @@ def tuned() -> Config:
 
 
 def fly(seed: int) -> tuple[SimulatedFlight, dict[tuple[int, float], Kinematics]]:
-    """Each fiftieth answer asked for at several times ahead, and just after it for half a second before."""
+    """Each fiftieth estimate requested at several times ahead, and just after it for half a second before."""
     flight = simulate(case_b(seed=seed, white_encoder=True))
     pipeline = Pipeline(flight.rig, tuned(), initial=drawn_start(flight, seed))
     asked: dict[tuple[int, float], Kinematics] = {}
@@ -50,7 +50,7 @@ def flights() -> list:
 
 
 @pytest.mark.parametrize("ahead", [*AHEAD_S, -0.3])
-def test_the_error_at_a_requested_time_is_what_the_covariance_says(flights: list, ahead: float) -> None:
+def test_the_error_at_a_requested_time_is_consistent(flights: list, ahead: float) -> None:
     """Position and velocity together, six degrees of freedom, four times a flight, on flights of the filter's model."""
     squares = []
     for flight, asked in flights:
@@ -79,7 +79,7 @@ def test_the_covariance_grows_ahead_and_not_behind(flights: list) -> None:
                 assert np.all(np.diag(asked[epoch, -0.3].covariance)[3:] < now[3:])
 
 
-def test_where_there_is_nothing_to_say_it_says_nothing() -> None:
+def test_without_an_estimate_it_returns_none() -> None:
     """Before a target, and further back than the window reaches: None."""
     flight = simulate(case_b(seed=1))
     pipeline = Pipeline(flight.rig, tuned(), initial=drawn_start(flight, 1))
@@ -91,7 +91,7 @@ def test_where_there_is_nothing_to_say_it_says_nothing() -> None:
     assert pipeline.estimate_at(2.0) is None
 
 
-def test_an_epochs_stamp_before_its_last_exposure_costs_nothing() -> None:
+def test_an_epochs_stamp_before_its_last_exposure_has_no_effect() -> None:
     """Cameras 60 ms apart: the estimate at their mean is no less certain than the newest, in each direction."""
     scenario = case_b(seed=3, white_encoder=True, ptu_hz=50.0)
     cameras = {**scenario.cameras, "right": replace(scenario.cameras["right"], phase_s=0.06)}

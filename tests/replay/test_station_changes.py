@@ -9,8 +9,8 @@ from tests.faulty_flight import STATIONS, consistency, drawn_path, scenario, wat
 
 
 def test_three_two_one_two_stations() -> None:
-    """3 → 2 → 1 → 2 stations: each loss and return is said once, the status follows, and over ten flights drawn from
-    the filter's own motion the squared errors in each part are what the covariance says (NEES)."""
+    """3 → 2 → 1 → 2 stations: each loss and return is logged once, the status follows, and over ten flights drawn from
+    the filter's own motion the squared errors in each part are consistent with the covariance (NEES)."""
     flights = []
     for seed in range(10):
         path = drawn_path(seed, start_y_m=450.0, end_y_m=200.0)
@@ -34,7 +34,7 @@ def test_three_two_one_two_stations() -> None:
 
 @pytest.mark.parametrize("names", [("left", "fourth"), (*STATIONS, "fourth")])
 def test_two_or_four_stations(names: tuple[str, ...]) -> None:
-    """Any number: tracked all along, and as uncertain as said."""
+    """Any number: tracked all along, consistently."""
     flights = [watch(simulate(scenario(seed, names, trajectory=drawn_path(seed)))) for seed in range(4)]
     for watched in flights:
         assert {e.status for e in watched.estimates if e.t_s > 0.5} == {TrackStatus.TRACKING}

@@ -65,7 +65,7 @@ def test_play_stays_within_its_width(readings: list[float], backlash: float) -> 
         assert min(before, reading) - 1e-9 <= head <= max(before, reading) + 1e-9
 
 
-def test_the_head_stands_still_while_the_play_is_crossed() -> None:
+def test_the_head_stands_still_while_the_backlash_is_crossed() -> None:
     correction = AxisCorrection(PtuAxes(pan_backlash_rad=0.02))
     readings = [0.0, 0.1, 0.2, 0.195, 0.19, 0.18, 0.15]
     angles = [correction.angles(reading, 0.0)[0] for reading in readings]
@@ -153,7 +153,7 @@ def test_every_key_is_written() -> None:
     assert set(axes_in_file_units(PtuAxes())) == set(AXES_KEYS)
 
 
-def test_one_pair_of_readings_means_what_many_do_and_goes_back() -> None:
+def test_one_pair_of_readings_converts_like_many_and_is_invertible() -> None:
     axes = PtuAxes(pan_scale=0.004, tilt_scale=-0.003, pan_zero_rad=0.01, tilt_zero_rad=-0.02, pan_backlash_rad=0.002)
     readings, senses = np.array([[1.3, -0.4]]), np.array([[1.0, -1.0]])
     one = axes.angles(1.3, -0.4, 1.0, -1.0)

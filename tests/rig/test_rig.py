@@ -23,7 +23,7 @@ def load(folder: Path, text: str | bytes):
 
 
 def edited(folder: Path, old: str, new: str) -> str:
-    """The complaint about a rig with one place changed."""
+    """The error message for a rig with one value changed."""
     text = rig_text(["left", "right"])
     assert old in text
     message = complaint(RigError, lambda: load(folder, text.replace(old, new, 1)))
@@ -145,7 +145,7 @@ def test_a_covariance_without_a_positive_eigenvalue_everywhere(tmp_path: Path) -
         ('"focal.x"', "covariance: parameters: got 'focal.x'; wanted a list of at most"),
     ],
 )
-def test_a_covariance_of_nothing_known(tmp_path: Path, parameters: str, message: str) -> None:
+def test_a_covariance_without_parameters(tmp_path: Path, parameters: str, message: str) -> None:
     new = f"fixed = false\ncovariance = {{ parameters = {parameters}, matrix = [[1]] }}"
     assert message in edited(tmp_path, "fixed = false", new)
 
@@ -158,7 +158,7 @@ def with_shared(parameters: list[str], matrix: str, more: str = "") -> str:
 
 
 def test_what_stations_share(tmp_path: Path) -> None:
-    """Two pans that are only known together stand in the rig's own table, next to what a station says of itself."""
+    """Two pans that are only known together are in the rig's own table, next to a station's own covariance."""
     pans = ["left.runway_from_base.z", "right.runway_from_base.z"]
     rig = load(tmp_path, with_shared(pans, "[[4e-8, 3.9e-8], [3.9e-8, 4e-8]]"))
     everything = rig.calibration_covariance()
@@ -227,7 +227,7 @@ def test_a_station_that_is_not_there(tmp_path: Path) -> None:
 @settings(max_examples=150)
 @example(b"\xef\xbb\xbf" + LANDING_RIG.encode())  # a byte order mark is no fault
 @given(st.one_of(st.binary(max_size=100), damaged(LANDING_RIG), damaged(rig_text(["left", "right"]))))
-def test_whatever_the_bytes_only_our_errors_come_out(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
+def test_arbitrary_bytes_raise_only_project_errors(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     with only(RigError):
         rig = load(tmp_path_factory.getbasetemp(), content)
         assert len(rig.stations) == len(tomllib.loads(content.decode("utf-8-sig"))["station"])

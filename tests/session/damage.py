@@ -184,7 +184,7 @@ def _all_frames(path: Path) -> None:
 
 
 def _compared(folder: Path) -> None:
-    """Take a replay's figures, and say them in every form."""
+    """Print a replay's figures in every form."""
     result = compare(CompareRequest(sources=(folder,), work=folder))
     format_comparison(result.runs, result.baseline)
     comparison_csv(result)
@@ -193,7 +193,7 @@ def _compared(folder: Path) -> None:
 
 def _look(event: Event) -> None:
     if isinstance(event, Frame):
-        # of a recorded one there may be less than the tracker looked at
+        # of a recorded one there may be less than the tracker used
         with suppress(PictureError):
             event.image.window(WINDOW)
 

@@ -1,4 +1,4 @@
-"""Every file of a session, damaged: read, or refused in one line of ours; benchmarks/log_fuzz.py does a million."""
+"""Every file of a session, damaged: read, or refused in one line; benchmarks/log_fuzz.py does a million."""
 
 import random
 from pathlib import Path
@@ -10,7 +10,7 @@ from tests.session.damage import SLOW, Parts, session_targets
 from tests.session.logs.damage import altered, damaged
 
 
-def test_only_our_own_errors_come_out(tmp_path: Path) -> None:
+def test_only_project_errors_are_raised(tmp_path: Path) -> None:
     targets, chance = session_targets(tmp_path), random.Random(8)
     parts = Parts(tmp_path / "flight.mcap")
     refused: list[str] = []

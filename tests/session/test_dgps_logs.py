@@ -21,7 +21,7 @@ def session(folder: Path, text: str) -> Session:
     return load_session(Tiny(video="png", rows=1, session=text).write(folder))
 
 
-def test_rtklibs_own_east_north_up_is_ours(tmp_path: Path) -> None:
+def test_rtklibs_east_north_up_agrees(tmp_path: Path) -> None:
     folder = session(tmp_path, ORIGIN + DGPS)
     shutil.copy(DATA / "calendar.pos", tmp_path / "dgps.pos")
     fixes = load_dgps(folder)
@@ -54,7 +54,7 @@ def test_every_format_by_its_name(tmp_path: Path, name: str, content: bytes) -> 
     assert all(note.startswith(f"{name}: ") for note in notes)
 
 
-def test_without_an_epoch_midnight_is_zero_and_said(tmp_path: Path) -> None:
+def test_without_an_epoch_midnight_is_zero_and_reported(tmp_path: Path) -> None:
     folder = session(tmp_path, ORIGIN + "[clocks]\ndgps = { offset_s = -43190.0 }\n")
     shutil.copy(DATA / "calendar.pos", tmp_path / "dgps.pos")
     notes: list[str] = []
@@ -62,7 +62,7 @@ def test_without_an_epoch_midnight_is_zero_and_said(tmp_path: Path) -> None:
     assert notes == ["dgps.pos: t_s counts from 2025-05-08T00:00:00Z; epoch_utc in [dgps] would change that"]
 
 
-def test_what_a_log_needs_is_asked_for(tmp_path: Path) -> None:
+def test_missing_information_of_a_log_is_requested(tmp_path: Path) -> None:
     folder = session(tmp_path / "none", "")
     shutil.copy(DATA / "calendar.pos", tmp_path / "none" / "dgps.pos")
     reported = complaint(SessionError, lambda: load_dgps(folder))
@@ -90,5 +90,5 @@ def test_what_a_log_needs_is_asked_for(tmp_path: Path) -> None:
         ("instance = 0.5", "dgps: instance: got 0.5; wanted a whole number"),
     ],
 )
-def test_a_dgps_table_that_cannot_be_meant(tmp_path: Path, line: str, says: str) -> None:
+def test_an_impossible_dgps_table(tmp_path: Path, line: str, says: str) -> None:
     assert says in complaint(SessionError, lambda: session(tmp_path, f"[dgps]\n{line}\n"))

@@ -47,7 +47,7 @@ def session_of(folder: Path, text: str, **tiny: object):
     return load_session(Tiny(video="png", rows=1, session=text, **tiny).write(folder))
 
 
-def test_everything_that_a_session_may_say(tmp_path: Path) -> None:
+def test_every_key_of_a_session(tmp_path: Path) -> None:
     session = session_of(tmp_path, FULL)
     assert (session.name, session.frame, session.has_clocks) == ("full", "east-north-up", True)
     assert session.target.span_m == 2.3
@@ -67,7 +67,7 @@ def test_an_origin_with_coordinates(tmp_path: Path) -> None:
     origin = session_of(tmp_path, text).origin
     assert origin is not None
     assert (origin.lat_deg, origin.y_axis_azimuth_deg) == (47.4, 270.0)
-    # a runway's direction must be told; where y is north, it need not
+    # a runway's direction must be given; where y is north, it need not
     no_azimuth = text.replace("y_axis", "# y_axis")
     reported = complaint(SessionError, lambda: session_of(tmp_path / "none", no_azimuth))
     assert "origin: y_axis_azimuth_deg: got nothing; wanted a finite number" in reported
@@ -94,7 +94,7 @@ def test_clocks_in_the_order_of_their_authority(tmp_path: Path) -> None:
     assert session.ptu_clock(right).offset_s == 8.0
 
 
-def test_what_the_rig_says_of_a_clock_stays_be_it_zero(tmp_path: Path) -> None:
+def test_the_rigs_clock_takes_precedence_even_if_zero(tmp_path: Path) -> None:
     more = {"right": "camera_clock = { offset_s = 0.0 }\nptu_clock = { offset_s = 0.0 }"}
     session = session_of(tmp_path, FULL, rig_more=more)
     right = session.rig["right"]
@@ -177,7 +177,7 @@ def test_a_rig_of_some_of_the_stations(tmp_path: Path) -> None:
     assert "clocks: third: got an unknown clock" in complaint(SessionError, lambda: load_session(folder))
 
 
-# ------------------------------------------------------------------------------- what loading looks into
+# ------------------------------------------------------------------------------- checks of loading
 @pytest.mark.parametrize(
     ("table", "column"), [("frames.csv", "right_t_s"), ("frames.csv", "index"), ("ptu.csv", "left_tilt_deg")]
 )
@@ -251,7 +251,7 @@ def test_neither_frames_nor_detections(tmp_path: Path) -> None:
     assert complaint(SessionError, lambda: load_session(folder)).endswith(f"got neither of them; {wanted}")
 
 
-def test_detections_stand_in_for_pictures(tmp_path: Path) -> None:
+def test_detections_replace_pictures(tmp_path: Path) -> None:
     folder = Tiny(rows=1, video="none").write(tmp_path)
     (folder / "detections.csv").write_text("t_s,station,u_px,v_px\n")
     assert load_session(folder).media == {}
@@ -278,7 +278,7 @@ def test_a_labelled_recording_of_four_fixed_stations(shared_data: Path) -> None:
 
 @settings(max_examples=80)
 @given(st.one_of(st.binary(max_size=80), damaged(FULL)))
-def test_whatever_the_bytes_only_our_errors_come_out(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
+def test_arbitrary_bytes_raise_only_project_errors(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     folder = tmp_path_factory.getbasetemp() / "session"
     if not folder.is_dir():
         Tiny(rows=1, video="png").write(folder)

@@ -65,7 +65,7 @@ BROKEN = [
 
 @pytest.mark.parametrize(("old", "new", "message"), BROKEN)
 @pytest.mark.parametrize("name", ["dgps", "truth"])
-def test_a_broken_reference_says_where_and_keeps_what_was_before(
+def test_a_broken_reference_reports_its_place_and_keeps_the_rows_before(
     session: Session, name: str, old: str, new: str, message: str
 ) -> None:
     (session.folder / f"{name}.csv").write_text(DGPS.replace(old, new, 1))

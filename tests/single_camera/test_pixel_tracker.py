@@ -1,4 +1,4 @@
-"""One camera in pixels: found, followed, lost, found again; and never a target where there is none."""
+"""One camera in pixels: found, tracked, lost, found again; and never a target where there is none."""
 
 import cv2
 import numpy as np
@@ -35,7 +35,7 @@ def watch(film: Film, frames: int, *, started: bool = False) -> list[PixelTrack]
 
 
 def off_px(film: Film, k: int, track: PixelTrack) -> float:
-    """Return how far the target point is from the aircraft's middle; infinity where there is none."""
+    """Return the distance of the target point from the aircraft's middle; infinity without one."""
     if not isinstance(track.result, Detection):
         return np.inf
     return float(np.hypot(*(np.array([track.result.u_px, track.result.v_px]) - film.place(k))))
@@ -57,7 +57,7 @@ def wrong(film: Film, tracks: list[PixelTrack]) -> list[int]:
 # ---------------------------------------------------------------------------------------------- following
 @pytest.mark.parametrize("level", [-70.0, 45.0])
 @pytest.mark.parametrize("span_px", [7.0, 26.0, 90.0])
-def test_follows_what_is_in_the_box(film: Film, span_px: float, level: float) -> None:
+def test_follows_the_object_in_the_box(film: Film, span_px: float, level: float) -> None:
     """Dark or bright, 7 to 90 px, before the sky: seen in every frame."""
     film.span_px, film.level = span_px, level
     tracks = watch(film, 25, started=True)
@@ -148,7 +148,7 @@ def test_a_faint_start_proves_itself(film: Film) -> None:
 
 
 @pytest.mark.parametrize("corner", [(300.0, 20.0), (300.0, 250.0)])
-def test_a_start_where_nothing_is(film: Film, corner: tuple[float, float]) -> None:
+def test_a_start_on_an_empty_place(film: Film, corner: tuple[float, float]) -> None:
     """Sky, hills: never a point, whatever the box."""
     film.hidden, film.corner = range(1000), corner
     for box in (Box(60.0, 60.0, 100.0, 80.0), Box(200.0, 150.0, 290.0, 210.0)):
@@ -160,7 +160,7 @@ def test_a_start_where_nothing_is(film: Film, corner: tuple[float, float]) -> No
 
 
 # ---------------------------------------------------------------------------------------------- searching
-def test_finds_by_itself(film: Film) -> None:
+def test_finds_without_a_start(film: Film) -> None:
     """Expected: searching, acquiring over several frames, then tracking within half a second."""
     tracks = watch(film, 25)
     words = [t.status for t in tracks]
@@ -172,7 +172,7 @@ def test_finds_by_itself(film: Film) -> None:
     assert all(hits(film, tracks, begun))
 
 
-def test_nothing_in_the_sky_is_nothing(film: Film) -> None:
+def test_an_empty_sky_gives_no_target(film: Film) -> None:
     film.hidden, film.corner = range(1000), (300.0, 20.0)
     assert all(isinstance(t.result, Miss) for t in watch(film, 30))
 
@@ -216,7 +216,7 @@ def test_strong_noise(film: Film) -> None:
     assert not wrong(film, tracks)
 
 
-def test_a_small_picture_answers_in_its_own_pixels(film: Film) -> None:
+def test_a_small_picture_gives_results_in_its_own_pixels(film: Film) -> None:
     """240 x 180 px: the target of 6 px is within 1.5 px of its place."""
     film.span_px = 12.0
     tracker = PixelTracker((240, 180))
@@ -237,7 +237,7 @@ def test_noise_is_measured(sigma: float, rng: np.random.Generator) -> None:
     assert noise_of(picture) == pytest.approx(sigma, rel=0.2)
 
 
-def test_an_ordinary_picture_is_passed_on_as_it_is(film: Film) -> None:
+def test_an_ordinary_picture_is_passed_on_unchanged(film: Film) -> None:
     image = film.frame(0)
     assert ImageConditioner(SIZE).prepare(image) is image
 
@@ -252,7 +252,7 @@ def test_the_picture_s_own_motion(step: tuple[int, int], film: Film) -> None:
     assert shift == pytest.approx(step, abs=0.5)
 
 
-def test_an_even_sky_tells_no_motion(film: Film) -> None:
+def test_an_even_sky_gives_no_motion(film: Film) -> None:
     film.corner, film.jumps = (300.0, 20.0), {1: (9.0, 0.0)}
     assert picture_shift(small_copy(film.frame(0)), small_copy(film.frame(1)), film.box(0)) is None
 

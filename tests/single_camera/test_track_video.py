@@ -1,4 +1,4 @@
-"""`groundstation track` as a user meets it: the table, the overlay, the summary, and what it says to bad input."""
+"""`groundstation track` for a user: the table, the overlay, the summary, and the messages for bad input."""
 
 import csv
 import itertools
@@ -110,8 +110,8 @@ def test_a_box_may_begin_beyond_the_left_border(film: Film, video: Path) -> None
     assert len(rows) == 4
 
 
-def test_a_box_that_holds_nothing(film: Film, video: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Expected: plain sky is never tracked; a line says so, and the aircraft is found by searching."""
+def test_an_empty_box(film: Film, video: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Expected: plain sky is never tracked; a line reports it, and the aircraft is found by searching."""
     rows = track(video, "--init", "30,20,40,24", "--to-frame", "19")
     assert rows[0]["status"] == "acquiring"
     seen = [(k, row) for k, row in enumerate(rows) if row["status"] == "tracking"]
@@ -194,9 +194,7 @@ def test_what_is_no_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         (["--save-video", "seen.gif"], "--save-video: got seen.gif; wanted the name of an .mp4 file"),
     ],
 )
-def test_what_cannot_be_asked_for(
-    video: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
-) -> None:
+def test_impossible_requests(video: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str) -> None:
     refused(capsys, [str(video), "--out", str(video.with_suffix(".csv")), *options], message)
     assert [p.name for p in video.parent.iterdir()] == [video.name]
 
@@ -209,7 +207,7 @@ def test_a_malformed_start_is_wrong_usage(text: str, capsys: pytest.CaptureFixtu
     assert f"argument --init: got {text!r}; wanted X,Y,W,H in px" in capsys.readouterr().err
 
 
-def test_where_nothing_can_be_written(video: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_that_cannot_be_written(video: Path, capsys: pytest.CaptureFixture[str]) -> None:
     missing, folder = video.parent / "none" / "a.csv", video.parent / "folder.csv"
     folder.mkdir()
     refused(capsys, [str(video), "--out", str(missing)], f"got no folder {missing.parent}; wanted a file in a folder")
@@ -234,7 +232,7 @@ def test_the_video_itself_is_never_written_over(video: Path, capsys: pytest.Capt
 def test_a_video_cut_short_is_tracked_up_to_its_end(
     film: Film, video: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Expected: rows up to the last whole frame, one line that says where it ended, exit code 1."""
+    """Expected: rows up to the last whole frame, one line that states where it ended, exit code 1."""
     whole = video.read_bytes()
     video.write_bytes(whole[: len(whole) // 2])
     rows = track(video, "--init", init(film), code=1)
@@ -245,7 +243,7 @@ def test_a_video_cut_short_is_tracked_up_to_its_end(
 
 
 def test_damaged_frames_are_rows_without_a_target(film: Film, video: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Expected: the video goes on after them with the right numbers and times, a line says how many, exit code 0."""
+    """Expected: the video continues after them with right numbers and times, a line with the count, exit code 0."""
     damage(video, range(10, 13))
     rows = track(video, "--init", init(film))
     assert [int(r["frame"]) for r in rows] == list(range(FRAMES))
@@ -265,7 +263,7 @@ def test_damaged_frames_are_rows_without_a_target(film: Film, video: Path, capsy
 def test_damage_up_to_the_end_or_from_the_beginning(
     video: Path, frames: range, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Expected: the frames are in the file, so they have rows, and nothing is said to be missing."""
+    """Expected: the frames are in the file, so they have rows, and none is reported missing."""
     damage(video, frames)
     rows = track(video, *options)
     first = FRAMES - 3 if "--from-frame" in options else 0
@@ -313,8 +311,8 @@ def test_frames_shown_in_another_order_than_coded_keep_their_numbers(tmp_path: P
 
 
 @pytest.mark.parametrize("frames", [range(2), range(8, 11), range(14, 16)])
-def test_damage_at_the_first_and_last_frame_that_is_asked_for(film: Film, video: Path, frames: range) -> None:
-    """Expected: one row for each frame asked for, wherever the damage is."""
+def test_damage_at_the_first_and_last_requested_frame(film: Film, video: Path, frames: range) -> None:
+    """Expected: one row for each requested frame, wherever the damage is."""
     damage(video, frames)
     rows = track(video, "--from-frame", "0" if 0 in frames else "10", "--to-frame", "15")
     assert [int(r["frame"]) for r in rows] == list(range(0 if 0 in frames else 10, 16))
@@ -324,7 +322,7 @@ def test_damage_at_the_first_and_last_frame_that_is_asked_for(film: Film, video:
     assert all(rows[k - int(rows[0]["frame"])]["status"] != "tracking" for k in frames if k >= int(rows[0]["frame"]))
 
 
-def test_an_interrupt_keeps_what_was_done(
+def test_an_interrupt_keeps_the_finished_rows(
     film: Film, video: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Expected: exit code 130, the rows until then, and an overlay video that opens."""
@@ -416,7 +414,7 @@ def test_a_start_beyond_the_end_of_a_video_without_a_count(tmp_path: Path, monke
 
 # -------------------------------------------------------------------------------------------- real pictures
 def scored(shared_data: Path, clip: str, out: Path, first: int, last: int) -> dict[str, float]:
-    """Return what the independent scorer says of a table."""
+    """Return the independent scorer's result for a table."""
     scorer = shared_data.parent / "tools" / "score_boxes.py"
     if not scorer.is_file():
         pytest.skip(f"independent scorer not found at {scorer}")
@@ -430,7 +428,7 @@ def scored(shared_data: Path, clip: str, out: Path, first: int, last: int) -> di
 @pytest.mark.parametrize(
     ("clip", "start", "first", "last"),
     [
-        # a hand-held camera over trees, told where to begin; then found before masts, and large close by
+        # a hand-held camera over trees, with a start; then found before masts, and large close by
         ("V_AIRPLANE_021", "475,288,33,22", 0, 180),
         ("V_AIRPLANE_022", None, 15, 90),
         ("V_AIRPLANE_002", None, 15, 140),

@@ -29,7 +29,7 @@ def samples() -> Mp4Samples:
     return mp4_samples(VIDEO)
 
 
-def test_a_part_holds_its_samples_as_they_are_and_their_times(samples: Mp4Samples, tmp_path: Path) -> None:
+def test_a_part_contains_its_samples_unchanged_with_their_times(samples: Mp4Samples, tmp_path: Path) -> None:
     assert samples.late.any()
     assert samples.cuts().tolist() == [0, KEY_FRAME]
     whole, times = VIDEO.read_bytes(), []
@@ -60,7 +60,7 @@ def test_a_decoder_finds_the_pictures_in_it(samples: Mp4Samples, tmp_path: Path)
             np.testing.assert_array_equal(first, whole.read()[1])
 
 
-def test_parts_are_as_large_as_asked(samples: Mp4Samples) -> None:
+def test_parts_have_the_requested_size(samples: Mp4Samples) -> None:
     even = replace(samples, size=np.full(FRAMES, 100), sync=np.arange(0, FRAMES, 10), late=np.zeros(FRAMES, np.int64))
     assert [p.stop - p.start for p in even.parts(12_000)] == [120, 120, 92]
     # what lies between two cuts stays together
@@ -75,7 +75,7 @@ def test_no_cut_is_where_a_later_sample_is_shown_earlier(samples: Mp4Samples) ->
     assert replace(samples, late=late).cuts().tolist() == [0]
 
 
-def test_what_has_no_video_track_or_torn_tables_is_an_error_of_ours(tmp_path: Path) -> None:
+def test_a_file_without_a_video_track_or_with_torn_tables_is_a_project_error(tmp_path: Path) -> None:
     (tmp_path / "none.mp4").write_bytes(b"\0\0\0\x10ftypisom\0\0\0\0")
     with pytest.raises(SessionError, match=r"none\.mp4"):
         mp4_samples(tmp_path / "none.mp4")

@@ -32,7 +32,7 @@ def spoilt(path: Path, kind: bytes, offset: int, value: int) -> Path:
 @pytest.mark.parametrize(
     ("kind", "offset", "value", "says"),
     [
-        # a note of no length: the reader goes on at the same place for ever
+        # a note of zero length: the reader would not advance
         (b"ilst", -8, 0, "a box of 0 bytes in 'meta'"),
         (b"stts", -8, 4, "a box of 4 bytes in 'stbl'"),
         (b"stbl", -8, 2**31, "a box of 2147483648 bytes in 'minf'"),
@@ -49,7 +49,9 @@ def spoilt(path: Path, kind: bytes, offset: int, value: int) -> Path:
         (b"stsc", 4, 0, "a table stsc that does not fit 1 chunks"),
     ],
 )
-def test_what_cannot_be_is_said_and_not_read(tmp_path: Path, kind: bytes, offset: int, value: int, says: str) -> None:
+def test_impossible_tables_are_reported_and_not_read(
+    tmp_path: Path, kind: bytes, offset: int, value: int, says: str
+) -> None:
     path = spoilt(tmp_path / "left.mp4", kind, offset, value)
     assert mp4_fault(path).startswith(says)
     with pytest.raises(SessionError, match=says.replace("'", "."), check=lambda e: "left.mp4" in str(e)):

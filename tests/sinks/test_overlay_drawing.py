@@ -10,7 +10,7 @@ from groundstation.messages import Detection
 from groundstation.sinks.overlay_video import _CONTOUR, draw_track
 
 
-def test_the_outline_is_closed_and_the_frame_is_left_as_it_is() -> None:
+def test_the_outline_is_closed_and_the_frame_is_unchanged() -> None:
     image = np.zeros((120, 160, 3), np.uint8)
     corners = np.array([[60, 40], [100, 40], [100, 80], [60, 80]], np.float32)
     found = Detection(

@@ -179,7 +179,7 @@ def test_each_step_is_on_disk_before_the_next(tmp_path: Path, rng: np.random.Gen
     sink.close()
 
 
-def test_folder_in_use_is_renewed_and_the_rest_left_alone(tmp_path: Path) -> None:
+def test_folder_in_use_is_renewed_and_other_files_are_unchanged(tmp_path: Path) -> None:
     for name in ("track.csv", "summary.json", "report.html", "notes.txt", "session.rrd"):
         (tmp_path / name).write_text("old")
     TrackFilesSink(tmp_path).close()

@@ -57,7 +57,7 @@ def test_an_epoch_at_each_stamp_of_the_first_station(tmp_path: Path) -> None:
         assert pixel.epoch == (later[0] if later else played.epochs[-1].epoch)
 
 
-def test_an_epoch_comes_after_every_pixel_of_its_instant(tmp_path: Path) -> None:
+def test_an_epoch_follows_every_pixel_of_its_instant(tmp_path: Path) -> None:
     events = play(labelled(tmp_path)).events
     pixels = [e for e in events if isinstance(e, PixelMeasurement)]
     for place, event in enumerate(events):

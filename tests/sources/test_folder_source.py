@@ -77,7 +77,7 @@ def test_cameras_that_do_not_expose_together(tmp_path: Path, late_s: float) -> N
     assert [e.t_s for e in played.epochs] == pytest.approx([1.0 + 0.1 * k + late_s / 2 for k in range(25)])
 
 
-def test_a_video_may_go_on_after_a_last_frame_without_a_stamp(tmp_path: Path) -> None:
+def test_a_video_may_continue_after_a_last_frame_without_a_stamp(tmp_path: Path) -> None:
     stamps = {n: [1.0, 1.1, None] for n in ("left", "right")}
     played = play(Tiny(rows=3, stamps=stamps).write(tmp_path))
     assert not played.fault
@@ -163,7 +163,7 @@ def test_a_part_begins_a_second_early_with_the_readings(tmp_path: Path) -> None:
     assert (times[0], times[-1]) == pytest.approx((2.0, 4.4))
 
 
-def test_a_part_is_chosen_by_the_mean_stamp(tmp_path: Path) -> None:
+def test_a_part_is_selected_by_the_mean_stamp(tmp_path: Path) -> None:
     right = [1.0 + 0.1 * k + 0.06 for k in range(12)]
     played = play(Tiny(rows=12, stamps={"right": list(right)}).write(tmp_path), 1.12, 1.33)
     assert [e.epoch for e in played.epochs] == [1, 2, 3]

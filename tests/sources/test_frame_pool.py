@@ -7,11 +7,11 @@ import numpy as np
 from groundstation.sources.frame_pool import FramePool
 
 
-def test_a_frame_has_the_wanted_size() -> None:
+def test_a_frame_has_the_requested_size() -> None:
     assert FramePool((64, 48)).take().shape == (48, 64, 3)
 
 
-def test_memory_comes_back_when_a_frame_is_gone() -> None:
+def test_memory_is_reused_when_a_frame_is_gone() -> None:
     pool = FramePool((64, 48))
     first = pool.take()
     place = first.ctypes.data

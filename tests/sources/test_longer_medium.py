@@ -1,4 +1,4 @@
-"""A medium that is longer than its table is a fault, and the first one is told."""
+"""A medium that is longer than its table is a fault, and the first one is reported."""
 
 from types import SimpleNamespace
 

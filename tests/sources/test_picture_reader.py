@@ -128,7 +128,7 @@ def test_identity_far_into_h264(landing_1: Path) -> None:
                 assert np.array_equal(picture.image, plain[index])
 
 
-def test_a_seek_beyond_the_end_is_not_trusted(tmp_path: Path) -> None:
+def test_a_seek_beyond_the_end_is_not_used(tmp_path: Path) -> None:
     write_video(tmp_path / "v.avi", range(250))
     capture = cv2.VideoCapture(str(tmp_path / "v.avi"), cv2.CAP_FFMPEG)
     assert not seek(capture, tmp_path / "v.avi", 260)
@@ -157,7 +157,7 @@ def test_all_threads_end_when_the_consumer_has_enough(tmp_path: Path) -> None:
     assert decoders() == []
 
 
-def test_all_threads_end_when_nothing_is_asked(tmp_path: Path) -> None:
+def test_all_threads_end_without_requests(tmp_path: Path) -> None:
     with FolderSource(load_session(Tiny(rows=60, ptu_to_s=9.0).write(tmp_path))):
         pass
     assert decoders() == []

@@ -41,7 +41,7 @@ def test_clocks_that_differ_give_one_ordered_stream(tmp_path: Path, offset_s: fl
     assert len(times) == 2 * 37
 
 
-def test_it_starts_at_the_time_asked_for(tmp_path: Path) -> None:
+def test_it_starts_at_the_requested_time(tmp_path: Path) -> None:
     assert next(opened(tmp_path, from_s=1.01).until(1e9)).t_s == pytest.approx(1.05)
 
 

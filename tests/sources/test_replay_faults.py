@@ -53,7 +53,7 @@ def test_a_time_may_not_go_back_over_a_missing_frame(tmp_path: Path) -> None:
     assert [e.epoch for e in stopped(folder, "line 8: got right_t_s = 1.39, an earlier time").epochs][-1] == 5
 
 
-def test_a_fault_after_the_part_asked_for_does_not_matter(tmp_path: Path) -> None:
+def test_a_fault_after_the_requested_part_has_no_effect(tmp_path: Path) -> None:
     folder = Tiny(rows=12).write(tmp_path)
     edit_line(folder / "frames.csv", 12, "nonsense,,")
     edit_line(folder / "ptu.csv", 38, "nonsense,,,,")
@@ -142,7 +142,7 @@ def test_more_pictures_than_rows(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("video", ["avi", "png"])
-def test_pictures_of_another_size_than_the_rig_says(tmp_path: Path, video: str) -> None:
+def test_pictures_of_another_size_than_the_rigs(tmp_path: Path, video: str) -> None:
     folder = Tiny(rows=3, video=video).write(tmp_path)
     text = (folder / "rig.toml").read_text()
     head, tail = text.rsplit("[64, 48]", 1)
@@ -200,7 +200,7 @@ def test_two_pictures_with_one_number(tmp_path: Path) -> None:
     stopped(folder, "left: got 000001.png and 1.png; wanted one picture with the number 1")
 
 
-def test_a_video_whose_bytes_are_cut_short(tmp_path: Path) -> None:
+def test_a_truncated_video(tmp_path: Path) -> None:
     folder = Tiny(rows=60, ptu_to_s=9.0).write(tmp_path)
     content = (folder / "left.avi").read_bytes()
     # the cut falls between two frames: the container's index at the end is lost, the frames before are not
@@ -222,7 +222,7 @@ def test_a_file_that_is_no_complete_mp4(tmp_path: Path, keep: float) -> None:
     assert not played.epochs
 
 
-def test_the_first_fault_on_the_way_is_the_one_that_is_told(tmp_path: Path) -> None:
+def test_the_first_fault_is_reported(tmp_path: Path) -> None:
     folder = Tiny(rows=12).write(tmp_path)
     edit_line(folder / "frames.csv", 12, "broken,,")
     assert "frames.csv: line 12" in stopped(folder, "frames.csv").fault
@@ -232,7 +232,7 @@ def test_the_first_fault_on_the_way_is_the_one_that_is_told(tmp_path: Path) -> N
     assert len(stopped(folder, "left.avi: frame 3: got the end of the video").epochs) == 3
 
 
-def test_a_rig_fault_comes_before_all(tmp_path: Path) -> None:
+def test_a_rig_fault_is_reported_before_all(tmp_path: Path) -> None:
     folder = Tiny(rows=3).write(tmp_path)
     replace_in(folder / "rig.toml", "300.0, 300.0", "300.0, -300.0")
     assert "rig.toml: station left: focal_px: got [300.0, -300.0]; wanted two numbers > 0" in play(folder).fault

@@ -23,7 +23,7 @@ class PollStatistics:
         self._capture.release()
 
 
-def test_a_reader_that_ends_early_lets_the_video_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reader_that_ends_early_releases_the_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_video(tmp_path / "left.avi", range(5))
     opened: list[PollStatistics] = []
     plain = VideoFile._opened_at

@@ -21,8 +21,8 @@ def test_a_given_span_is_not_unlearnt() -> None:
     assert span.sigma_ratio < 0.3
 
 
-def test_an_unknown_span_is_learnt_and_trusted_more() -> None:
-    """Widths of 46 px at 20 px/m: 2.3 m, whatever single frames say."""
+def test_an_unknown_span_is_estimated_with_growing_confidence() -> None:
+    """Widths of 46 px at 20 px/m: 2.3 m, whatever single frames give."""
     span = SpanModel(None)
     before = span.sigma_ratio
     generator = np.random.default_rng(2)
@@ -63,7 +63,7 @@ def test_a_silhouette_in_pieces_becomes_one_mask() -> None:
 
 @pytest.fixture
 def picture(rng: np.random.Generator) -> np.ndarray:
-    """A dark aircraft on a shaded sky whose colour is the aircraft's: saturation tells little."""
+    """A dark aircraft on a shaded sky whose colour is the aircraft's: saturation has little contrast."""
     sky = np.linspace(150, 190, 960)[:, None] * np.ones((1, 1280))
     image = np.repeat(sky[:, :, None], 3, axis=2) + rng.normal(0, 2, (960, 1280, 3))
     image[478:483, 600:681] -= 60
@@ -71,7 +71,7 @@ def picture(rng: np.random.Generator) -> np.ndarray:
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def test_a_look_reports_the_contrast_of_every_channel(picture: np.ndarray) -> None:
+def test_a_detection_reports_the_contrast_of_every_channel(picture: np.ndarray) -> None:
     tracker = CameraTracker(make_station("left", 0.0), Config())
     hint = DetectionHint(
         predicted_px=np.array([640.0, 480.0]),

@@ -104,14 +104,14 @@ def test_what_was_read_and_written_reads_the_same(values: dict[str, Any]) -> Non
 
 @settings(max_examples=60)
 @given(st.dictionaries(st.sampled_from([f.name for f in dataclasses.fields(Config)] + ["other"]), toml_values()))
-def test_whatever_the_values_only_our_errors_come_out(values: dict[str, Any]) -> None:
+def test_arbitrary_values_raise_only_project_errors(values: dict[str, Any]) -> None:
     with only(ConfigError):
         config_from_mapping(Config, values, "tuning")
 
 
 @settings(max_examples=60)
 @given(st.one_of(st.binary(max_size=60), damaged(DEFAULTS)))
-def test_whatever_the_bytes_only_our_errors_come_out(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
+def test_arbitrary_bytes_raise_only_project_errors(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     with only(ConfigError):
         load(tmp_path_factory.getbasetemp(), content)
 

@@ -1,4 +1,4 @@
-"""Belief in a target by looks in vain, and what it changes in a track's life."""
+"""Existence probability after missed detections, and its effects on a track."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def seen(existence: ExistenceProbability, from_s: float = 0.0, to_s: float = 5.0
 
 
 def time_to(existence: ExistenceProbability, below: float, in_view: float, from_s: float = 5.0) -> float | None:
-    """How long both cameras must look in vain, s; None if 8 s are not enough."""
+    """Time of missed detections in both cameras, s; None if 8 s are not enough."""
     for t in np.arange(from_s, from_s + 8.0, 0.04):
         for name in STATIONS:
             existence.miss(name, t, in_view)
@@ -33,8 +33,8 @@ def time_to(existence: ExistenceProbability, below: float, in_view: float, from_
     return None
 
 
-def test_one_look_is_bayes() -> None:
-    """A look a whole memory after the last: odds × (1 − P_D p_v)."""
+def test_one_frame_follows_bayes() -> None:
+    """A missed detection a whole memory after the last: odds × (1 − P_D p_v)."""
     existence = ExistenceProbability(1.0)
     existence.start()
     existence.hit("left", 0.0, *SHARP)
@@ -53,8 +53,8 @@ def odds_after_a_hit(residual_px: float, sigma_px: float) -> float:
     return existence.probability / (1.0 - existence.probability) / before
 
 
-def test_a_pixel_says_the_less_the_less_was_known_of_where_it_would_be() -> None:
-    """Where clutter is as likely in the gate as the target, a pixel is no news; far out it speaks against."""
+def test_a_pixel_has_less_weight_for_an_uncertain_prediction() -> None:
+    """Where clutter is as likely in the gate as the target, a pixel is no information; far out it lowers the odds."""
     assert odds_after_a_hit(0.0, 1.0) == odds_after_a_hit(3.0, 1.5) == pytest.approx(20.0)
     # density of the target 1 / (2π σ²) = λ = 3·10⁻⁵
     even = (1.0 / (2.0 * np.pi * 3e-5)) ** 0.5
@@ -119,7 +119,7 @@ def test_it_drives_loss_and_search() -> None:
     assert not life.is_lost(20.5, ekf, STATIONS)
 
 
-def test_a_picture_that_comes_late_does_not_make_the_next_look_longer() -> None:
+def test_a_late_picture_does_not_lengthen_the_next_interval() -> None:
     shares = []
     for late in (False, True):
         existence = ExistenceProbability(1.0)

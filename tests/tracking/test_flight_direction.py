@@ -45,7 +45,7 @@ def test_near_the_ground_it_follows_a_rotation() -> None:
 
 
 def test_an_unsure_velocity_is_not_remembered() -> None:
-    """A filter that has just begun may have the sign wrong; what it says next, and surely, counts alone."""
+    """A filter that has just begun may have the sign wrong; only its later, certain direction counts."""
     direction = FlightDirection()
     wrong = np.array([0.0, 38.0, 2.0])
     first = direction.at(0.0, wrong, 150.0 * np.eye(3), 1.0)
@@ -54,7 +54,7 @@ def test_an_unsure_velocity_is_not_remembered() -> None:
     assert pitch_of(direction.at(0.1, along(0.0), _SURE, 1.0)) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_one_that_halts_points_where_it_was_going() -> None:
+def test_a_target_that_halts_keeps_its_last_direction() -> None:
     direction = FlightDirection()
     assert direction.at(0.0, np.zeros(3), _SURE, 0.5) is None
     for k in range(1, 20):
@@ -64,7 +64,7 @@ def test_one_that_halts_points_where_it_was_going() -> None:
     assert direction.at(6.0, np.zeros(3), _SURE, 0.5) is None
 
 
-def test_an_older_frame_teaches_nothing() -> None:
+def test_an_older_frame_has_no_effect() -> None:
     direction = FlightDirection()
     for k in range(20):
         direction.at(k * _STEP_S, along(0.0), _SURE, 0.5)

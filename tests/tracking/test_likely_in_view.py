@@ -1,4 +1,4 @@
-"""Whether a look that found nothing is told from one that could find nothing."""
+"""Whether a missed detection is distinguished from a frame without the target in view."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""A line that comes over and over is said once and then counted; what differs is said at once; none is lost."""
+"""A line that is repeated is written once and then counted; another one is written at once; none is lost."""
 
 import re
 
@@ -32,7 +32,7 @@ def test_a_flood_is_one_line_and_a_count() -> None:
 
 
 @given(gaps_s=st.lists(st.floats(0.0, 8.0), max_size=60), stations=st.lists(st.sampled_from("ab"), min_size=60))
-def test_every_line_is_said_or_counted(gaps_s: list[float], stations: list[str]) -> None:
+def test_every_line_is_written_or_counted(gaps_s: list[float], stations: list[str]) -> None:
     reported = list[str]()
     seldom, t_s = LogThrottle(lambda _, line: reported.append(line)), 0.0
     for gap_s, station in zip(gaps_s, stations, strict=False):

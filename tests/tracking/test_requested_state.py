@@ -18,7 +18,7 @@ from groundstation.tracking.pipeline import Pipeline
         (False, None, 5.2, None),
     ],
 )
-def test_which_way_it_is_answered(has_target: bool, time_s: float | None, t_s: float, expected: str | None) -> None:
+def test_method_of_a_requested_state(has_target: bool, time_s: float | None, t_s: float, expected: str | None) -> None:
     pipeline = Pipeline.__new__(Pipeline)
     pipeline._ekf = SimpleNamespace(
         has_target=has_target, time_s=time_s, kinematics_at=lambda t: "ahead", smoothed_at=lambda t: "behind"

@@ -104,7 +104,7 @@ def test_a_fixed_station_does_not_wait() -> None:
     assert ready.angles is None
 
 
-def test_late_records_are_counted_and_said_to_be_late() -> None:
+def test_late_records_are_counted_and_reported_as_late() -> None:
     s = Synchroniser(["left"], SynchroniseConfig())
     drive_in = [reading(0.0), reading(0.1), frame(0.15), reading(0.2), reading(0.3), reading(0.5)]
     for event in drive_in:
@@ -116,7 +116,7 @@ def test_late_records_are_counted_and_said_to_be_late() -> None:
     assert (s.late.ptu, s.late.frames) == (1, 1)
 
 
-def test_an_epoch_comes_after_its_frames_and_everything_is_in_order() -> None:
+def test_an_epoch_follows_its_frames_and_everything_is_in_order() -> None:
     """The right camera exposes 20 ms after the left; the epoch's stamp is their mean, its place after both."""
     s = Synchroniser(["left", "right"], SynchroniseConfig())
     arrivals = []

@@ -43,7 +43,7 @@ def test_fixes_without_motion_are_false_after_a_while() -> None:
     assert life.confirmation.is_false_track(4.5, ekf)
 
 
-def test_what_has_moved_away_is_believed_for_good() -> None:
+def test_a_target_that_has_moved_away_is_confirmed_permanently() -> None:
     life, ekf = started(found=True)
     for k in range(5):
         life.add_fix(k * 0.1)
@@ -73,7 +73,7 @@ def test_what_has_moved_and_then_gets_nowhere_is_dropped() -> None:
     assert false_at[0] == pytest.approx(7.1, abs=0.3)
 
 
-def test_the_slowest_approach_does_not_stand_still() -> None:
+def test_the_slowest_approach_does_not_count_as_standing() -> None:
     life, ekf = started(found=True)
     proved(life, ekf)
     for k in range(21, 600):
@@ -82,7 +82,7 @@ def test_the_slowest_approach_does_not_stand_still() -> None:
         assert not life.confirmation.is_false_track(k * 0.1, ekf)
 
 
-def test_a_given_target_may_stand_still() -> None:
+def test_a_given_target_may_be_stationary() -> None:
     life, ekf = started(found=False)
     move(ekf, -15.0)
     assert not any(life.confirmation.is_false_track(float(t_s), ekf) for t_s in np.arange(0.0, 60.0, 0.5))
@@ -140,7 +140,7 @@ def test_after_a_while_without_a_pixel_one_pair_is_not_yet_a_track() -> None:
     assert seen(life, ekf, 2.4, 2) is track
 
 
-def test_a_second_camera_that_comes_back_to_one_that_held_on_is_believed_at_once() -> None:
+def test_a_second_camera_that_returns_to_a_tracking_one_is_accepted_at_once() -> None:
     life, ekf = started(found=False)
     seen(life, ekf, 0.1, 2)
     for k in range(2, 40):
@@ -148,14 +148,14 @@ def test_a_second_camera_that_comes_back_to_one_that_held_on_is_believed_at_once
     assert seen(life, ekf, 4.0, 2) is TrackStatus.TRACKING
 
 
-def test_pictures_that_come_once_a_second_are_confirmed_by_the_next() -> None:
+def test_pictures_once_a_second_are_confirmed_by_the_next() -> None:
     life, ekf = started(found=False)
     told = [seen(life, ekf, float(k), cameras) for k, cameras in enumerate([2, 2, 0, 2, 2, 2, 0, 2, 2])]
     track, coast = TrackStatus.TRACKING, TrackStatus.COASTING
     assert told == [track, track, coast, coast, track, track, coast, coast, track]
 
 
-def test_time_alone_ends_a_find_that_proves_nothing() -> None:
+def test_time_alone_ends_an_unconfirmed_target() -> None:
     """Expected: after ``proof_s`` with too few fixes, after ``false_target_s`` with enough; never a given target."""
     life, _ = started(found=True)
     assert not life.confirmation.is_overdue(1.0)

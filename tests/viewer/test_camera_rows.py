@@ -16,7 +16,7 @@ def channel() -> CameraChannel:
     return made
 
 
-def test_a_used_look_is_no_warning_and_another_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_used_detection_is_no_warning_and_another_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rerun_cameras, "_describe", lambda report: str(report.status))
     order = (DetectionStatus.OK, DetectionStatus.OK, DetectionStatus.MISS, DetectionStatus.OK)
     reports = [SimpleNamespace(t_s=float(k), status=status) for k, status in enumerate(order)]
@@ -28,7 +28,7 @@ def test_a_used_look_is_no_warning_and_another_is(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize(("pan_rad", "tilt_rad"), [(0.1, None), (None, 0.1), (None, None)])
-def test_a_head_is_turned_only_where_both_angles_are_known(pan_rad: float | None, tilt_rad: float | None) -> None:
+def test_a_head_is_turned_only_where_both_angles_exist(pan_rad: float | None, tilt_rad: float | None) -> None:
     assert channel()._pointing([SimpleNamespace(t_s=0.0, pan_rad=pan_rad, tilt_rad=tilt_rad)]) == []
 
 

@@ -90,7 +90,7 @@ def _state(t_s: float, y_m: float | None, status: TrackStatus) -> TrackState:
 
 
 def test_without_pairs_the_prediction_is_drawn_and_the_status_goes_with_it() -> None:
-    """Expected: coasting and lost where no pair says so; the pair that comes then has the last word, older or not."""
+    """Expected: coasting and lost where no pair reports so; the next pair takes precedence, older or not."""
     channel = TrackChannel()
     channel.add_estimate(_estimate(1.0, 99.0))
     channel.add_state(_state(1.2, 98.9, TrackStatus.TRACKING))

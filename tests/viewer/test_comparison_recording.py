@@ -163,7 +163,7 @@ def test_a_recording_is_not_written_onto_itself(two: tuple[Path, Path], tmp_path
     assert save.read_bytes() == before
 
 
-def test_a_cut_recording_is_said_in_one_line(
+def test_a_truncated_recording_is_reported_in_one_line(
     two: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     cut = tmp_path / "cut.rrd"
@@ -179,7 +179,7 @@ def test_a_cut_recording_is_said_in_one_line(
     assert "cut.rrd: got " in reported[0]
 
 
-def test_one_recording_is_shown_as_it_is(two: tuple[Path, Path], tmp_path: Path) -> None:
+def test_one_recording_is_shown_unchanged(two: tuple[Path, Path], tmp_path: Path) -> None:
     result = prepare_view(ViewRequest(sources=two[:1], work=tmp_path / "work"))
     assert result.recording == two[0] / "session.rrd"
 
@@ -225,7 +225,7 @@ def searching(start_s: float) -> list[TrackEstimate]:
 
 
 @pytest.mark.parametrize("tables", [False, True])
-def test_a_run_without_an_estimate_is_shown_beside_the_others_and_said(
+def test_a_run_without_an_estimate_is_shown_next_to_the_others_and_reported(
     two: tuple[Path, Path], tmp_path: Path, tables: bool
 ) -> None:
     empty = tmp_path / "empty"
@@ -269,7 +269,7 @@ def test_a_session_that_cannot_be_replayed_shows_its_pictures_and_references(tmp
         prepare_view(ViewRequest(sources=(session,), work=tmp_path / "work"))
 
 
-def test_a_run_without_a_touchdown_is_said_when_they_are_put_by_it(two: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_run_without_a_touchdown_is_reported_when_aligned_by_it(two: tuple[Path, Path], tmp_path: Path) -> None:
     rig = Landing(ROOT / "recordings" / "landing-1").rig
     above = tmp_path / "above"
     above.mkdir()
@@ -283,7 +283,7 @@ def test_a_run_without_a_touchdown_is_said_when_they_are_put_by_it(two: tuple[Pa
     (note,) = prepare_view(request).notes
     assert note.startswith("above: no touchdown in it, the track is never below 30 m: put by the time")
     assert prepare_view(replace(request, align=RunAlignment.START)).notes == ()
-    # the panel of the runs, the log and the terminal say the same
+    # the panel of the runs, the log and the terminal agree
     mixed = prepare_view(request)
     stated = f"touchdown (of above, without one, the lowest height) of each at {mixed.event_s:.0f} s"
     assert stated in names_line(mixed, request.sources)
@@ -295,13 +295,13 @@ def test_a_run_without_a_touchdown_is_said_when_they_are_put_by_it(two: tuple[Pa
 
 
 def words(path: Path) -> str:
-    """What the panel of the runs says."""
+    """The words in the panel of the runs."""
     reader = RrdReader(path)
     (chunk,) = [c for c in reader.stream(store=reader.recordings()[0]) if c.entity_path == "/runs" and c.is_static]
     return str(chunk.to_record_batch().column("TextDocument:text").to_pylist()[0][0])
 
 
-def test_a_recording_too_large_for_a_browser_is_said_and_none_of_it_dropped(
+def test_a_recording_too_large_for_a_browser_is_reported_and_none_of_it_dropped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "large.rrd"
@@ -358,7 +358,7 @@ def test_named_frames_get_the_runs_name() -> None:
     assert _renamed(names, "a", _frame).to_pylist() == expected
 
 
-def test_the_colour_of_the_track_tells_its_range() -> None:
+def test_the_colour_of_the_track_shows_its_range() -> None:
     lightness = [sum(range_colour(r)) for r in np.linspace(0.0, 600.0, 25)]
     assert all(a > b for a, b in itertools.pairwise(lightness))
     assert range_colour(2000.0) == RANGE_COLOURS[-1]
@@ -399,7 +399,7 @@ def test_runs_have_names_of_their_own(tmp_path: Path) -> None:
     assert replace(named[0], name="soft-2") == named[1]
 
 
-def test_view_without_a_display_says_so_before_it_replays(
+def test_view_without_a_display_reports_it_before_it_replays(
     two: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "platform", "linux")

@@ -34,7 +34,7 @@ def track(t_s: float, *, seen: bool) -> PixelTrack:
     return PixelTrack(t_s=t_s, status=status, result=result, roi=Box(4, 5, 34, 25), predicted_px=np.zeros(2))
 
 
-def test_frames_and_what_was_found_reach_the_recording(tmp_path: Path) -> None:
+def test_frames_and_detections_reach_the_recording(tmp_path: Path) -> None:
     path = tmp_path / "live.rrd"
     stream = rr.RecordingStream(APPLICATION, send_properties=False)
     stream.save(path)

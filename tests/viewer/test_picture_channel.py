@@ -73,7 +73,7 @@ def test_a_video_too_large_between_key_frames_is_shown_picture_by_picture(
     assert session_view(tmp_path / "b.rrd", load_session(landing)).wants_pictures
 
 
-def test_of_a_long_session_each_nth_picture_is_shown_and_the_log_says_so(
+def test_of_a_long_session_each_nth_picture_is_shown_and_logged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = Tiny(rows=ROWS).write(tmp_path / "session")
@@ -84,7 +84,7 @@ def test_of_a_long_session_each_nth_picture_is_shown_and_the_log_says_so(
     assert f"one picture in 3 of left: there are {ROWS}" in recording.text("/log/track")
 
 
-def test_a_folder_too_large_is_thinned_by_what_lies_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_too_large_is_thinned_by_its_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = Tiny(rows=ROWS, video="png").write(tmp_path / "session")
     size = sum(path.stat().st_size for path in (folder / "left").iterdir())
     monkeypatch.setattr(rerun_pictures, "MAX_PICTURE_BYTES", size // 2 + 1)
@@ -92,7 +92,7 @@ def test_a_folder_too_large_is_thinned_by_what_lies_there(tmp_path: Path, monkey
     assert numbers_shown(recording) == [0, 2, 4, 6, 8, 10]
 
 
-def test_a_folder_of_another_kind_comes_with_the_reports(tmp_path: Path) -> None:
+def test_a_folder_of_another_kind_is_sent_with_the_reports(tmp_path: Path) -> None:
     folder = Tiny(rows=ROWS, video="none").write(tmp_path / "session")
     for name in ("left", "right"):
         write_pictures(folder / name, range(ROWS))
@@ -104,7 +104,7 @@ def test_a_folder_of_another_kind_comes_with_the_reports(tmp_path: Path) -> None
     assert numbers_shown(seen(folder, tmp_path / "session.rrd")) == list(range(ROWS))
 
 
-def test_pieces_are_sent_as_they_fill(tmp_path: Path) -> None:
+def test_pieces_are_sent_when_full(tmp_path: Path) -> None:
     channel = rerun_pictures.PictureChannel("left")
     noisy = np.random.default_rng(3).integers(0, 255, (960, 1280, 3), dtype=np.uint8)
     count = 0

@@ -26,7 +26,7 @@ def recording(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_whole_one_passes_and_what_is_none_is_named(recording: Path, tmp_path: Path) -> None:
+def test_a_whole_one_passes_and_another_file_is_named(recording: Path, tmp_path: Path) -> None:
     check_recording(recording)
     other = tmp_path / "other.rrd"
     other.write_text("no recording")

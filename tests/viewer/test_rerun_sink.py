@@ -191,7 +191,7 @@ def test_the_picture_and_the_scene_hang_in_the_same_frames(recording: Recording)
 
 
 def _still(recording: Recording, entity: str, archetype: str = "Transform3D") -> dict[str, Any]:
-    """What an entity says once of its frame: parent, child, place and turn."""
+    """The static transform of an entity: parent, child, place and turn."""
     found: dict[str, Any] = {}
     names = {"parent_frame": "parent", "child_frame": "child", "translation": "place", "quaternion": "turn"}
     for batch in recording.static[entity]:
@@ -228,7 +228,7 @@ def test_ellipsoids_are_three_sigma(recording: Recording, landing: Landing) -> N
     np.testing.assert_allclose(np.sort(sizes[0]), np.sort(3 * landing.sigma_m[0]), rtol=1e-5)  # type: ignore[index]
 
 
-def test_used_and_refused_innovations_stand_apart_between_their_bounds(recording: Recording) -> None:
+def test_used_and_refused_innovations_are_separate_between_their_bounds(recording: Recording) -> None:
     used = np.array(recording.column("/plots/nis/left", "Scalars:scalars"))
     refused = np.array(recording.column("/plots/nis/left/refused", "Scalars:scalars"))
     assert used.max() < 13.8 <= refused.min()
@@ -236,7 +236,7 @@ def test_used_and_refused_innovations_stand_apart_between_their_bounds(recording
     np.testing.assert_allclose(bounds, np.tile([0.050636, 7.377759], (len(bounds), 1)), rtol=1e-5)
 
 
-def test_errors_come_with_their_two_sigma_bounds(recording: Recording, landing: Landing) -> None:
+def test_errors_have_their_two_sigma_bounds(recording: Recording, landing: Landing) -> None:
     for axis, name in enumerate("xyz"):
         rows = np.array(recording.column(f"/plots/error/{name}", "Scalars:scalars"))
         np.testing.assert_allclose(rows[:, 0], landing.errors_m()[:, axis])
@@ -282,9 +282,7 @@ def test_a_session_without_pictures_has_its_overlay_alone(
     assert len(recording.times_ns("/cameras/left/image/target")) == len(few)
 
 
-def test_pictures_of_a_folder_go_in_as_they_lie_on_disk(
-    tmp_path: Path, landing: Landing, few: list[StepReport]
-) -> None:
+def test_pictures_of_a_folder_are_stored_unchanged(tmp_path: Path, landing: Landing, few: list[StepReport]) -> None:
     files = {}
     for number in (20, 21, 23):  # 22 is missing, 24 was never exposed
         files[number] = tmp_path / f"{number:06d}.png"
@@ -329,7 +327,7 @@ def test_a_picture_that_is_gone_is_named(tmp_path: Path, landing: Landing, few: 
     sink.close()
 
 
-def test_a_video_that_cannot_be_embedded_is_left_out_and_the_log_says_so(
+def test_a_video_that_cannot_be_embedded_is_left_out_and_logged(
     tmp_path: Path, landing: Landing, few: list[StepReport]
 ) -> None:
     broken = tmp_path / "left.mp4"

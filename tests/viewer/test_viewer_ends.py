@@ -1,4 +1,4 @@
-"""A viewer that does not end when it is asked to is killed."""
+"""A viewer that does not end on request is killed."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Opening the viewer: what is said when it cannot be shown."""
+"""Opening the viewer: the message when it cannot be shown."""
 
 import os
 import socket
@@ -34,7 +34,7 @@ def test_a_missing_recording_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems always have a display")
-def test_without_a_display_the_other_ways_are_told(recording: Path) -> None:
+def test_without_a_display_the_alternatives_are_reported(recording: Path) -> None:
     with pytest.raises(ViewerError, match=r"no display .* rerun --web-viewer"):
         open_viewer(recording, {})
 
@@ -53,7 +53,7 @@ def test_the_viewer_listens_to_this_machine_and_reports_no_usage(recording: Path
     assert environment["RERUN_ANALYTICS"] == "1"
 
 
-def test_a_missing_video_decoder_is_told(tmp_path: Path) -> None:
+def test_a_missing_video_decoder_is_reported(tmp_path: Path) -> None:
     assert "ffmpeg" in video_notice({"PATH": str(tmp_path)})
     decoder = tmp_path / "ffmpeg"
     decoder.write_text("")
@@ -61,7 +61,7 @@ def test_a_missing_video_decoder_is_told(tmp_path: Path) -> None:
     assert video_notice({"PATH": str(tmp_path)}) == ""
 
 
-def test_a_server_that_is_stopped_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_a_server_that_is_stopped_leaves_nothing(tmp_path: Path) -> None:
     path = tmp_path / "a.rrd"
     stream = rr.RecordingStream("a", send_properties=False)
     stream.save(path)

@@ -117,7 +117,7 @@ class Scene:
         u, v = np.meshgrid(np.arange(w, dtype=np.float64), np.arange(h, dtype=np.float64))
         x = (u - station.lens.principal_point_px[0]) / station.lens.focal_px[0]
         z = -(v - station.lens.principal_point_px[1]) / station.lens.focal_px[1]
-        # an ideal camera looks along the head's y: tilt, then pan
+        # the optical axis of an ideal camera is the head's y: tilt, then pan
         pan, tilt = angles[:, :1], angles[:, 1:]
         y1, z1 = np.cos(tilt) - np.sin(tilt) * z, np.sin(tilt) + np.cos(tilt) * z
         right, forward = np.cos(pan) * x - np.sin(pan) * y1, np.sin(pan) * x + np.cos(pan) * y1

@@ -1,4 +1,4 @@
-"""`calibrate timing`: offsets to their bound, rendered swings recovered, real heads, and input that cannot tell."""
+"""`calibrate timing`: offsets to their bound, rendered swings recovered, real PTUs, and insufficient input."""
 
 import re
 from dataclasses import replace
@@ -25,16 +25,16 @@ SIGMA_RAD = np.radians(0.01)
 
 
 def held_to_the_bound(fit: TimingFit, how: Recorder, bound: float, loosest: float = 1.4) -> None:
-    """Hold an offset's error to the Cramér-Rao bound, which no fit can state too large, and its sigma from both sides.
+    """Compare an offset's error with the Cramér-Rao bound, below which no sigma can be, and its sigma from both sides.
 
-    Over nine draws of each test that asks for it the fits stated 1.07 to 1.24 times the bound without a drift, and 1.42
+    Over nine draws of each test that uses it the fits stated 1.07 to 1.24 times the bound without a drift, and 1.42
     to 1.47 times with one; the errors came to 2.7 times the bound at most.
     """
     assert abs(fit.offset_s - how.offset_s) < 4.0 * bound
     assert 0.95 * bound < fit.sigma_s < loosest * bound
 
 
-def test_offsets_come_out_to_their_bound_and_sigmas() -> None:
+def test_offsets_are_estimated_within_bound_and_sigmas() -> None:
     swing, errors, sigmas = Swing(), [], []
     for seed in range(10):
         rng = np.random.default_rng([17, seed])
@@ -93,7 +93,7 @@ def test_errors_that_last_raise_the_sigmas_of_offset_and_drift() -> None:
     least, most = (offset_bound(Swing(), replace(how, turn_deg=size)) for size in sorted(sizes_deg))
     assert 0.95 * least < white.sigma_s < 1.4 * most
     assert abs(white.offset_s - how.offset_s) < 4.0 * most
-    # ten errors alike tell as much as one: sigmas grow by the root of ten at most
+    # ten equal errors carry as much information as one: sigmas grow by the root of ten at most
     assert lasting.lasting_factor < np.sqrt(10.0)
     assert abs(lasting.offset_s - how.offset_s) < 4.0 * np.sqrt(10.0) * least
 
@@ -150,7 +150,7 @@ def test_the_splines_derivatives_have_numeric_twins(rng) -> None:
         (Swing(), Recorder(seconds=1.0), "pairs of frames"),
     ],
 )
-def test_what_cannot_tell_is_refused(rng, swing: Swing, how: Recorder, reported: str) -> None:
+def test_insufficient_data_are_refused(rng, swing: Swing, how: Recorder, reported: str) -> None:
     with pytest.raises(TimingFitError, match=reported):
         solve_timing("left", *recorded(swing, how, rng), SIGMA_RAD)
 
@@ -280,7 +280,7 @@ def test_wrong_input_ends_in_one_line(landing_1, tmp_path, capsys, options: list
         (["timing", "--from", "3", "--to", "3"], "wanted an end after the beginning"),
     ],
 )
-def test_wrong_usage_is_said_before_anything_is_read(
+def test_wrong_usage_is_reported_before_anything_is_read(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], reported: str
 ) -> None:
     what, *more = options

@@ -1,4 +1,4 @@
-"""`calibrate timing --from-flight`: readings however slow, and a verdict on the figure that is asked for."""
+"""`calibrate timing --from-flight`: readings at any rate, and a verdict on the figure of interest."""
 
 import re
 from dataclasses import replace
@@ -23,7 +23,7 @@ ADMITTED_S = 0.02
 
 
 @pytest.mark.parametrize(("hz", "missing"), [(10.0, 0.0), (50.0, 0.12)])
-def test_clocks_come_true_however_slow_the_readings_are(tmp_path: Path, hz: float, missing: float, rng) -> None:
+def test_clocks_are_estimated_correctly_at_any_rate_of_readings(tmp_path: Path, hz: float, missing: float, rng) -> None:
     """All clocks are right, and 20 ms is admitted: by straight lines between readings cameras were 4 to 6 sigma off."""
     flown = case_b(seed=511, trajectory=weaving_approach(), pointing=FirstOrderLoop(), ptu_hz=hz)
     flown = replace(flown, dgps=DgpsModel(), rig=with_clock_sigma(flown.rig, ADMITTED_S))
@@ -51,8 +51,8 @@ def test_clocks_come_true_however_slow_the_readings_are(tmp_path: Path, hz: floa
     assert "without --from-flight" in report
 
 
-def test_a_path_between_slow_readings_is_asked_for_only_where_it_matters(tmp_path: Path) -> None:
-    """Readings at the exposures say where the head was; as soon as a clock may be off, what lies between counts."""
+def test_a_path_between_slow_readings_is_estimated_only_where_needed(tmp_path: Path) -> None:
+    """Readings at the exposures give the head's angle; with an uncertain clock the motion between them counts."""
     flown = replace(case_b(seed=511, trajectory=weaving_approach(), pointing=FirstOrderLoop()), dgps=DgpsModel())
     write_session_folder(tmp_path / "session", simulate(flown), name="simulated")
     session = load_session(tmp_path / "session")

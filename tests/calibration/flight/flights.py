@@ -19,7 +19,7 @@ CLOCKS = "\n[clocks]\ndgps = {{ offset_s = 0.0 }}\ndetections = {{ offset_s = 0.
 
 
 def approach(seed: int, errors: Mapping[str, StationErrors], *, loop: bool = False, **dgps: object) -> Scenario:
-    """Case B with 2 cm DGPS; the believed rig is the plain one, the true one differs by ``errors``."""
+    """Case B with 2 cm DGPS; the assumed rig is the plain one, the true one differs by ``errors``."""
     pointing = FirstOrderLoop() if loop else None
     trajectory = weaving_approach() if loop else None
     ptu_hz = 50.0 if loop else None

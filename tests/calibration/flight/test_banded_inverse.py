@@ -27,7 +27,7 @@ def test_it_is_the_inverse_within_the_band(width: int, n: int, seed: int) -> Non
         assert found[away, : n - away] == wanted
 
 
-def test_a_break_of_a_path_is_found_where_it_is() -> None:
+def test_a_break_of_a_path_is_located() -> None:
     t = np.arange(0.0, 40.0, 0.05)
     rng = np.random.default_rng(5)
     path = np.where(t < 25.0, 0.0, 4.0 * (t - 25.0)) + rng.normal(scale=0.01, size=len(t))

@@ -21,7 +21,7 @@ def test_half_as_many_blocks_as_parameters_are_needed() -> None:
     np.testing.assert_allclose(factor(parameters, enough, 25.0), 5.0)
 
 
-def test_a_least_number_of_blocks_is_needed_and_chance_raises_nothing() -> None:
+def test_a_minimum_number_of_blocks_is_needed_and_chance_has_no_effect() -> None:
     np.testing.assert_array_equal(factor(2, LEAST_BLOCKS - 1, 25.0), 1.0)
     np.testing.assert_allclose(factor(2, LEAST_BLOCKS, 25.0), 5.0)
     np.testing.assert_array_equal(factor(2, LEAST_BLOCKS, 1.2), 1.0)

@@ -27,7 +27,7 @@ MOUNTS = {
 
 
 def test_mounts_are_found_over_an_approach(tmp_path: Path) -> None:
-    """Relative pan to 0.002°, tilt to 0.005°, with 2 cm DGPS that is 0.15 s late; the rig file says how well."""
+    """Relative pan to 0.002°, tilt to 0.005°, with 2 cm DGPS that is 0.15 s late; the rig file states the sigmas."""
     scenario = approach(3, MOUNTS, clock_offset_s=0.15)
     found = calibrated(tmp_path, scenario, free="orientation")
     off = {name: np.degrees(turned(found.rig, scenario.true_rig, name)) for name in ("left", "right")}
@@ -38,7 +38,7 @@ def test_mounts_are_found_over_an_approach(tmp_path: Path) -> None:
     again = load_rig(tmp_path / "rig.toml")
     assert again["left"].covariance_parameters == tuple(f"runway_from_base.{axis}" for axis in "xyz")
     assert "verdict" in found.report
-    # straight in, the camera hardly turns about its own axis: little is learnt of the roll, and it is said
+    # straight in, the camera hardly turns about its own axis: the roll is hardly determined, and reported as such
     sigma = np.sqrt(np.diag(again["left"].covariance))
     assert sigma[1] > 5.0 * max(sigma[0], sigma[2])
 
@@ -62,7 +62,7 @@ def test_sigmas_hold_over_seeds(tmp_path: Path) -> None:
 def test_clocks_are_found(tmp_path: Path) -> None:
     """A PTU 30 ms off on a head that lags, a camera 20 ms off: within their sigmas, the PTU's below 4 ms.
 
-    The head holds the aircraft, so that camera and picture hardly tell when a picture was taken.
+    The head follows the aircraft, so that camera and picture hardly show when a picture was taken.
     """
     errors = {
         "left": StationErrors(ptu_offset_s=0.03, camera_offset_s=-0.02),
@@ -96,7 +96,7 @@ def wandering(seed: int, **dgps: object):
     return replace(scenario, trajectory=SuperposedTrajectory(nominal=glide, deviation=weave))
 
 
-def test_an_unknown_orientation_needs_no_guess(tmp_path: Path) -> None:
+def test_an_unknown_orientation_needs_no_initial_value(tmp_path: Path) -> None:
     scenario = wandering(2)
     scenario = replace(scenario, rig=unknown(scenario.rig, "orientation"))
     found = calibrated(tmp_path, scenario, clocks_sigma_s=0.1, hold=True)
@@ -106,7 +106,7 @@ def test_an_unknown_orientation_needs_no_guess(tmp_path: Path) -> None:
         assert "orientation" in load_rig(tmp_path / "rig.toml")[name].known
 
 
-def test_an_unknown_pose_needs_no_guess(tmp_path: Path) -> None:
+def test_an_unknown_pose_needs_no_initial_value(tmp_path: Path) -> None:
     """Position and orientation from a flight that turns about: within five sigmas and 1 m."""
     scenario = wandering(5)
     scenario = replace(scenario, rig=unknown(scenario.rig, "orientation", "position"))
@@ -263,7 +263,7 @@ def test_a_straight_approach_gives_no_position(tmp_path: Path) -> None:
 
 
 def test_all_in_one_pixel(tmp_path: Path) -> None:
-    """A fixed station that saw the aircraft in one spot only: how it is turned about that bearing is not told."""
+    """A fixed station that observed the aircraft in one spot only: the rotation about that bearing is undetermined."""
     write_session_folder(tmp_path / "session", simulate(approach(0, {})), name="spot")
     path = tmp_path / "session" / "rig.toml"
     fixed = path.read_text().replace("fixed = false", 'fixed = true\nknown = ["position", "lens"]')

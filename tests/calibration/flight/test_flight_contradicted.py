@@ -1,4 +1,4 @@
-"""A flight that contradicts what the rig states ends without a rig; a misfit never makes a calibration look better."""
+"""A flight that contradicts the rig's stated sigmas ends without a rig; a misfit never reduces a sigma."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +18,7 @@ NAMES = tuple(f"runway_from_base.{axis}" for axis in "xyz")
 
 
 def stating(rig: Rig, sigma_rad: float) -> Rig:
-    """Return the rig that says of its mounts how well it knows them."""
+    """Return the rig with stated sigmas of its mounts."""
     covariance = sigma_rad**2 * np.eye(3)
     stations = (replace(s, covariance_parameters=NAMES, covariance=covariance) for s in rig.stations)
     return replace(rig, stations=tuple(stations))
@@ -63,7 +63,7 @@ def test_what_the_rig_states_is_not_contradicted_by_its_own_flight(flown: Path) 
 
 @pytest.mark.parametrize("shifted", [(0.4, 0.0, 0.0), (1.0, 0.0, 0.5)], indirect=True)
 def test_dgps_of_another_frame_gives_no_rig(shifted: Path) -> None:
-    """40 cm aside fit to the pixels by a roll that the rig says it does not have."""
+    """40 cm aside are fitted to the pixels by a roll that the rig's sigmas exclude."""
     (shifted / "rig.toml").unlink(missing_ok=True)
     wanted = r"runway_from_base\..: got .* sigmas from what .*; wanted DGPS in the rig's own frame"
     with pytest.raises(FlightFitError, match=wanted):

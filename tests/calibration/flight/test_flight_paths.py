@@ -32,8 +32,8 @@ def test_a_path_is_as_smooth_as_it_was_drawn(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("order", [2, 3])
-def test_whether_jerk_or_acceleration_is_white_is_told(order: int, rng: np.random.Generator) -> None:
-    """Paths drawn by either are told apart; their samples' noise is raised no more often than chance would, 5 %.
+def test_white_jerk_and_white_acceleration_are_distinguished(order: int, rng: np.random.Generator) -> None:
+    """Paths drawn by either are distinguished; their samples' noise is raised no more often than by chance, 5 %.
 
     Of a path with gusts and 2 cm fixes, as the filter's own motion model draws it, a spline with white jerk took four
     noises of ten to be larger than stated.
@@ -52,7 +52,7 @@ def test_whether_jerk_or_acceleration_is_white_is_told(order: int, rng: np.rando
     assert raised <= binom.ppf(0.999, 40, 0.05)
 
 
-def test_orders_are_compared_by_the_probability_of_what_no_parabola_explains(rng: np.random.Generator) -> None:
+def test_orders_are_compared_by_the_probability_of_the_remainder_after_parabolas(rng: np.random.Generator) -> None:
     """Banded against dense: −2 log of a normal density of the samples' contrasts that have no parabola in them."""
     basis, noise, ratio = path_basis(0.0, 4.0, 0.1), 0.03, 0.7
     t = np.arange(0.0, 4.0, 0.07)
@@ -72,7 +72,7 @@ def test_orders_are_compared_by_the_probability_of_what_no_parabola_explains(rng
     assert banded[0] - banded[1] == pytest.approx(dense[0] - dense[1], abs=1e-6)
 
 
-def test_a_corner_is_found_where_it_is(rng: np.random.Generator) -> None:
+def test_a_corner_is_located(rng: np.random.Generator) -> None:
     """A descent that steepens by 1.5 m/s at 15.03 s: free there, and nowhere else."""
     basis = path_basis(0.0, 30.0, 0.1)
     t = np.arange(0.0, 30.0, 0.1)

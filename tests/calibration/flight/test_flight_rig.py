@@ -46,7 +46,7 @@ def test_what_stations_share_is_written_and_read(found) -> None:
     assert correlation[tilts[0], tilts[1]] > 0.5
 
 
-def test_the_filter_starts_from_what_stations_share(found) -> None:
+def test_the_filter_starts_from_the_shared_covariance_of_stations(found) -> None:
     """The considered states carry the correlations; a fix is worth more with them than with the stations alone."""
     folder, _ = found
     rig = load_rig(folder / "rig.toml")
@@ -111,7 +111,7 @@ def test_another_recording_has_another_clock(found) -> None:
     assert known.antenna_in_body_m is not None
 
 
-def test_the_verdict_names_what_is_not_told_apart_first(found) -> None:
+def test_the_verdict_names_inseparable_parameters_first(found) -> None:
     """Straight in, the log's clock and the antenna's place along the flight are one."""
     lines = found[1].report.partition("verdict:")[2].splitlines()
     first = next(line for line in lines if line.strip())
@@ -170,7 +170,7 @@ def test_a_reference_that_is_none(tmp_path: Path, text: str, message: str) -> No
     assert message in complaint(RigError, lambda: load_rig(with_reference(tmp_path, text)))
 
 
-def test_a_cameras_sigma_covers_what_its_clock_drifts_over_the_flight(tmp_path: Path) -> None:
+def test_a_cameras_sigma_covers_the_drift_of_its_clock_over_the_flight(tmp_path: Path) -> None:
     """A rig carries offsets alone: at the flight's ends a drift has moved them by half the flight times its sigma.
 
     The shutter's sigma is carried as it was found, and the filter starts from it.
@@ -197,7 +197,7 @@ def test_a_cameras_sigma_covers_what_its_clock_drifts_over_the_flight(tmp_path: 
 
 @pytest.mark.parametrize(("sigmas", "words"), [(0.5, "no different from a shutter"), (5.0, "upside down")])
 def test_a_shutter_below_zero_is_spoken_of(found, sigmas: float, words: str) -> None:
-    """By chance about 0, or with the last row first: nothing said so, and the rig had a negative `readout_s`."""
+    """By chance about 0, or with the last row first: without a report the rig would have a negative `readout_s`."""
     _, result = found
     names = result.fit.problem.names
     fit = replace(result.fit, problem=replace(result.fit.problem, names=(*names[:-1], "left.readout")))

@@ -19,7 +19,7 @@ def test_errors_over_sigmas_over_drawn_rigs() -> None:
         assert float(np.sqrt(np.mean(found.degrees(f"{name}.runway_from_base.x") ** 2))) < 0.005
 
 
-def test_what_goes_together_comes_true_together() -> None:
+def test_correlated_parameters_are_consistent_jointly() -> None:
     """Everything free that can be, two rigs: combinations known a hundred times better than their parts, too.
 
     In these two draws something lasts: raising parameters one by one, eᵀC⁻¹e of 41 came to 81 and 144.

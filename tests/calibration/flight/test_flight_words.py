@@ -1,4 +1,4 @@
-"""What a flight taught, what it did not, and its clocks; from numbers that are given."""
+"""Determined and undetermined parameters of a flight, and its clocks; from given numbers."""
 
 from types import SimpleNamespace
 
@@ -43,7 +43,7 @@ def test_parameters_that_are_mixed_up_and_those_untaught_are_both_not_alone(monk
     assert _summary(fit, [], [], ranges).endswith("5 of 5 parameters are determined by themselves")
 
 
-def test_a_station_whose_pose_is_known_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_station_with_a_known_pose_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[str] = []
 
     def start(problem: object, station: SimpleNamespace, looks: object) -> SimpleNamespace:

@@ -1,4 +1,4 @@
-"""Four real fixed cameras of unknown orientation and clock: calibrated on the first part, judged on the rest.
+"""Four real fixed cameras of unknown orientation and clock: calibrated on the first part, evaluated on the rest.
 
 The whole of it, with the filter's figures for all stations and pairs, is `benchmarks/calibrated_replays.py`.
 """
@@ -74,7 +74,7 @@ def test_all_four(session: Session, detections: dict[str, FloatArray]) -> None:
 
 
 def test_the_filter_against_rtk(session: Session, tmp_path: Path) -> None:
-    """Four stations, 50 s of it: 0.20 m in 3-D while tracking; a fix off its path is left out, and said."""
+    """Four stations, 50 s of it: 0.20 m in 3-D while tracking; a fix off its path is left out and reported."""
     request = ReplayRequest(
         session=session.folder,
         rig=Path(session.rig.path),
@@ -92,7 +92,7 @@ def test_the_filter_against_rtk(session: Session, tmp_path: Path) -> None:
     assert [text.partition(" ")[0] for text in error.left_out] == ["362.2"]
 
 
-def test_a_second_camera_that_comes_back(session: Session, tmp_path: Path) -> None:
+def test_a_second_camera_that_returns(session: Session, tmp_path: Path) -> None:
     """sony5n alone from 491 s on; sonyG sees the craft again at 501.8 s: the first fix is right, not 1.9 m off."""
     rig, out = tmp_path / "pair.toml", tmp_path / "out"
     rig.write_text(rig_to_toml(of_stations(session.rig, ("sony5n", "sonyG"))))

@@ -28,7 +28,7 @@ KNOCK_RAD = float(np.radians(0.01))
 READINGS = 24
 
 
-def test_a_knock_is_found_and_a_rig_that_stands_is_left_alone() -> None:
+def test_a_knock_is_detected_and_an_unmoved_rig_is_unchanged() -> None:
     """0.01 degrees of pan and of tilt, six landmarks of 24 readings with the survey's sightings as reference."""
     alarms, statistics, knocks = 0, [], []
     for seed in range(6):
@@ -133,7 +133,7 @@ def test_the_picture_has_landmarks_where_the_rig_expects_them(rng: np.random.Gen
 
 
 @pytest.mark.parametrize("with_reference", [True, False])
-def test_a_camera_that_slipped_on_its_head_is_told_from_a_base_that_turned(
+def test_a_camera_that_slipped_on_its_head_is_distinguished_from_a_base_that_turned(
     rng: np.random.Generator, with_reference: bool
 ) -> None:
     """Seen over 120 degrees of pan, a tilt of the camera is no turn of the base."""
@@ -160,7 +160,7 @@ def test_a_camera_that_slipped_on_its_head_is_told_from_a_base_that_turned(
 
 
 def test_an_axis_that_the_landmarks_do_not_show_stays(rng: np.random.Generator) -> None:
-    """Two landmarks a degree apart tell nothing of roll: it is not turned about by noise."""
+    """Two landmarks a degree apart do not determine roll: noise does not change it."""
     near = ((-3.0, 300.0, 3.0), (3.0, 300.0, 3.0))
     day = morning(rng, uncertain=False, places_m=near)
     true = knocked(day.true, "left", 2, np.radians(0.1))
@@ -235,7 +235,7 @@ def test_the_command_accepts_refuses_corrects_and_records(
     assert "no such file" in records[3]["reason"]
 
 
-def test_a_station_that_was_not_looked_at_is_not_passed(
+def test_a_station_without_sightings_does_not_pass(
     rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     day = morning(rng)

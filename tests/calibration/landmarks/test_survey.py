@@ -1,4 +1,4 @@
-"""Survey: poses from landmarks without a guess, with sigmas that come true; wrong landmarks found, poor refused."""
+"""Survey: poses from landmarks without initial values, with consistent sigmas; wrong landmarks found, poor refused."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +44,7 @@ def pose_error(survey: Survey, day: SurveyScene, groups: tuple[str, ...]) -> tup
 
 
 @pytest.mark.parametrize("total_station", [True, False])
-def test_errors_are_as_large_as_their_sigmas_say(total_station: bool) -> None:
+def test_errors_are_consistent_with_their_sigmas(total_station: bool) -> None:
     groups = ("runway_from_base", "ptu_position")
     nees, squares, n = 0.0, np.zeros(6 * len(groups)), 12
     for seed in range(n):
@@ -85,7 +85,7 @@ def test_a_jacobian_is_the_slope_of_its_pixels(rng: np.random.Generator) -> None
 
 
 @pytest.mark.parametrize("total_station", [True, False])
-def test_no_guess_is_needed(rng: np.random.Generator, total_station: bool) -> None:
+def test_no_initial_value_is_needed(rng: np.random.Generator, total_station: bool) -> None:
     """Bases lean by some 15 degrees and face anywhere; of a position nothing is known but by landmarks."""
     day = morning(rng, total_station=total_station, tipped_rad=0.25 if total_station else 0.12)
     survey = surveyed(day, rng)
@@ -115,7 +115,7 @@ def test_far_directions_give_an_orientation_and_one_more_point_a_position(rng: n
         assert np.degrees(np.linalg.norm(turned_rad(fixed.rig[true.name], true))) < 0.05
 
 
-def test_what_the_rig_says_of_a_heads_axes_is_used(rng: np.random.Generator) -> None:
+def test_the_rigs_axis_errors_are_used(rng: np.random.Generator) -> None:
     day = morning(rng, uncertain=False)
     axes = PtuAxes(pan_zero_rad=0.5, tilt_scale=2e-3, pan_backlash_rad=2e-3, lean_rad=3e-3)
     leaning = replace(day.true, stations=tuple(replace(s, ptu_axes=axes) for s in day.true.stations))
@@ -152,8 +152,8 @@ def test_fixed_cameras_need_no_angles(rng: np.random.Generator) -> None:
     assert low < off @ np.linalg.solve(survey.fit.block(names), off) < high
 
 
-def test_a_boresight_is_found_if_asked_for(rng: np.random.Generator) -> None:
-    """The camera is 0.4 degrees off on its head, of which the rig says 0.003 or, freed, nothing better than 1."""
+def test_a_boresight_is_estimated_on_request(rng: np.random.Generator) -> None:
+    """The camera is 0.4 degrees off on its head, with a sigma of 0.003 in the rig or, freed, of 1 at best."""
     day = morning(rng, uncertain=False)
     slip = np.zeros(21)
     slip[6:9] = np.radians([0.4, 0.0, 0.0])
@@ -169,9 +169,7 @@ def test_a_boresight_is_found_if_asked_for(rng: np.random.Generator) -> None:
         assert np.sqrt(survey.fit.covariance[k, k]) < np.radians(0.05)
 
 
-def test_landmarks_seen_by_two_stations_correlate_them_and_the_file_says_so(
-    rng: np.random.Generator, tmp_path: Path
-) -> None:
+def test_landmarks_seen_by_two_stations_correlate_them_in_the_file(rng: np.random.Generator, tmp_path: Path) -> None:
     day = morning(rng, uncertain=False)
     survey = surveyed(day, rng, 40)
     path = tmp_path / "rig.toml"
@@ -190,7 +188,7 @@ def test_landmarks_seen_by_two_stations_correlate_them_and_the_file_says_so(
     assert correlation > 0.3
 
 
-def test_stations_that_share_nothing_keep_their_own_blocks(rng: np.random.Generator) -> None:
+def test_stations_without_common_landmarks_keep_their_own_blocks(rng: np.random.Generator) -> None:
     day = morning(rng)
     matrix = np.diag([1e-8, 4e-8])
     found = ParameterCovariance(names=("left.runway_from_base.z", "right.runway_from_base.z"), matrix=matrix)
@@ -198,13 +196,11 @@ def test_stations_that_share_nothing_keep_their_own_blocks(rng: np.random.Genera
     assert not rig.shared_covariance.names
     assert rig["left"].covariance_parameters[0] == "runway_from_base.z"
     assert rig["left"].covariance[0, 0] == 1e-8
-    # what else the rig says stays
+    # the rig's other values stay
     assert set(day.believed["left"].covariance_parameters) < set(rig["left"].covariance_parameters)
 
 
-def test_a_rig_that_has_learnt_its_clocks_in_flight_can_be_surveyed_and_checked(
-    rng: np.random.Generator, tmp_path: Path
-) -> None:
+def test_a_rig_with_clocks_from_a_flight_can_be_surveyed_and_checked(rng: np.random.Generator, tmp_path: Path) -> None:
     """Clocks, shutters and the DGPS stand in its covariance: landmarks do not show them, and they stay as they were."""
     day = morning(rng)
     times = ("left.camera_clock.offset", "left.ptu_clock.offset", "left.readout", "dgps_clock.offset")
@@ -301,7 +297,7 @@ def test_root_of_a_singular_covariance() -> None:
     assert root @ root.T == pytest.approx(matrix)
 
 
-def test_the_verdict_names_ranges_and_what_is_missing(rng: np.random.Generator) -> None:
+def test_the_verdict_names_ranges_and_missing_landmarks(rng: np.random.Generator) -> None:
     day = morning(rng)
     two = {n: day.stands[n] for n in ("m0", "m1")}
     survey = solve_survey(day.believed, look(day.true, two, rng, 10), day.table)
@@ -350,7 +346,7 @@ def test_too_little_is_refused(
 
 
 def test_a_contradiction_that_cannot_be_settled_is_refused(rng: np.random.Generator) -> None:
-    """Of two landmarks one is wrong, of four with an open position, too: nothing tells which."""
+    """Of two landmarks one is wrong, of four with a free position, too: the wrong one is not identifiable."""
     for total_station, names in ((True, ("m0", "m1")), (False, ("m0", "m1", "m3", "m5"))):
         day = morning(rng, total_station=total_station)
         table = {n: day.table[n] for n in names}
@@ -386,8 +382,8 @@ def test_the_command_end_to_end(rng: np.random.Generator, tmp_path: Path, capsys
     assert not (tmp_path / "b.toml").exists()
 
 
-def test_landmarks_on_one_line_are_said(rng: np.random.Generator) -> None:
-    """Six along the runway's middle: the turn about that line is hardly known, and the advice says what is missing."""
+def test_landmarks_on_one_line_are_reported(rng: np.random.Generator) -> None:
+    """Six along the runway's middle: the turn about it is hardly determined; the advice states what is missing."""
     day = morning(rng)
     line = {n: replace(m, place=np.array([0.0, 40.0 + 40.0 * k, 1.0])) for k, (n, m) in enumerate(day.table.items())}
     steps = advise_survey(solve_survey(day.believed, look(day.true, line, rng, 12), line)).next_steps

@@ -103,7 +103,7 @@ def render(
     blur_px: float = 0.7,
     noise: float = 2.0,
 ) -> ImageArray:
-    """The board's picture (h, w) through a lens, a shaded grey room behind it: every sub-pixel asks what it sees."""
+    """The board's picture (h, w) through a lens, a shaded grey room behind it: every sub-pixel is ray-traced."""
     w, h = lens.image_size_px
     finer = 2
     u, v = np.meshgrid((np.arange(finer * w) + 0.5) / finer - 0.5, (np.arange(finer * h) + 0.5) / finer - 0.5)

@@ -1,4 +1,4 @@
-"""Pictures in, lens out; and what is said where the pictures do not give one."""
+"""Pictures in, lens out; and the messages where the pictures do not give one."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -164,8 +164,8 @@ def test_the_command_writes_a_whole_rig_and_never_a_lens_over_one(
     assert 0.0 < rig["right"].covariance[place, place] < (0.005 * 520.0) ** 2
 
 
-def test_another_lens_leaves_what_else_a_rig_knows(tmp_path: Path) -> None:
-    """Own and shared covariance lose what they said of the lens, and nothing else; the file is read back."""
+def test_another_lens_leaves_the_rest_of_the_rig_unchanged(tmp_path: Path) -> None:
+    """Own and shared covariance lose the entries of the lens, and nothing else; the file is read back."""
     names = ("head_from_camera.x", "focal.x", "camera_in_head.y")
     own = np.array([[4e-8, 1e-5, 1e-8], [1e-5, 9.0, 0.0], [1e-8, 0.0, 1e-6]])
     left = plain_station(covariance_parameters=names, covariance=own)

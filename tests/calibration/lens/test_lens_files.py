@@ -1,4 +1,4 @@
-"""Lens files: what is written is read back, by us and by OpenCV; what is none is refused in one line."""
+"""Lens files: written files are read back, by this program and by OpenCV; others are refused in one line."""
 
 import tempfile
 from pathlib import Path

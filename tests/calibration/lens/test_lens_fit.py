@@ -62,7 +62,7 @@ def _bent(view: BoardView, generator: np.random.Generator) -> BoardView:
     )
 
 
-def test_a_long_lens_lies_within_its_sigmas_and_says_what_correlates() -> None:
+def test_a_long_lens_is_within_its_sigmas_and_its_correlations_are_reported() -> None:
     lens = a_lens((1280, 960), focal_px=6684.0)
     total = 0.0
     free = list(range(8))
@@ -107,7 +107,7 @@ def test_the_held_out_error_is_the_noise(rng: np.random.Generator) -> None:
     assert fit.sigma_px == pytest.approx(0.1, rel=0.1)
 
 
-def test_the_map_is_what_pixels_do(rng: np.random.Generator) -> None:
+def test_the_map_is_the_uncertainty_of_pixels(rng: np.random.Generator) -> None:
     """Lenses drawn from the covariance move pixels by the map's sigmas."""
     lens = a_lens()
     fit = fit_lens(corner_views(rng, BOARD, lens, 15, sigma_px=0.1), lens.image_size_px)
@@ -128,7 +128,7 @@ def test_the_map_is_what_pixels_do(rng: np.random.Generator) -> None:
     assert shown.aligned_px.min() < 0.3 * shown.aligned_px.max()
 
 
-def test_flat_on_boards_are_told_to_tilt(rng: np.random.Generator) -> None:
+def test_frontal_boards_get_the_advice_to_tilt(rng: np.random.Generator) -> None:
     lens = a_lens()
     views = corner_views(rng, BOARD, lens, 14, sigma_px=0.05, tilt_deg=12.0)
     found = solve_intrinsics(choose_views(views, BOARD, lens.image_size_px), BOARD, lens.image_size_px)

@@ -11,7 +11,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.rig.ptu_axes import PtuAxes
 from groundstation.rig.rig import ClockModel, Station
 
-# of the span of a look anywhere: near the corners of the picture, with the boresight off by a degree
+# tolerance of an aim anywhere: near the corners of the picture, with the boresight off by a degree
 _CORNER = 1.1
 STEP_DEG, NOISE_DEG, NOISE_PX = 0.00625, 0.01, 0.3
 
@@ -92,7 +92,7 @@ GRID_TILTS_DEG, GRID_STANDSTILLS, GRID_ROWS = (-10.0, 20.0, 50.0, 75.0), 48, 40
 
 
 def head_on_the_grid(rng: np.random.Generator, rows_each: int, noise_deg: float = NOISE_DEG) -> "Head":
-    """Return a head, its marks and what it sees, standing 48 times; ``noise_deg`` of its encoders, as its rig says."""
+    """Return a head, its marks and its sightings at 48 standstills; ``noise_deg`` of its encoders, as in its rig."""
     station = plain_station(ptu_sigma_rad=np.radians(noise_deg))
     true = spoiled(station, rng)
     marks = marks_around(true, rng, tilts_deg=GRID_TILTS_DEG)
@@ -130,10 +130,10 @@ def look(
     in_corners: bool = False,
     rows_each: int = 1,
 ) -> MountSightings:
-    """Return what is seen where the head looks near each mark in turn, coming from either side.
+    """Return the sightings with the head near each mark in turn, approached from either side.
 
-    The mark is anywhere in the picture, or near its corners in turn. ``rows_each``: so often each is read and seen
-    while the head stands, every row with a time of its own.
+    The mark is anywhere in the picture, or near its corners in turn. ``rows_each``: number of readings of each
+    while the head stands still, every row with its own time.
     """
     rows, geometry = [], true.geometry()
     truth = [

@@ -85,7 +85,7 @@ def test_every_derivative_has_its_numeric_twin(made, rng) -> None:
         np.testing.assert_allclose(jacobian[:, :, k] / size, numeric / size, atol=1e-4, err_msg=name)
 
 
-def test_errors_are_what_their_sigmas_say() -> None:
+def test_errors_are_consistent_with_their_sigmas() -> None:
     squares: dict[str, list[float]] = {}
     for seed in range(8):
         rng = np.random.default_rng([41, seed])
@@ -172,7 +172,7 @@ def test_shared_errors_are_whitened(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(found.T @ found, white.T @ np.linalg.solve(covariance, white), atol=1e-12)
 
 
-def test_the_boresight_by_itself_on_the_grid_of_the_manual() -> None:
+def test_the_boresight_alone_on_the_grid_of_the_manual() -> None:
     """48 standstills of 40 rows: 0.003° about each axis of the head, claimed and come true (two heads)."""
     errors, squares = [], 0.0
     for seed in range(2):
@@ -193,7 +193,7 @@ def test_the_boresight_by_itself_on_the_grid_of_the_manual() -> None:
     assert float(np.degrees(np.sqrt(np.mean(np.square(errors))))) < 0.003
 
 
-def test_the_camera_looks_where_the_rig_says(made, rng) -> None:
+def test_the_cameras_direction_is_that_of_the_rig(made, rng) -> None:
     station, true, marks = made
     one = calibrate_station(station, look(true, marks, rng, 300), marks, USUAL_WORDS)
     at = pointing_sigma(one.fit)
@@ -226,7 +226,7 @@ def test_held_out_residuals_are_noise(made, rng) -> None:
 
 
 @pytest.mark.parametrize("quarter", [0, 1, 2, 3])
-def test_no_guess_is_needed(rng, quarter: int) -> None:
+def test_no_initial_value_is_needed(rng, quarter: int) -> None:
     ideal = plain_station()
     camera = rotation_y(0.5 * np.pi * quarter + 0.05) @ rotation_x(-0.5 * np.pi + 0.04)
     base = rotation_from_vector(np.array([0.02, -0.01, 1.9]))
@@ -234,7 +234,7 @@ def test_no_guess_is_needed(rng, quarter: int) -> None:
         ideal, head_from_camera_wxyz=wxyz_from_matrix(camera), runway_from_base_wxyz=wxyz_from_matrix(base)
     )
     marks = marks_around(ideal, rng)
-    # the base looks elsewhere: marks go with it, so that the head can reach them
+    # the base has another orientation: marks are moved with it, so that the head can reach them
     marks = tuple(
         replace(m, place_m=base @ (m.place_m - far) + far)
         for m in marks
@@ -301,7 +301,7 @@ def test_marks_of_unknown_place_near_the_horizon_write_no_rig(made, rng, tmp_pat
         assert not (tmp_path / "out.toml").exists()
 
 
-def test_a_lone_mark_high_up_tells_where_the_camera_looks(made, rng) -> None:
+def test_a_lone_high_landmark_determines_the_cameras_direction(made, rng) -> None:
     """50 degrees up the boresight comes out within its sigma, and better than the rig's 0.3 deg."""
     station, true, _ = made
     lamp = lone_mark(true, 50.0)
@@ -315,7 +315,7 @@ def test_a_lone_mark_high_up_tells_where_the_camera_looks(made, rng) -> None:
         held_to(off[name], float(np.sqrt(one.after.covariance[place, place])), np.radians(usual_deg), name)
 
 
-def test_a_boresight_before_a_board_is_off_by_what_its_sigma_says() -> None:
+def test_a_boresight_before_a_board_is_consistent_with_its_sigma() -> None:
     """Six boards of unknown place: they stay as they are, for their sigmas cover the errors (chi-square)."""
     squares: dict[str, float] = {}
     for seed in range(6):
@@ -347,7 +347,7 @@ def test_a_board_gives_backlash_and_lever_arm(made, rng) -> None:
     for axis, usual_m in (("x", 0.0034), ("y", 0.0055), ("z", 0.0040)):
         held_to(off[f"camera_in_head.{axis}"], one.fit.sigma(f"camera_in_head.{axis}"), usual_m, axis)
     squares_are_chi_square(one, true)
-    # one board says nothing of the scale over the whole range: held, and said
+    # one board does not determine the scale over the whole range: fixed, and reported
     assert {"pan_scale", "lean"} <= set(one.fit.held)
     assert "pan_scale is not determined" in format_mount(one)
 
@@ -364,7 +364,7 @@ def test_what_was_approached_from_one_side_only_has_no_backlash(made, rng) -> No
     assert one.fit.sigma("head_from_camera.x") > 3.0 * free.fit.sigma("head_from_camera.x")
 
 
-def test_senses_the_wrong_way_round_are_noticed(made, rng) -> None:
+def test_inverted_senses_are_detected(made, rng) -> None:
     station, true, marks = made
     true = replace(true, ptu_axes=replace(true.ptu_axes, pan_backlash_rad=np.radians(0.05)))
     seen = look(true, marks, rng, 200)
@@ -388,7 +388,7 @@ def test_sightings_that_do_not_fit_are_left_out_and_named(made, rng) -> None:
     squares_are_chi_square(one, true)
 
 
-def test_zeros_take_the_place_of_what_turns_the_same_way(made, rng) -> None:
+def test_zeros_replace_equivalent_rotations(made, rng) -> None:
     station, true, marks = made
     seen = look(true, marks, rng, 150)
     usual = calibrate_station(station, seen, marks, USUAL_WORDS)
@@ -438,7 +438,7 @@ def test_one_unknown_mark_seen_once_is_refused(made, rng) -> None:
         calibrate_station(station, look(true, marks, rng, 6), marks, USUAL_WORDS)
 
 
-def test_free_refuses_words_it_does_not_know() -> None:
+def test_free_refuses_unknown_words() -> None:
     with pytest.raises(InputError, match="--free"):
         mount_words("boresight,colour")
 
@@ -459,7 +459,7 @@ def test_a_lamp_is_found_to_a_fraction_of_a_pixel(rng) -> None:
     assert np.sqrt(np.mean(np.square(errors))) < 0.15
 
 
-def test_what_is_no_lamp_is_said(rng) -> None:
+def test_a_picture_without_a_lamp_is_reported(rng) -> None:
     dark = (20 + 2.0 * rng.normal(size=(120, 160))).clip(0, 255).astype(np.uint8)
     assert "nothing" in find_lamp(dark)
     two = (dark + blob((40, 40)) + blob((120, 90))).clip(0, 255).astype(np.uint8)
@@ -533,7 +533,7 @@ def test_pictures_of_a_board_calibrate_by_the_command(pictures, capsys) -> None:
         ("00.png,left,nan,0", "pan_deg"),
     ],
 )
-def test_a_table_of_pictures_at_fault_is_said(pictures, capsys, row: str, reported: str) -> None:
+def test_a_faulty_table_of_pictures_is_reported(pictures, capsys, row: str, reported: str) -> None:
     folder, _ = pictures
     (folder / "shots" / "pictures.csv").write_text(f"file,station,pan_deg,tilt_deg\n{row}\n")
     options = ["--pictures", str(folder / "shots"), "--lamp", "--rig", str(folder / "rig.toml")]
@@ -581,7 +581,7 @@ def test_a_handful_of_sightings_writes_no_rig(made, rng, tmp_path, capsys, count
 
 
 def test_what_is_held_keeps_value_and_covariance(made, rng, tmp_path, capsys) -> None:
-    """The rig knows its lever arm, y and z together to 2 mm; sightings 40 m and farther away say nothing of it."""
+    """The rig's lever arm has sigmas of 2 mm in y and z; sightings 40 m and farther away do not improve it."""
     station, true, marks = made
     reported = {"camera_in_head.x": 0.01, "camera_in_head.y": 0.002, "camera_in_head.z": 0.002}
     given = np.diag(np.square(list(reported.values())))
@@ -641,8 +641,8 @@ def test_wrong_input_ends_in_one_line(tmp_path, capsys, monkeypatch, options: li
     assert "wanted" in error
 
 
-def test_marks_in_a_line_want_other_marks_and_no_patience(rng: np.random.Generator) -> None:
-    """Points along one bearing tell no roll: other marks are asked for, not thousands of sightings."""
+def test_collinear_marks_get_the_advice_for_other_marks(rng: np.random.Generator) -> None:
+    """Points along one bearing do not determine roll: the advice is other marks, not thousands of sightings."""
     station = plain_station()
     marks = tuple(
         Mark(

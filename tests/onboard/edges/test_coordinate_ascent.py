@@ -32,7 +32,7 @@ def best_of_all(grids: FloatArray, offset: FloatArray, weight: FloatArray) -> fl
 
 
 def ties(rng: np.random.Generator) -> FloatArray:
-    """Return a covariance (4, 4) px² of lines that move outwards alike, and each a little on its own."""
+    """Return a covariance (4, 4) px² of lines that move outwards equally, and each a little separately."""
     own = np.diag(rng.uniform(0.05, 0.6, 4))
     return np.asarray(own + rng.uniform(1.0, 8.0) * np.outer(shared := np.tile([0.5, 1.0], 2), shared))
 
@@ -55,8 +55,8 @@ def test_lines_that_a_prior_ties_are_the_best_of_all() -> None:
     assert max(np.abs(lost)) < 1e-6
 
 
-def test_both_lines_are_displaced_together_where_the_prior_says_so() -> None:
-    """The right line's score is highest off its place; a prior that moves both lines alike leaves it at its place."""
+def test_both_lines_are_displaced_together_by_the_prior() -> None:
+    """The right line's score is highest off its place; a prior that moves both lines equally leaves it at its place."""
     scores = np.zeros((2, 21, 21))
     scores[0, 14, 14] = 1.0
     scores[1, 14, 14], scores[1, 3, 3] = 0.9, 1.0

@@ -82,7 +82,7 @@ def test_clutter_makes_gamma_grow() -> None:
     assert 1e-3 < gammas[0] < gammas[1]
 
 
-def test_bands_that_leave_the_picture_count_nothing() -> None:
+def test_bands_that_leave_the_picture_do_not_count() -> None:
     grad = np.empty(4)
     outside = np.array([-300.0, -400.0, 900.0, 990.0])
     assert spatially_variant(smooth_picture(1), outside, ROWS, WIDTHS, np.zeros(2), COUNTS, grad) == 0.0

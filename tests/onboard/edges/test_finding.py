@@ -51,7 +51,7 @@ def test_minima_are_the_lowest_and_apart() -> None:
     assert lowest_minima(np.zeros(50), 5, 3.0).size == 0
 
 
-def test_algorithm_1_finds_the_runway_and_says_when_no_pair_will_do() -> None:
+def test_algorithm_1_finds_the_runway_and_reports_when_no_pair_is_plausible() -> None:
     picture = painted_runway(POSE)
     found = detect(picture, ROWS, PX_PER_M, EdgeDetectionConfig(), lambda x: 1.0)
     assert isinstance(found, DetectedPairs)

@@ -64,7 +64,7 @@ def test_the_papers_update_brings_lines_together_and_a_stays_positive() -> None:
     assert np.abs(after - truth).max() < 0.1 * np.abs(before - truth).max()
 
 
-def test_errors_of_the_filter_are_what_its_covariance_says(rng: np.random.Generator) -> None:
+def test_errors_of_the_filter_are_consistent_with_its_covariance(rng: np.random.Generator) -> None:
     """NEES of (turn, c, d) over runs inside the two-sided 99.8 % bounds of χ², and the innovations' too."""
     runs, steps = 120, 8
     poses = [approach(y=200.0 - 12.0 * k, z=18.0 - 1.0 * k, x=3.0 - 0.3 * k) for k in range(steps)]

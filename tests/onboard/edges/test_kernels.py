@@ -1,4 +1,4 @@
-"""Each compiled piece of arithmetic is what plain numpy says, to rounding."""
+"""Each compiled kernel equals plain numpy, to rounding."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""What pictures say of layouts, and what of that is kept, taken and stated."""
+"""Log-likelihoods of layouts from pictures, and how they are kept, used and reported."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ STATE = LineState(mean=np.concatenate([RUNWAY, np.zeros(3)]), covariance=np.diag
 def compared_with(
     monkeypatch: pytest.MonkeyPatch, markings: Markings, says: dict[Places, float], moved_m: float = 0.3
 ) -> MarkingComparison:
-    """Return what one picture changes that says of each layout by what it is better, and that it is so far out."""
+    """Return the change by one picture that gives each layout this gain, and this displacement outwards."""
     monkeypatch.setattr(
         marks_module,
         "_rivals",
@@ -55,7 +55,7 @@ def begun() -> Markings:
     return replace(initial_markings(CONFIG, dark=False), frames=1)
 
 
-def test_one_picture_may_not_say_more_than_any_other(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_weight_of_one_picture_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     for better, most in ((1e6, 300.0), (-1e6, -300.0)):
         once = compared_with(monkeypatch, begun(), {(0, 1): better})
         assert once.markings.gains[0, 1] == most
@@ -77,7 +77,9 @@ def test_no_other_layout_is_taken_before_each_was_tried_and_one_in_two_pictures(
     assert last.markings.places == (0, 1)
 
 
-def test_another_layout_is_told_from_what_was_held_as_that_was_from_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_layout_is_distinguished_from_the_current_one_in_both_directions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     says = {(0, 0): -50.0, (0, 1): 40.0, (1, 0): -60.0, (1, 1): 10.0}
     once = compared_with(monkeypatch, begun(), says)
     new = compared_with(monkeypatch, once.markings, says).markings
@@ -88,7 +90,7 @@ def test_another_layout_is_told_from_what_was_held_as_that_was_from_it(monkeypat
     np.testing.assert_allclose(new.moved_m[1, 1], 0.0, atol=1e-12)
 
 
-def test_a_layout_that_was_not_tried_is_open_and_by_what_its_places_differ() -> None:
+def test_an_untried_layout_is_open_by_the_difference_of_its_places() -> None:
     """After a change it was as hopeless as what was held before: nothing was stated of lamps two metres farther out."""
     config = ProfileConfig(lines_m=(None,), lamps_m=(None, 1.0, 3.0))
     markings = initial_markings(config, dark=True)
@@ -102,7 +104,7 @@ def test_a_layout_that_was_not_tried_is_open_and_by_what_its_places_differ() -> 
     np.testing.assert_allclose(unsettled_m2(changed, config), np.full((4, 4), 0.5 * config.untried_m**2), rtol=0.7)
 
 
-def test_where_a_layout_puts_the_lines_is_a_mean_over_four_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_layouts_lines_are_a_mean_over_four_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     markings, kept = begun(), list[float]()
     for moved_m in (0.4, 0.0, 0.0, 0.0, 0.4):
         markings = compared_with(monkeypatch, markings, {(1, 0): -30.0}, moved_m).markings
@@ -118,7 +120,7 @@ def test_hopeless_layouts_wait_longer_for_their_turn() -> None:
 
 
 def worth(line: float, ground: float, light: float, layout: Layout) -> float:
-    """Return what markings cost with such levels over pavement, alike everywhere but for a little."""
+    """Return the cost of markings with such levels over pavement, equal everywhere but for a little."""
     levels = np.zeros((2, 4, 1, 4, 3))
     chance = 1.0 + 0.01 * np.array([1.0, -1.0, 1.0, -1.0])[None, :, None, None]
     levels[..., 1, :], levels[..., 2, :], levels[..., 3, :] = ground * chance, line * chance, light * chance
@@ -127,7 +129,7 @@ def worth(line: float, ground: float, light: float, layout: Layout) -> float:
     return -marks_module._worth(fit, layout, 0.0, np.zeros(4), CONFIG)
 
 
-def test_paint_and_lamps_must_look_like_what_they_are() -> None:
+def test_paint_and_lamps_must_have_plausible_colours() -> None:
     line, lamps = Layout(line_m=(-0.95, -0.5), lamps_m=None), Layout(line_m=None, lamps_m=1.0)
     assert worth(0.3, 0.0, 0.0, Layout(line_m=None, lamps_m=None)) == 0.0
     seen, unseen = CONFIG.line_cost, CONFIG.line_cost + CONFIG.dim_cost
@@ -139,7 +141,7 @@ def test_paint_and_lamps_must_look_like_what_they_are() -> None:
     assert worth(0.0, 0.0, -0.1, lamps) == CONFIG.lamps_cost + CONFIG.dim_cost
 
 
-def test_lamps_are_looked_for_where_they_are_seen() -> None:
+def test_lamps_are_searched_for_where_they_are_visible() -> None:
     """A lamp 0.3 m high is seen by half a metre too far out on short final, and both edges were as far out."""
     pose = approach(x=3.0, y=60.0, z=6.0)
     lamp_parallax = lamps_seen(pose.camera_threshold_m, RUNWAY, 0.3)

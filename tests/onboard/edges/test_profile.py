@@ -44,7 +44,7 @@ def seen(
 def track_profiles(
     scene: int, off_px: FloatArray, pictures: int, config: ProfileConfig, inset_m: float = 0.5, stripe_m: float = 0.45
 ) -> tuple[list[EdgeMeasurement], FloatArray, FloatArray]:
-    """Return what comes of so many looks at one picture, begun off by (4,) px outwards; truth (4,), px per m (2,)."""
+    """Return the result of so many fits to one picture, started off by (4,) px outwards; truth (4,), px per m (2,)."""
     frame, rows, wanted, px_per_m = seen(scene, 61, 24, inset_m, stripe_m)
     guess, markings, prior, found = wanted + OUTWARDS * off_px, None, 9.0 * np.eye(4), list[EdgeMeasurement]()
     for _ in range(pictures):
@@ -76,7 +76,7 @@ def test_neither_paint_nor_lamps_draw_an_edge_aside(scene: int, off_px: float) -
     assert float(error @ np.linalg.solve(found[-1].covariance_px2, error)) < 18.5
 
 
-def test_where_lamps_stand_is_learned() -> None:
+def test_the_position_of_lamps_is_estimated() -> None:
     config = ProfileConfig(lamps_m=(None, 3.0, 2.0, 1.0))
     found, wanted, _ = track_profiles(NIGHT, np.zeros(4), 12, config)
     assert learned(found[-1], config)[1] == 1.0
@@ -133,7 +133,7 @@ def test_what_layouts_leave_open_is_stated() -> None:
     np.testing.assert_allclose(unsettled_m2(hopeless, config), 0.0, atol=1e-12)
 
 
-def test_lines_that_strayed_come_back_though_the_prior_holds_them() -> None:
+def test_strayed_lines_return_against_the_prior() -> None:
     frame, rows, wanted, px_per_m = seen(HAZE, 61, 24)
     config, prior = ProfileConfig(), 0.04 * np.eye(4)
     # on the runway, two metres inside the left edge, and sure of it
@@ -229,7 +229,7 @@ def test_no_pixel_beyond_the_other_line_is_an_edges_own() -> None:
 
 
 def test_mean_and_covariance_are_those_of_the_likelihood() -> None:
-    """Blocks of normal likelihoods about a line: least squares gives the same, to what a grid can tell."""
+    """Blocks of normal likelihoods about a line: least squares gives the same, to the resolution of a grid."""
     trials, steps, line, sigma = 41, np.array([0.5, 1.0]), np.array([1.3, -2.2]), 2.0
     t = (np.arange(8) + 0.5) / 8.0
     step = steps[0] * (1.0 - t) + steps[1] * t
@@ -251,7 +251,7 @@ def test_mean_and_covariance_are_those_of_the_likelihood() -> None:
 
 
 def test_no_light_is_remembered_that_was_not_measured() -> None:
-    """Lamps 3 m out are beyond the fine window near by: what it says of their light was −1.5 to 1.7, and was kept."""
+    """Lamps 3 m out are beyond the fine window near by: its estimate of their light was −1.5 to 1.7, and was kept."""
     sequence = varied(SEQUENCES[NIGHT], 61, 0.5, 3.0)
     frame = Renderer(replace(sequence, approach=replace(sequence.approach, start_y_m=60.0))).frame(12)
     half = 0.5 * sequence.airfield.width_m

@@ -99,7 +99,7 @@ def test_a_strip_within_the_runway_is_doubted_long_before_the_usual_check() -> N
 
 
 def doubted(config: TrackerConfig, frames: int, *, written_over: bool) -> list[EdgeReport]:
-    """Return what is said of a runway that the tracker does not know, started surely next to it."""
+    """Return the report of a runway unknown to the tracker, started with confidence next to it."""
     pose = approach()
     tracker = EdgeTracker(KAPPA, SIZE, config)
     tracker.start(LineState(mean=np.array([1.0, 0.0, -35.0, -17.0, 0.0, 0.0, 0.0]), covariance=1e-6 * np.eye(7)))
@@ -123,7 +123,7 @@ def counted(function: Callable[..., Any], name: str, pieces: int, done: dict[str
 
 
 def test_a_comparison_is_spread_over_frames_by_counted_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Following is one piece (the runway three), Algorithm 1 one, a look one; no frame has more than configured."""
+    """Tracking is one unit (the runway three), Algorithm 1 one, a measurement one; no frame has more than allowed."""
     config, done = TrackerConfig(guess=replace(GUESS, width_m=18.0)), dict[str, int]()
     for module, name, pieces in (
         (tracker_module, "track_lines", 3),
@@ -145,12 +145,12 @@ def test_a_comparison_is_spread_over_frames_by_counted_work(monkeypatch: pytest.
     assert statuses[-1] is EdgeStatus.TRACKING
     assert max(sum(one.values()) for one in each) <= config.work
     assert {name for one in each for name in one} == {"track_lines", "detect", "_first_look", "_announced"}
-    # the pairs of one picture are looked at in the next frame too
+    # the pairs of one picture are measured in the next frame too
     assert any("_first_look" in one and "detect" not in one for one in each)
 
 
 def test_a_picture_may_be_written_over_after_its_frame() -> None:
-    """Nothing is taken away from the picture, so that what is looked at later is not a copy for that reason."""
+    """No markings are removed from the picture, so that a picture for later measurement is no copy by that."""
     config = TrackerConfig(guess=replace(GUESS, width_m=18.0), paint_m=0.0)
     kept, over = (doubted(config, 10, written_over=written_over) for written_over in (False, True))
     assert EdgeStatus.ACQUIRING in [r.status for r in kept]
@@ -161,7 +161,7 @@ def test_a_picture_may_be_written_over_after_its_frame() -> None:
         np.testing.assert_array_equal(one.edges.crossings_px, other.edges.crossings_px)
 
 
-def test_the_announced_runway_is_looked_for_where_algorithm_1_finds_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_announced_runway_is_searched_for_where_algorithm_1_finds_none(monkeypatch: pytest.MonkeyPatch) -> None:
     """A pose that is off by 0.4°, 2 m aside and 1 m high; and on bare ground there is still none."""
     monkeypatch.setattr(hypotheses, "detect", lambda *_: NoPair(response=np.zeros(640), candidates=np.zeros((0, 2))))
     config = TrackerConfig(guess=replace(GUESS, width_m=20.0))
@@ -177,7 +177,7 @@ def test_the_announced_runway_is_looked_for_where_algorithm_1_finds_none(monkeyp
     assert EdgeTracker(KAPPA, SIZE, config).step(bare, reported).miss is EdgeMiss.NO_PAIR
 
 
-def test_faint_edges_are_said_to_be_less_sure() -> None:
+def test_faint_edges_have_larger_sigmas() -> None:
     """Plain edges and unseen ones are off by as much as configured, fainter ones by more, to four times."""
     config = TrackerConfig()
     crossings, rows, mean = (
@@ -208,7 +208,7 @@ def test_the_same_pictures_give_the_same_edges() -> None:
     np.testing.assert_array_equal(*(errors(frames, width, TrackerConfig(guess=GUESS)) for _ in range(2)))
 
 
-def test_without_a_picture_it_coasts_gives_up_and_finds_the_runway_again() -> None:
+def test_without_a_picture_it_coasts_drops_and_finds_the_runway_again() -> None:
     pose = approach()
     tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=replace(GUESS, width_m=18.0), coast_frames=3))
     good, black = painted_runway(pose), np.zeros((480, 640, 3), np.uint8)

@@ -76,7 +76,7 @@ def test_no_motion_has_a_name(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("refine", [True, False], ids=["refined", "the paper's"])
 def test_poses_from_rendered_pictures_stay_near_the_truth(refine: bool) -> None:
-    """After 0.5 s and 11 m: within 1 m and 0.5°; the decomposition alone is only asked to give a motion at all."""
+    """After 0.5 s and 11 m: within 1 m and 0.5°; the decomposition alone only has to give a motion at all."""
     sequence = SEQUENCES[0]
     renderer = Renderer(replace(sequence, approach=replace(sequence.approach, frames=6)))
     kappa = intrinsic_matrix(NOSE_LENS)

@@ -23,7 +23,7 @@ def series(
     )
 
 
-def test_false_alarms_are_as_rare_as_said(rng: np.random.Generator) -> None:
+def test_false_alarms_have_the_stated_rate(rng: np.random.Generator) -> None:
     """Errors that last half a second: of 300 flights, 1 % are refused, within the 99.9 % bound of a binomial."""
     refused = 0
     for _ in range(300):

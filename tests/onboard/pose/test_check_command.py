@@ -61,7 +61,7 @@ def test_names_that_will_not_do_are_refused(
     printed = capsys.readouterr()
     assert wanted in printed.err
     assert printed.err.count("\n") == 1
-    # no verdict before an error, and the record says the same
+    # no verdict before an error, and the record agrees
     assert printed.out == ""
     assert json.loads((tmp_path / "rig.checks.jsonl").read_text())["decision"] == "refused"
 

@@ -26,7 +26,7 @@ def moved(rng: np.random.Generator) -> np.ndarray:
     return QUADRILATERAL + rng.uniform(-4, 4, 2) + rng.uniform(-3, 3, (4, 2))
 
 
-def test_sides_find_corners_below_the_pixel_and_say_how_well(rng: np.random.Generator) -> None:
+def test_sides_find_corners_below_the_pixel_with_consistent_covariance(rng: np.random.Generator) -> None:
     errors, squares = [], []
     for _ in range(40):
         true = moved(rng)

@@ -1,4 +1,4 @@
-"""`groundstation onboard pose`: the tables, and what is said of bad ones."""
+"""`groundstation onboard pose`: the tables, and the messages for bad ones."""
 
 import csv
 import json
@@ -146,7 +146,7 @@ def test_a_file_at_fault_is_one_clear_line(
 
 
 @pytest.mark.parametrize("file", ["corners", "runways", "camera"])
-def test_a_folder_and_a_missing_file_are_told_apart(
+def test_a_folder_and_a_missing_file_are_distinguished(
     work: dict[str, Path], file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "folder").mkdir()
@@ -171,7 +171,7 @@ def test_nothing_that_is_read_is_written_over(work: dict[str, Path], capsys: pyt
     assert "another --out" in capsys.readouterr().err
 
 
-def test_a_folder_that_cannot_be_made_is_said(work: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(work: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     (work["camera"].parent / "taken").write_text("")
     for out in ("taken/p.csv", "taken/deeper/p.csv"):
         assert run({**work, "out": work["camera"].parent / out}) == 1
@@ -183,7 +183,7 @@ def test_a_folder_that_cannot_be_made_is_said(work: dict[str, Path], capsys: pyt
 
 
 def test_the_camera_file_of_the_other_commands_will_do(work: dict[str, Path]) -> None:
-    """Expected: the same poses, whatever else the file says."""
+    """Expected: the same poses, whatever the other content of the file."""
     assert run(work) == 0
     alone = work["out"].read_bytes()
     more = "mount_deg = [0.0, -3.0, 0.0]\n[runway]\nwidth_m = 30.0\nlength_m = 900.0\n[start]\nheight_m = 9.0\n"
@@ -192,7 +192,7 @@ def test_the_camera_file_of_the_other_commands_will_do(work: dict[str, Path]) ->
     assert work["out"].read_bytes() == alone
 
 
-def test_pixels_without_sense_have_no_pose_and_say_so(work: dict[str, Path]) -> None:
+def test_implausible_pixels_give_no_pose_with_a_status(work: dict[str, Path]) -> None:
     work["corners"].write_text(
         "filename,x_A,y_A,x_B,y_B,x_C,y_C,x_D,y_D\nABCD_36_1.png,5,5,5,5,5,5,5,5\nABCD_36_3.png,1e9,1,2,-1e9,3,3,4,4\n"
     )

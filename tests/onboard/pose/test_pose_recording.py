@@ -39,7 +39,9 @@ class Read:
         return found
 
 
-def test_each_pose_is_drawn_where_the_table_says(work: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_pose_is_drawn_at_its_position_in_the_table(
+    work: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
     """Expected: one step for each picture; the drawn camera's pixels of the drawn runway are the corners' own."""
     drawn = work["out"].parent / "drawn" / "p.rrd"
     assert run(work) == 0
@@ -94,7 +96,7 @@ def test_the_frustum_is_the_lens_and_a_picture_without_a_pose_shows_none(work: d
         assert read.rows(entity, "Clear:is_recursive") == {12: [True]}
 
 
-def test_a_recording_that_cannot_be_written_is_said(
+def test_a_recording_that_cannot_be_written_is_reported(
     work: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "taken").write_text("")

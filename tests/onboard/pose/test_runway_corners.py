@@ -85,7 +85,7 @@ def test_the_papers_cost_is_within_a_tenth_below_4_km(ranges: dict[str, np.ndarr
     assert rmse(ranges, "paper", low, high) <= 1.10 * rmse(ranges, "opencv", low, high)
 
 
-def test_the_range_is_as_uncertain_as_it_says(ranges: dict[str, np.ndarray]) -> None:
+def test_the_range_is_consistent_with_its_sigma(ranges: dict[str, np.ndarray]) -> None:
     """The true ranges are given in steps of 0.01 nautical miles: that is most of the difference below 1 km."""
     steps = ranges["true"] / STEP_M
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)

@@ -216,7 +216,7 @@ def test_corners_on_one_line_have_no_pose() -> None:
     )
 
 
-def test_wrong_corners_are_said_to_be(rng: np.random.Generator) -> None:
+def test_wrong_corners_are_reported(rng: np.random.Generator) -> None:
     """A corner that is 30 px off leaves a residual that noise does not."""
     truth = pose_on_approach(rng, 400.0)
     picture = seen(rng, truth, 0.3)

@@ -1,4 +1,4 @@
-"""A station that looks at the runway's corners: as its rig says, and turned."""
+"""A station that observes the runway's corners: as in its rig, and turned."""
 
 from dataclasses import replace
 

@@ -34,7 +34,7 @@ def test_a_frame_is_the_same_each_time_and_another_with_another_seed() -> None:
     assert np.any(Renderer(replace(sequence, seed=9)).frame(5).image != first.image)
 
 
-def test_the_pavement_ends_where_the_pose_says() -> None:
+def test_the_pavement_ends_at_the_projected_end() -> None:
     """Half-way between ground and pavement, to a tenth of a pixel, for a plain airfield seen from a tilted camera."""
     field = Airfield(taxiway_side=0, edge_stripe_m=0.0, bars=0, end_m=0.0, field_m=0.0)
     renderer = Renderer(
@@ -60,7 +60,7 @@ def test_the_pavement_ends_where_the_pose_says() -> None:
         assert abs(edge - u) < 0.15
 
 
-def test_gusts_are_smooth_and_as_strong_as_asked(rng: np.random.Generator) -> None:
+def test_gusts_are_smooth_and_have_the_requested_strength(rng: np.random.Generator) -> None:
     t = np.arange(0.0, 400.0, 0.1)
     noise = smooth_noise(rng, t, (0.02, 0.5), 0.5)
     # about 400 independent stretches of a second
@@ -69,7 +69,7 @@ def test_gusts_are_smooth_and_as_strong_as_asked(rng: np.random.Generator) -> No
     assert np.abs(np.diff(slope)).max() < 0.25
 
 
-def test_an_approach_comes_down_its_slope(rng: np.random.Generator) -> None:
+def test_an_approach_follows_its_slope(rng: np.random.Generator) -> None:
     approach = StraightApproach(gust_rad=(0.0, 0.0, 0.0), drift_m=(0.0, 0.0, 0.0))
     flown = fly(approach, rng)
     steps = np.diff(flown.position_threshold_m, axis=0)
@@ -78,7 +78,7 @@ def test_an_approach_comes_down_its_slope(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("index", range(len(SEQUENCES)))
-def test_the_runway_stands_out_in_every_sequence(index: int) -> None:
+def test_the_runway_has_contrast_in_every_sequence(index: int) -> None:
     sequence = SEQUENCES[index]
     frame = Renderer(sequence).frame(0)
     kappa = intrinsic_matrix(NOSE_LENS)
@@ -103,7 +103,7 @@ def test_another_airfield_is_drawn_from_its_seed_alone() -> None:
     assert len({varied(sequence, 5).airfield.width_m for sequence in SEQUENCES}) == len(SEQUENCES)
 
 
-def test_a_side_line_is_painted_as_far_inside_the_edge_as_drawn_and_nothing_else_changes() -> None:
+def test_a_side_line_is_painted_as_far_inside_the_edge_as_drawn_and_all_else_is_unchanged() -> None:
     plain, drawn = varied(SEQUENCES[1], 5), [varied(SEQUENCES[1], seed, None) for seed in range(24)]
     insets = [one.airfield.edge_stripe_inset_m for one in drawn]
     assert {0.0, 0.5} < set(insets)
@@ -115,13 +115,13 @@ def test_a_side_line_is_painted_as_far_inside_the_edge_as_drawn_and_nothing_else
     np.testing.assert_allclose(sorted(p[0] + math.copysign(p[4], p[0]) for p in lines), [-9.75, 9.75])
 
 
-def test_lamps_stand_as_far_outside_the_edge_as_drawn_and_nothing_else_changes() -> None:
+def test_lamps_are_as_far_outside_the_edge_as_drawn_and_all_else_is_unchanged() -> None:
     plain, drawn = varied(SEQUENCES[3], 5), [varied(SEQUENCES[3], seed, 0.5, None) for seed in range(24)]
     out = [one.airfield.lamps_out_m for one in drawn]
     assert plain.airfield.lamps_out_m == 1.0
     assert 0.8 <= min(out) < 1.2 < 2.6 < max(out) <= 3.0
     assert replace(drawn[5], airfield=replace(drawn[5].airfield, lamps_out_m=1.0)) == plain
-    # the line's place is drawn alike, lamps or none
+    # the line's place is drawn equally, with or without lamps
     assert varied(SEQUENCES[3], 7, None, None).airfield.edge_stripe_inset_m == (
         varied(SEQUENCES[3], 7, None).airfield.edge_stripe_inset_m
     )
@@ -129,7 +129,7 @@ def test_lamps_stand_as_far_outside_the_edge_as_drawn_and_nothing_else_changes()
     np.testing.assert_allclose(np.abs(lamps[lamps[:, 4] == 0.93][:, 0]), 12.5)
 
 
-def test_errors_are_told_only_where_the_runway_is_seen() -> None:
+def test_errors_are_reported_only_where_the_runway_is_visible() -> None:
     """On short final a gust left fewer than eight rows of it in the picture, and the benchmark stopped."""
     sequence = SEQUENCES[4]
     at, level = np.array([0.0, 130.0, 9.0]), Attitude(roll_rad=0.0, pitch_rad=-0.05, yaw_rad=0.0)

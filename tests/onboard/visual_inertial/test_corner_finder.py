@@ -29,7 +29,7 @@ from groundstation.onboard.visual_inertial.threshold_detection import detect_thr
 KAPPA = intrinsic_matrix(NOSE_LENS)
 RUNWAY = rectangle(400.0, 20.0)
 POSE = nose_pose(np.array([2.0, 160.0, 22.0]), Attitude(roll_rad=0.03, pitch_rad=-0.05, yaw_rad=0.02))
-# left and right edge, upper and lower row: half a pixel in all, and what is alike at both ends
+# left and right edge, upper and lower row: half a pixel in all, and the common part at both ends
 LASTING_PX2 = 0.25 * np.eye(4) + np.kron(np.diag([1.0, 2.0]), np.outer([0.3, 1.0], [0.3, 1.0]))
 CORNERS = pixels_from_points(POSE, KAPPA, RUNWAY.corners_m)
 
@@ -70,7 +70,7 @@ def test_the_exact_pose_and_edges_give_the_exact_corners() -> None:
 def test_corners_are_measured(method: str, most_px: float, rng: np.random.Generator) -> None:
     """Expected: within the blur and noise of a drawn picture, from a start 1.5 px off; SUSAN to a few whole pixels."""
     wrong = nose_pose(np.array([2.0, 160.0, 22.0]), Attitude(roll_rad=0.03, pitch_rad=-0.0476, yaw_rad=0.02))
-    # SUSAN wants room and contrast: its mask is seven pixels wide
+    # SUSAN needs space and contrast: its mask is seven pixels wide
     susan = method == "susan"
     config = ApproachConfig(corners=CornerMethod(method), reach_px=(6.0, 7.0) if susan else (2.0, 3.5))
     known = np.array([1.0, 1.0])
@@ -156,7 +156,7 @@ def test_a_slab_on_faint_pavement_is_not_its_far_end(rng: np.random.Generator) -
     assert wrong <= 1
 
 
-def test_grass_without_a_runway_confirms_next_to_nothing(rng: np.random.Generator) -> None:
+def test_grass_without_a_runway_confirms_almost_nothing(rng: np.random.Generator) -> None:
     """Expected: at most one of ten places in blotched grass has one by chance; the filter's gate is for these."""
     confirmed = 0
     for _ in range(15):
@@ -226,8 +226,8 @@ def test_pixels_by_pose_against_differences() -> None:
         np.testing.assert_allclose(H[:, k], (sides[0] - sides[1]) / 2e-4, rtol=1e-4, atol=1e-3)
 
 
-def test_a_pose_follows_its_pixels_as_said() -> None:
-    """Expected: the solver, given pixels that are a little off, moves as D says."""
+def test_a_pose_follows_its_pixels_by_its_jacobian() -> None:
+    """Expected: the solver's pose for slightly different pixels moves by D."""
     weights = np.array(
         [[[0.2, 0.05], [0.05, 0.4]], [[1.0, 0.0], [0.0, 2.0]], [[1.5, 0.1], [0.1, 1.0]], 0.3 * np.eye(2)]
     )
@@ -264,7 +264,7 @@ def test_a_turned_threshold_moves_its_corners_as_on_the_ground(column: int, left
 
     In rows each end moves by the threshold's blur, to opposite sides; the other threshold stands.
     """
-    # no two of the configured sigmas are alike, so that none can stand in for another
+    # no two of the configured sigmas are equal, so that none can be exchanged for another
     config = replace(ApproachConfig(), end_sigma_px=0.8, far_end_sigma_px=1.7, near_sigma_m=4.0)
     sigma = config.end_sigma_px if column == 7 else config.far_end_sigma_px
     turned = RUNWAY.corners_m.copy()
@@ -285,7 +285,7 @@ def test_a_turned_threshold_moves_its_corners_as_on_the_ground(column: int, left
 
 
 def test_the_far_threshold_is_shifted_by_its_own_blur() -> None:
-    """Expected: `far_end_sigma_px` rows at both of its ends, along the sides, whatever is said of the near one."""
+    """Expected: `far_end_sigma_px` rows at both of its ends, along the sides, independent of the near one."""
     config = replace(ApproachConfig(), far_end_sigma_px=1.7)
     shift = systematic_modes(CORNERS, RUNWAY, config)[:, 8].reshape(4, 2)
     np.testing.assert_allclose(shift[[1, 2], 1], 1.7)
@@ -296,7 +296,7 @@ def test_the_far_threshold_is_shifted_by_its_own_blur() -> None:
     np.testing.assert_array_equal(systematic_modes(CORNERS, RUNWAY, other)[:, 8].reshape(4, 2), shift)
 
 
-def test_what_lasts_of_tracked_edges_is_what_the_tracker_says() -> None:
+def test_constant_errors_of_tracked_edges_are_the_trackers() -> None:
     """Expected: where corners lie in the rows of the crossings their covariance across is the tracker's; no more."""
     seen = edges()
     upper, lower = seen.rows_px
@@ -313,7 +313,7 @@ def test_what_lasts_of_tracked_edges_is_what_the_tracker_says() -> None:
 
 
 def test_what_lasts_of_edges_is_counted_once(rng: np.random.Generator) -> None:
-    """Expected: each picture's own part of a corner does not grow with what the tracker says to last."""
+    """Expected: each picture's own part of a corner does not grow with the tracker's constant errors."""
     image = picture(rng)
     surer = replace(edges(), covariance_px2=0.04 * np.eye(4), systematic_px2=np.zeros((4, 4)))
     one, other = (find_corners(image, seen, POSE, RUNWAY, KAPPA, ApproachConfig()) for seen in (edges(), surer))

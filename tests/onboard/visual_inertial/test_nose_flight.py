@@ -1,4 +1,4 @@
-"""Nose camera and inertial unit together, on one rendered approach: what is seen, what is said of it, what is lost."""
+"""Nose camera and inertial unit together, on one rendered approach: detections, reports, losses."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -62,12 +62,12 @@ def test_attitude_is_the_aviators() -> None:
     np.testing.assert_allclose(attitude_of(wxyz_from_matrix(R)), angles, atol=1e-12)
 
 
-def test_a_short_approach_is_followed_with_errors_as_said() -> None:
-    """Expected: every picture after the first few is used, and the errors lie inside what the covariance says.
+def test_a_short_approach_is_followed_with_consistent_errors() -> None:
+    """Expected: every picture after the first few is used, and the errors are consistent with the covariance.
 
     The edges have to be followed for six pictures, and the fourth pose is the first that gives a fix.
 
-    One flight's errors last, so its NEES of 6 is one draw, not a mean: within the 99.9 % bound of a single one.
+    One flight's errors are correlated, so its NEES of 6 is one draw, not a mean: within the 99.9 % bound of one.
     """
     flight, pictures = short_flight()
     one = follow(flight, pictures)
@@ -80,7 +80,7 @@ def test_a_short_approach_is_followed_with_errors_as_said() -> None:
 
 
 def test_a_start_from_wrong_poses_is_not_given_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: two poses 40 and 80 m off begin as well as two right ones; nothing is said until four have agreed."""
+    """Expected: two poses 40 and 80 m off start it as well as two right ones; no fix is reported until four agree."""
     solve, off = NoseNavigator._solve, iter([40.0, 80.0])
 
     def wrong_at_first(self: NoseNavigator, corners: FoundCorners) -> RunwayPose | None:
@@ -99,7 +99,7 @@ def test_a_start_from_wrong_poses_is_not_given_out(monkeypatch: pytest.MonkeyPat
     assert one.nees.max() < 22.5
 
 
-def test_by_night_the_covariance_covers_what_lamps_do_to_edges() -> None:
+def test_by_night_the_covariance_covers_the_bias_of_edges_by_lamps() -> None:
     """Expected: poses are used from the seventh picture on; errors inside 3 σ, NEES inside a single draw's 99.9 %."""
     flight, pictures = night_flight()
     one = follow(flight, pictures)
@@ -108,7 +108,7 @@ def test_by_night_the_covariance_covers_what_lamps_do_to_edges() -> None:
     assert one.nees.max() < 22.5
 
 
-def test_without_pictures_it_coasts_and_says_so() -> None:
+def test_without_pictures_it_coasts_and_reports_it() -> None:
     """Expected: blank pictures from the middle on: no pose is made up, and sigma grows."""
     flight, pictures = short_flight()
     blind = [p if k < 16 else np.full_like(p, 90) for k, p in enumerate(pictures)]
@@ -118,7 +118,7 @@ def test_without_pictures_it_coasts_and_says_so() -> None:
     assert np.abs(lost.error_m[-1] / lost.sigma_m[-1]).max() < 3.5
 
 
-def test_a_lasting_error_goes_through_the_filter_as_its_sensitivity_says(rng: np.random.Generator) -> None:
+def test_a_constant_error_passes_the_filter_by_its_sensitivity(rng: np.random.Generator) -> None:
     """Expected: S is what a filter that is given wrong poses does differently, to second order."""
     config = InertialConfig()
     mount = CameraMount(camera_in_body_m=np.zeros(3), body_from_camera=np.eye(3))

@@ -1,4 +1,4 @@
-"""An Alpaca mount's driver: what it believes of HTTP answers, and the protocol over a real socket."""
+"""An Alpaca mount's driver: accepted and refused HTTP replies, and the protocol over a real socket."""
 
 import json
 import math
@@ -23,7 +23,7 @@ from ptu_drivers.simulated.http_server import VirtualHttp
 
 
 class Spoilt(VirtualHttp):
-    """Answers of the mount, spoilt when a test says so."""
+    """Replies of the mount, corrupted on a test's request."""
 
     spoil: Callable[[int, bytes], tuple[int, bytes]] | None = None
 
@@ -58,7 +58,7 @@ def changed(**parts: object) -> Callable[[int, bytes], tuple[int, bytes]]:
         (changed(ErrorNumber=1031, ErrorMessage="not connected"), FailureReason.REFUSED),
     ],
 )
-def test_a_doubtful_answer_gives_no_angle(
+def test_a_doubtful_reply_gives_no_angle(
     spoil: Callable[[int, bytes], tuple[int, bytes]], reason: FailureReason
 ) -> None:
     line, unit = rig(MountModel(state=False))
@@ -71,7 +71,7 @@ def test_a_doubtful_answer_gives_no_angle(
 
 
 def test_azimuth_is_clockwise_and_pan_is_not() -> None:
-    """A station that looks along 250 degrees: its pan 0 is there, and 10 degrees to the left is azimuth 240."""
+    """A station along 250 degrees: its pan 0 is there, and 10 degrees to the left is azimuth 240."""
     settings = UnitSettings(pan=AxisSettings(zero_rad=math.radians(-250.0)))
     line, unit = rig(settings=settings)
     unit.move_to(pan_rad=math.radians(10.0), tilt_rad=math.radians(5.0))
@@ -145,7 +145,7 @@ def test_a_mount_is_connected_only_if_it_is_not(already: bool, put: list[str]) -
     assert [name for name in line.put if name == "connected"] == put
 
 
-def test_what_the_mount_refuses_is_told() -> None:
+def test_a_refusal_by_the_mount_is_reported() -> None:
     line, unit = rig()
     line.spoil = changed(ErrorNumber=1032, ErrorMessage="parked")
     with pytest.raises(RefusedError, match=r"slewtoaltazasync.*parked \(1032\)"):
@@ -154,7 +154,7 @@ def test_what_the_mount_refuses_is_told() -> None:
 
 @pytest.fixture
 def server() -> Iterator[tuple[str, SimulatedMount]]:
-    """The mount behind a real socket; `dawdle` sleeps longer than anybody waits, `trickles` a byte at a time."""
+    """The mount behind a real socket; `dawdle` sleeps longer than any wait, `trickles` a byte at a time."""
     mount = SimulatedMount(MountModel(max_rate_deg_s=100.0, acceleration_deg_s2=2000.0))
 
     class Handler(BaseHTTPRequestHandler):
@@ -218,7 +218,7 @@ def test_over_a_socket(server: tuple[str, SimulatedMount]) -> None:
     assert mount.axes[Axis.PAN].speed(time.monotonic()) == 0
 
 
-def test_a_slow_server_gives_no_angle_and_its_late_answer_is_never_read(server: tuple[str, SimulatedMount]) -> None:
+def test_a_slow_server_gives_no_angle_and_its_late_reply_is_never_read(server: tuple[str, SimulatedMount]) -> None:
     url, mount = server
     with open_ptu(url, "alpaca", UnitSettings(reply_timeout_s=0.1)) as unit:
         mount.server.dawdle = True  # type: ignore[attr-defined]
@@ -234,7 +234,7 @@ def test_a_slow_server_gives_no_angle_and_its_late_answer_is_never_read(server: 
         assert FailureReason.ECHO_MISMATCH not in unit.health().failures
 
 
-def test_a_trickling_answer_holds_up_neither_read_nor_halt(server: tuple[str, SimulatedMount]) -> None:
+def test_a_trickling_reply_delays_neither_read_nor_halt(server: tuple[str, SimulatedMount]) -> None:
     """An angle's answer would take half a minute, while the mount turns."""
     url, mount = server
     with open_ptu(url, "alpaca", UnitSettings(reply_timeout_s=10.0, watchdog_s=0.0)) as unit:

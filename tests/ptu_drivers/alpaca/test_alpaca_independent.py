@@ -1,7 +1,7 @@
-"""Our Alpaca client drives `alpaca-simulators`, which shares no code with us.
+"""The Alpaca driver drives `alpaca-simulators`, an independent implementation.
 
-It brings astronomy packages of 250 MB with it, so that it lives in an environment of its own (`make peers`) or where
-GROUNDSTATION_ALPACA_SIMULATORS says. Without it these tests are skipped, or fail (tests/peers.py).
+It requires astronomy packages of 250 MB, so it is installed in a separate environment (`make peers`) or in
+GROUNDSTATION_ALPACA_SIMULATORS. Without it these tests are skipped, or fail (tests/peers.py).
 """
 
 import math

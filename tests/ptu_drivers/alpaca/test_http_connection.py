@@ -80,7 +80,7 @@ def trickle(data: bytes, apart_s: float = 0.15) -> Serve:
     ids=["status", "headers", "continue", "body", "chunks"],
 )
 @pytest.mark.parametrize("whole_until", [0, 1], ids=["from the start", "after the head"])
-def test_a_trickling_answer_ends_with_its_exchange(data: bytes, whole_until: int) -> None:
+def test_a_trickling_reply_ends_with_its_exchange(data: bytes, whole_until: int) -> None:
     head, _, rest = data.partition(b"\r\n\r\n")
 
     def serve(peer: socket.socket, end: threading.Event) -> None:
@@ -98,7 +98,7 @@ def test_a_trickling_answer_ends_with_its_exchange(data: bytes, whole_until: int
         assert 0.3 < line.now() - began < LATE_S
 
 
-def test_an_answer_without_end_is_cut_off() -> None:
+def test_a_reply_without_end_is_cut_off() -> None:
     """Megabytes as fast as they go: neither memory nor time is spent on them."""
 
     def serve(peer: socket.socket, end: threading.Event) -> None:
@@ -113,7 +113,7 @@ def test_an_answer_without_end_is_cut_off() -> None:
         assert "more than" in caught.value.got
 
 
-def test_a_halt_waits_for_no_answer_and_has_a_connection_of_its_own() -> None:
+def test_a_halt_waits_for_no_reply_and_uses_a_separate_connection() -> None:
     requests: list[bytes] = []
 
     def serve(peer: socket.socket, end: threading.Event) -> None:
@@ -143,7 +143,7 @@ def test_a_halt_waits_for_no_answer_and_has_a_connection_of_its_own() -> None:
             time.sleep(0.01)
         asked = time.monotonic()
         with line.lock.for_halt():
-            # the answer to a halt takes its time, too, and is not given up for it
+            # the reply to a halt takes its time, too, and is not aborted for it
             assert line.transfer("PUT", "/halt", "", line.now() + 60.0) == (200, b"{}")
         assert time.monotonic() - asked < LATE_S
         reading.join(60.0)
@@ -151,7 +151,7 @@ def test_a_halt_waits_for_no_answer_and_has_a_connection_of_its_own() -> None:
     assert [b"/read" in r for r in requests] == [True, False]
 
 
-def test_connections_are_kept_between_whole_answers_and_dropped_after_others() -> None:
+def test_connections_are_kept_between_whole_replies_and_dropped_after_others() -> None:
     connections: list[int] = []
 
     def serve(peer: socket.socket, end: threading.Event) -> None:
@@ -170,8 +170,8 @@ def test_connections_are_kept_between_whole_answers_and_dropped_after_others() -
     assert connections == [3, 1]
 
 
-def test_a_host_that_accepts_nothing_ends_with_its_exchange() -> None:
-    """A full backlog: connecting itself would take for ever."""
+def test_a_host_that_accepts_no_data_ends_with_its_exchange() -> None:
+    """A full backlog: connecting itself would never return."""
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         listener.listen(0)

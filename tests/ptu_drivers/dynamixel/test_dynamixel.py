@@ -1,4 +1,4 @@
-"""Two servos through the maker's SDK: what is believed, set, refused, and how it ends."""
+"""Two servos through the maker's SDK: accepted replies, settings, refusals, and the end."""
 
 import builtins
 import math
@@ -72,7 +72,7 @@ def test_the_makers_sdk_drives_the_simulated_servos_over_a_pseudo_terminal(
         assert sync.txRxPacket() == dynamixel_sdk.COMM_SUCCESS
         assert (sync.getData(1, 132, 4), sync.getData(2, 132, 4)) == (2148, 2048)
         spoken = transcript(line)
-        # beyond the limit, a register that is closed, an instruction that is none
+        # beyond the limit, a register that is closed, an unknown instruction
         assert ph.write4ByteTxRx(port, 1, 116, 4000)[1] == 4
         assert ph.write1ByteTxRx(port, 1, 11, 1)[1] == 7
         assert ph.write1ByteTxRx(port, 1, 140, 1)[1] == 7
@@ -95,7 +95,7 @@ def test_our_driver_over_a_pseudo_terminal(tmp_path: Path) -> None:
     assert sim.servo(Axis.PAN).get(table.TORQUE_ENABLE) == 0
 
 
-def test_the_model_says_what_a_step_is_and_the_servo_its_limits() -> None:
+def test_the_model_gives_the_step_and_the_servo_its_limits() -> None:
     _, line = rig(ServoModel(limits_deg=(-30.0, 60.0), velocity_limit=100))
     reported = connect(line).describe()
     assert reported.model == "XM430-W350"
@@ -106,7 +106,7 @@ def test_the_model_says_what_a_step_is_and_the_servo_its_limits() -> None:
 
 
 def test_instants_are_the_servos_own() -> None:
-    """1 ms of tick: better than half a millisecond rms at 57600 baud, and as good as the stamps say."""
+    """1 ms of tick: better than half a millisecond rms at 57600 baud, and consistent with the stamps' sigma."""
     sim, line = rig()
     unit = connect(line)
     unit.move_to(pan_rad=1.5, tilt_rad=1.0)
@@ -142,7 +142,7 @@ def test_a_power_cycle_is_found_by_the_tick() -> None:
     assert reading(unit).pan.angle_rad == pytest.approx(-0.3, abs=0.002)
 
 
-def test_an_old_answer_is_refused_by_its_tick() -> None:
+def test_an_old_reply_is_refused_by_its_tick() -> None:
     sim, line = rig()
     line.record = True
     unit = connect(line)
@@ -199,7 +199,7 @@ def test_the_servos_stop_by_themselves_when_the_line_dies() -> None:
 
 @pytest.mark.parametrize(("watchdog_s", "lease_s"), [(0.2, 0.2), (0.5, 0.5), (60.0, 0.5), (0.0, 0.5)])
 def test_the_servos_own_watchdog_has_the_lease_whatever_ours_has(watchdog_s: float, lease_s: float) -> None:
-    """Ours may be off or patient: a dead host is another matter. Questions keep the servo's content."""
+    """The driver's watchdog may be off or slow; a dead host is different. Queries renew the servo's watchdog."""
     sim, line = rig()
     unit = connect(line, UnitSettings(watchdog_s=watchdog_s))
     assert unit.describe().lease.renewed_s == lease_s
@@ -224,7 +224,7 @@ def test_the_servos_own_watchdog_has_the_lease_whatever_ours_has(watchdog_s: flo
     assert sim.head_rad(Axis.PAN, line.now()) == pytest.approx(0.0, abs=0.002)
 
 
-def test_a_halt_that_gets_no_answer_is_heard_in_both_modes() -> None:
+def test_a_halt_without_a_reply_works_in_both_modes() -> None:
     for by_rate in (True, False):
         sim, line = rig()
         unit = connect(line)
@@ -263,7 +263,7 @@ def test_rates_end_at_the_limit_and_below_the_slowest_are_refused() -> None:
 
 
 @pytest.mark.parametrize(("off", "torque"), [(True, 0), (False, 1)])
-def test_closing_stops_and_lets_go(off: bool, torque: int) -> None:
+def test_closing_stops_and_releases_the_torque(off: bool, torque: int) -> None:
     sim, line = rig()
     with connect(line, torque_off=off) as unit:
         unit.move_at(pan_rad_s=0.5, tilt_rad_s=0.2)

@@ -20,7 +20,7 @@ class Line:
         return Chunk(data=data, t_s=0.5)
 
 
-def test_nothing_is_waited_for_before_something_was_asked() -> None:
+def test_there_is_no_wait_before_a_query() -> None:
     line = Line(b"abc")
     port = SdkPort(line, reply_timeout_s=0.1)
     assert port.isPacketTimeout()

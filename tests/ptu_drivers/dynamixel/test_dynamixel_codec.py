@@ -83,7 +83,7 @@ def test_crc_is_the_makers(sdk: object, data: bytes) -> None:
 
 @given(packets)
 def test_bytes_are_the_makers(sdk: object, packet: Packet) -> None:
-    """The SDK stuffs the same packet into the same bytes, and takes the stuffing out of ours."""
+    """The SDK stuffs the same packet into the same bytes, and unstuffs this codec's."""
     body = [packet.instruction, *packet.parameters]
     plain = [0xFF, 0xFF, 0xFD, 0, packet.identifier, (len(body) + 2) & 0xFF, (len(body) + 2) >> 8, *body, 0, 0]
     ours = encode(packet)

@@ -80,7 +80,7 @@ def test_examples(line: bytes, echo: str, ok: bool, text: str, events: int, end:
     assert (parsed.delimiter_at < 0) == (echo == "")
 
 
-def test_without_its_end_nothing_is_a_line() -> None:
+def test_without_its_end_text_is_not_a_line() -> None:
     for line, *_ in EXAMPLES:
         splitter = LineSplitter()
         assert splitter.feed(line, 0.0, 0.0) == []
@@ -95,7 +95,7 @@ def test_times_of_the_bytes() -> None:
 
 
 @pytest.mark.parametrize("text", [b"PAN-TILT controller ready", b"TILT", b"", b"  ", b"joystick"])
-def test_lines_that_answer_nothing(text: bytes) -> None:
+def test_lines_that_are_not_replies(text: bytes) -> None:
     parsed = parse_line(text)
     assert parsed == Stray(text=text.decode(), events=0)
 

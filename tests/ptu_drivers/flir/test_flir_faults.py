@@ -58,8 +58,8 @@ def test_each_fault_is_survived(name: str) -> None:
     assert device.health().state is UnitState.READY
 
 
-def test_a_late_answer_never_passes_for_the_next() -> None:
-    """The unit answers 0.4 s late, after the query was given up and repeated: the old answer is discarded."""
+def test_a_late_reply_is_never_taken_for_the_next() -> None:
+    """The unit replies 0.4 s late, after the query was aborted and repeated: the old reply is discarded."""
     device, line = opened()
     device.move_to(pan_rad=2.5)
     assert isinstance(device.read(), Reading)
@@ -159,7 +159,7 @@ def test_motion_by_rate_stops_before_a_soft_limit() -> None:
     assert soft <= tilt < soft + 0.1
 
 
-def test_nobody_and_somebody_else() -> None:
+def test_no_unit_and_another_device() -> None:
     unit = SimulatedUnit()
     line = VirtualLine(unit)
     line.dead = True

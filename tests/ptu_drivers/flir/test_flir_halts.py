@@ -26,7 +26,7 @@ def moves(peer: SimulatedUnit, line: VirtualLine) -> bool:
 
 
 def closed_on_a_dead_line(mended_s: float | None = None) -> tuple[float, bool]:
-    """Close a moving unit that takes ten commands a second; return when the last halt was begun, s, and if it moves."""
+    """Close a moving unit that accepts ten commands a second; return when the last halt began, s, and if it moves."""
     unit, line, peer = opened(D_SERIES, commands_per_s=10)
     unit.move_to(pan_rad=unit.describe().pan.high_rad, rate_rad_s=0.1)
     line.dead = True
@@ -38,7 +38,7 @@ def closed_on_a_dead_line(mended_s: float | None = None) -> tuple[float, bool]:
     return next(t for t, way, data in reversed(line.traffic) if way == ">" and data == b"Z0 "), moves(peer, line)
 
 
-def test_the_last_halt_of_a_line_that_carries_one_way_is_heard_by_a_slow_unit() -> None:
+def test_the_last_halt_of_a_one_way_line_reaches_a_slow_unit() -> None:
     """The line is back just before the last halt, which nothing follows; a D-series unit drops what comes too fast."""
     began_s, moved = closed_on_a_dead_line()
     assert moved

@@ -90,7 +90,7 @@ def test_a_slower_rate_draws_the_target_back_and_a_reversal_turns_it() -> None:
     assert rig.turn(-1000) == []
 
 
-def test_what_was_not_renewed_stands_at_its_target() -> None:
+def test_an_axis_that_was_not_renewed_stops_at_its_target() -> None:
     """After five silent seconds the next target is a lease beyond the old one, not five seconds' way."""
     rig = Rig()
     rig.see(0.0)
@@ -169,7 +169,7 @@ def test_a_speed_whose_command_failed_is_sent_again() -> None:
     assert rig.reported == ["PS2000"]
 
 
-def test_how_long_a_lease_is_and_what_the_unit_says_of_it() -> None:
+def test_duration_of_a_lease_and_its_description() -> None:
     """Half a second where braking leaves time for it, less for fast rates, at rest within 1 s; D-series take longer."""
     assert [lease_s(braking, 0.0) for braking in (0.0, 0.4, 0.5, 0.6, 2.0)] == pytest.approx([0.5, 0.5, 0.4, 0.3, 0.3])
     assert lease_s(0.1, 0.1) == pytest.approx(1.0)

@@ -33,14 +33,14 @@ def line_saying(answers: dict[str, list[str]]) -> SimpleNamespace:
     return SimpleNamespace(query=query)
 
 
-def test_a_number_that_another_line_ran_into_is_asked_for_again() -> None:
+def test_a_number_corrupted_by_another_line_is_queried_again() -> None:
     facts = _axis(
         line_saying({name: [text] for name, text in FACTS.items()} | {"PN": ["-30 -3000", "-30 -3000", "-3000"]}), "P"
     )
     assert (facts.low, facts.high, facts.max_rate) == (-3000, 3000, 2000)
 
 
-def test_three_such_answers_are_no_number() -> None:
+def test_three_such_replies_are_not_a_number() -> None:
     with pytest.raises(ProtocolError):
         _axis(line_saying({name: [text] for name, text in FACTS.items()} | {"PN": ["-30 -3000"]}), "P")
 

@@ -1,4 +1,4 @@
-"""Rates and instants in virtual time: what the line, the unit's latency and the driver's order of things allow."""
+"""Rates and instants in virtual time: the limits of the line, the unit's latency and the driver's order of steps."""
 
 import math
 
@@ -83,7 +83,7 @@ def test_a_device_clock_is_known_better_than_one_exchange() -> None:
     assert {s.axis for r in readings for s in (r.pan, r.tilt)} == set(Axis)
 
 
-def test_an_echo_that_interrupts_answers_is_noticed_and_avoided() -> None:
+def test_an_echo_that_interrupts_replies_is_detected_and_avoided() -> None:
     line = VirtualLine(SimulatedUnit(PAIR, LineModel(echo_interrupts=True), seed=1))
     device = connect(line, UnitSettings())
     tried = device.health().failures

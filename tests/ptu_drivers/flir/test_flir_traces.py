@@ -6,7 +6,7 @@ from tests.ptu_drivers.flir.wire_traces import FOLDER, SCENARIOS
 
 
 @pytest.mark.parametrize("name", list(SCENARIOS))
-def test_traffic_and_reports_are_as_they_were(name: str) -> None:
+def test_traffic_and_reports_are_unchanged(name: str) -> None:
     kept = (FOLDER / f"{name}.txt").read_text(encoding="utf-8")
     assert SCENARIOS[name]().splitlines() == kept.splitlines()
 

@@ -305,7 +305,7 @@ def halts() -> str:
 
 
 def blind_halt() -> str:
-    """The line is silent: a halt goes out before anything is asked, and is sent again when an answer comes."""
+    """The line is silent: a halt is sent before any query, and again when a reply arrives."""
     trace = Trace()
     trace.turn(0.3)
     trace.line.dead = True

@@ -1,4 +1,4 @@
-"""What a Pelco unit's driver believes, and what it does not."""
+"""Replies that a Pelco unit's driver accepts, and others."""
 
 import math
 from collections.abc import Callable
@@ -33,7 +33,7 @@ def connect(line: VirtualLine, settings: UnitSettings | None = None, **options: 
 
 
 class Answers:
-    """Pan 100.00 and tilt 5.00 degrees down, unless a test says otherwise for the next questions for pan."""
+    """Pan 100.00 and tilt 5.00 degrees down, unless a test sets other replies to the next queries for pan."""
 
     def __init__(self) -> None:
         self.next: list[Callable[[bytes], bytes]] = []
@@ -95,7 +95,7 @@ def inserted(frame: bytes) -> bytes:
         "another command",
     ],
 )
-def test_a_doubtful_answer_gives_no_angle_and_the_next_read_is_right(
+def test_a_doubtful_reply_gives_no_angle_and_the_next_read_is_right(
     scripted: Scripted, wrong: Callable[[bytes], bytes], reason: FailureReason
 ) -> None:
     answers, line, _ = scripted
@@ -112,8 +112,8 @@ def test_a_doubtful_answer_gives_no_angle_and_the_next_read_is_right(
 
 
 @pytest.mark.parametrize("word", [10003, 10100, 12000, 28000])
-def test_a_lone_wrong_angle_that_passes_every_check_of_its_bytes_is_not_believed(scripted: Scripted, word: int) -> None:
-    """Two wrong bytes may agree with the checksum; the unit is asked again, and does not confirm it."""
+def test_a_single_wrong_angle_with_valid_bytes_is_not_accepted(scripted: Scripted, word: int) -> None:
+    """Two wrong bytes may agree with the checksum; the unit is queried again, and does not confirm it."""
     answers, line, _ = scripted
     unit = connect(line)
     assert isinstance(unit.read(), Reading)
@@ -128,7 +128,7 @@ def test_a_lone_wrong_angle_that_passes_every_check_of_its_bytes_is_not_believed
     assert math.degrees(after.pan.angle_rad) == pytest.approx(-100.0)
 
 
-def test_what_stood_on_the_line_before_the_question_is_no_answer(scripted: Scripted) -> None:
+def test_bytes_before_the_query_are_not_a_reply(scripted: Scripted) -> None:
     _, line, peer = scripted
     unit = connect(line)
     unit.read()
@@ -144,8 +144,8 @@ def test_what_stood_on_the_line_before_the_question_is_no_answer(scripted: Scrip
     assert isinstance(unit.read(), Reading)
 
 
-def test_an_answer_after_its_time_is_not_taken_for_the_next_one() -> None:
-    """The unit turns; one answer is 0.3 s late: every angle stays within what its own stamp says."""
+def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
+    """The unit turns; one reply is 0.3 s late: every angle is consistent with its own stamp."""
     sim, line = simulated(PelcoModel(max_rate_deg_s=30.0))
     unit = connect(line)
     unit.move_to(pan_rad=2.0)
@@ -220,7 +220,7 @@ def test_a_lost_stop_is_sent_again() -> None:
     assert sim.head_rad(Axis.PAN, line.now()) < 1.0
 
 
-def test_a_unit_that_does_not_tell_its_position_is_named() -> None:
+def test_a_unit_that_does_not_report_its_position_is_named() -> None:
     _, line = simulated(PelcoModel(answers=False))
     began = line.now()
     with pytest.raises(ProtocolError, match=r"virtual: got timeout.*51, 53.*address 1 at 9600.*not every Pelco unit"):

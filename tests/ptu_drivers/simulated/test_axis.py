@@ -31,7 +31,7 @@ def test_a_short_way_is_a_triangle() -> None:
     assert a.end_s() == pytest.approx(2 * math.sqrt(100 / 4000))
 
 
-def test_whatever_it_is_told_speed_and_acceleration_are_bounded() -> None:
+def test_speed_and_acceleration_are_bounded_for_any_command() -> None:
     rnd = random.Random(4)
     a = axis()
     t = 0.0
@@ -64,7 +64,7 @@ def test_the_head_lags_by_its_play_and_only_at_a_reversal() -> None:
     assert a.head(12.0) == pytest.approx(510.0)
 
 
-def test_without_power_it_stands_where_it_was() -> None:
+def test_without_power_it_stays_where_it_was() -> None:
     a = axis()
     a.move_to(0.0, 4000)
     a.freeze(1.0)

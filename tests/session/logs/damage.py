@@ -30,7 +30,7 @@ _TABLE = (
 
 
 def seeds() -> dict[str, bytes]:
-    """Return one small file of each kind, by a name with the suffix that tells its reader."""
+    """Return one small file of each kind, by a name with the suffix that selects its reader."""
     places = flight(3)
     found = {f"{p.stem}{p.suffix}": p.read_bytes() for p in sorted(DATA.iterdir()) if p.suffix in (".pos", ".nmea")}
     found |= {

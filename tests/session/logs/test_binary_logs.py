@@ -99,7 +99,7 @@ def test_qualities_of_ubx(tmp_path: Path, fields: dict[str, int], quality: str) 
         ({"invalidLlh": 1}, "without a 3-D fix"),
     ],
 )
-def test_what_ubx_says_is_no_fix(tmp_path: Path, fields: dict[str, int], reason: str) -> None:
+def test_ubx_entries_without_a_fix_are_skipped(tmp_path: Path, fields: dict[str, int], reason: str) -> None:
     a, b = flight(2)
     log = log_of(tmp_path, pvt(a) + pvt(b, **fields), ".ubx")
     assert len(log.gps_s) == 1
@@ -164,7 +164,7 @@ def test_ulog_heights(tmp_path: Path) -> None:
     same_flight(log_of(tmp_path, content, ".ulg", GIVEN))
 
 
-def test_ulog_cut_off_keeps_what_came_before(tmp_path: Path) -> None:
+def test_a_truncated_ulog_keeps_its_beginning(tmp_path: Path) -> None:
     content = ulog(flight())
     assert len(log_of(tmp_path, content[:-30], ".ulg").gps_s) == 5
 
@@ -182,8 +182,8 @@ def test_ulog_without_utc_or_fix_or_topic(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("claimed", [1, 200, 1000, 65535])
-def test_a_ulog_whose_last_message_claims_more_than_there_is_ends(tmp_path: Path, claimed: int) -> None:
-    """A message of a type that pyulog does not know, where it went back to the same place for ever."""
+def test_a_ulog_whose_last_message_is_longer_than_the_file_ends(tmp_path: Path, claimed: int) -> None:
+    """A message of a type unknown to pyulog, where it returned to the same place without end."""
     header = b"ULog\x01\x12\x35\x01" + bytes(8)
     message = claimed.to_bytes(2, "little") + b"\x00"
     assert "got no positions" in complaint(LogError, lambda: log_of(tmp_path, header + message, ".ulg"))
@@ -207,8 +207,8 @@ def test_dataflash_heights_are_above_sea_level_and_und_is_shown_not_used(tmp_pat
 
 @pytest.mark.parametrize("length", [0, 1, 2])
 @pytest.mark.parametrize("kind", [0x80, 0x81, 0x82])
-def test_dataflash_whose_messages_are_shorter_than_their_head_ends(tmp_path: Path, kind: int, length: int) -> None:
-    """A damaged description, behind which the same message came for ever."""
+def test_dataflash_with_messages_shorter_than_their_header_ends(tmp_path: Path, kind: int, length: int) -> None:
+    """A damaged description, after which the same message was repeated without end."""
     content = dataflash(flight())
     at = content.index(bytes([0xA3, 0x95, 0x80, kind]))
     content = content[: at + 4] + bytes([length]) + content[at + 5 :]
@@ -250,7 +250,7 @@ def test_tlog_by_system_time_not_by_arrival(tmp_path: Path, boot: bool) -> None:
     assert log.remarks == ()
 
 
-def test_tlog_without_system_time_says_what_its_times_are(tmp_path: Path) -> None:
+def test_tlog_without_system_time_states_the_origin_of_its_times(tmp_path: Path) -> None:
     log = log_of(tmp_path, tlog(flight(), system_time=False, late_s=0.4), ".tlog")
     assert log.gps_s[0] - START == pytest.approx(0.4, abs=1e-6)
     assert "times are when messages reached the ground computer" in log.remarks[0]
@@ -274,7 +274,7 @@ def test_tlog_heights_and_damage(tmp_path: Path) -> None:
 def test_ubx_between_false_beginnings_is_found_as_before(
     count: int, summed: int, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Expected: whole messages, each once and in order, however much that looks like one stands between them."""
+    """Expected: whole messages, each once and in order, whatever similar bytes are between them."""
     monkeypatch.setattr("groundstation.session.logs.ubx._SUMMED_BYTES", summed)
     frames = []
     content = b""

@@ -1,4 +1,4 @@
-"""The bundled receiver's log is the landing's DGPS, and somebody else's reader reads it."""
+"""The bundled receiver's log is the landing's DGPS, and an independent reader reads it."""
 
 import io
 
@@ -11,7 +11,7 @@ from groundstation.session.logs.read import read_log
 from tests.session.logs.bundled_receiver import AZIMUTH_DEG, ORIGIN_DEG_M, RECORDINGS, SIGMA_M, receiver_log
 
 
-def test_it_is_what_its_writer_writes() -> None:
+def test_it_equals_the_output_of_its_writer() -> None:
     assert (RECORDINGS / "receiver.nmea").read_bytes() == receiver_log()
 
 

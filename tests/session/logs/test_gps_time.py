@@ -41,7 +41,7 @@ def test_a_date_that_does_not_exist_is_a_value_error_however_large(date: tuple[i
         day_number(*date)
 
 
-def test_a_leap_second_is_a_second_of_its_own() -> None:
+def test_a_leap_second_is_a_separate_second() -> None:
     texts = ["2016-12-31T23:59:59.5Z", "2016-12-31T23:59:60.5Z", "2017-01-01T00:00:00.5Z"]
     before, during, after = (gps_from_text(t) for t in texts)
     assert before is not None

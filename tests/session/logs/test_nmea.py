@@ -64,7 +64,7 @@ def test_a_log_without_a_date_needs_one_and_counts_on_over_midnight() -> None:
 
 
 @pytest.mark.parametrize("order", ["rmc first", "gga first", "zda only"])
-def test_the_date_may_stand_before_or_after(tmp_path: Path, order: str) -> None:
+def test_the_date_may_be_before_or_after(tmp_path: Path, order: str) -> None:
     places = [Place(t) for t in (43206.0, 43207.5, 43208.5, 43210.0)]  # around midnight
     parts = {
         "rmc first": lambda p: rmc(p) + gga(p),
@@ -182,12 +182,12 @@ def test_a_wild_time_costs_itself_only(tmp_path: Path) -> None:
     assert "1 × position whose time does not grow (first: position 4)" in log.remarks[0]
 
 
-def test_a_date_without_a_fix_dates_nothing(tmp_path: Path) -> None:
+def test_a_date_without_a_fix_has_no_effect(tmp_path: Path) -> None:
     """Expected: a receiver that has no fix yet may show any date at the right second."""
     place, wrong = Place(1.0), Place(1.0 - 100 * 86400.0)
     log = log_of(tmp_path, rmc(wrong, status="V") + gga(place) + rmc(place))
     assert utc_text(log.gps_s[0])[:10] == place.utc.date().isoformat()
-    # of a fix it would be believed
+    # of a fix it would be accepted
     believed = log_of(tmp_path, rmc(wrong) + gga(place))
     assert utc_text(believed.gps_s[0])[:10] == wrong.utc.date().isoformat()
 

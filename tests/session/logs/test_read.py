@@ -1,4 +1,4 @@
-"""Any log: told by content, refused in one line, placed in the session's frame; tables; damage at random."""
+"""Any log: recognised by content, refused in one line, placed in the session's frame; tables; damage at random."""
 
 import builtins
 import random
@@ -75,7 +75,7 @@ def test_a_bare_altitude_is_settled_by_a_word(tmp_path: Path) -> None:
     assert sea.height_m[0] == pytest.approx(112.71)
 
 
-def test_a_log_is_told_by_its_content_not_by_its_name(tmp_path: Path) -> None:
+def test_a_log_is_recognised_by_its_content_not_by_its_name(tmp_path: Path) -> None:
     same = {"a.log": nmea_log(flight()), "b.bin": ubx_log(flight()), "c.dat": ulog(flight()), "d": dataflash(flight())}
     for name, content in same.items():
         (tmp_path / name).write_bytes(content)
@@ -94,7 +94,7 @@ def test_what_is_no_log(tmp_path: Path) -> None:
         )
 
 
-def test_a_log_before_2000_asks_for_its_date(tmp_path: Path) -> None:
+def test_a_log_before_2000_needs_its_date(tmp_path: Path) -> None:
     reported = complaint(LogError, lambda: table(tmp_path, HEAD + ROW.replace("2025", "1985")))
     assert "got a log of 1985-05-08; wanted its true date" in reported
 
@@ -169,7 +169,7 @@ def test_the_longest_choice_of_rising_times(times: list[float]) -> None:
 
 
 @given(name=st.sampled_from(sorted(seeds())), seed=st.integers(0, 2**32), forge=st.booleans())
-def test_whatever_the_damage_only_our_errors_come_out(
+def test_arbitrary_damage_raises_only_project_errors(
     tmp_path_factory: pytest.TempPathFactory, name: str, seed: int, forge: bool
 ) -> None:
     chance = random.Random(seed)

@@ -1,4 +1,4 @@
-"""Which of a log's positions are left out, and what is said of them."""
+"""Which of a log's positions are left out, and the notes on them."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ def fix(second: float) -> LogFix:
     return LogFix(day=16000, second=second, scale=TimeScale.UTC, quality=FixQuality.FIX, **where)
 
 
-def test_the_last_position_may_be_the_one_whose_time_does_not_grow() -> None:
+def test_the_last_position_may_be_the_one_whose_time_does_not_increase() -> None:
     for count in (2, 3, 5):
         remarks = ReadingNotes("flight.pos")
         seconds = [float(k) for k in range(count - 1)]

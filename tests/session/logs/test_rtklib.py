@@ -75,14 +75,14 @@ def test_heights_above_the_geoid_need_its_separation() -> None:
     same_flight(read_log(DATA / "geodetic.pos", LogOptions(geoid_separation_m=37.7255)))
 
 
-def test_a_single_point_solution_says_so() -> None:
+def test_a_single_point_solution_is_recognised() -> None:
     log = read_log(DATA / "single.pos")
     assert set(log.quality) == {FixQuality.SINGLE}
     assert log.sigma_enu_m[0] == pytest.approx([6.0540, 7.1121, 19.7774])
 
 
 @pytest.mark.parametrize("name", ["calendar", "week_tow", "comma", "ecef", "velocity", "dms"])
-def test_without_any_header_the_defaults_are_taken_and_said(tmp_path: Path, name: str) -> None:
+def test_without_any_header_the_defaults_are_used_and_reported(tmp_path: Path, name: str) -> None:
     rows = [r for r in (DATA / f"{name}.pos").read_text().splitlines(keepends=True) if not r.startswith("%")]
     path = tmp_path / "bare.pos"
     path.write_text("".join(rows))
@@ -198,7 +198,7 @@ def test_another_datum_and_other_columns(tmp_path: Path) -> None:
     separator=st.sampled_from([" ", ",", "\t", ";"]),
     calendar=st.booleans(),
 )
-def test_rows_as_rtklib_prints_them_come_back(
+def test_rows_as_printed_by_rtklib_are_read_back(
     tmp_path_factory: pytest.TempPathFactory,
     lat: float,
     lon: float,

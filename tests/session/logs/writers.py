@@ -1,7 +1,7 @@
-"""Logs written by other people's writers (pynmeagps, pyubx2, pymavlink), and by the formats' own descriptions.
+"""Logs written by independent writers (pynmeagps, pyubx2, pymavlink), and by the formats' own descriptions.
 
-ULog and ArduPilot's .bin have no writer of their own that makes a log from nothing: these two are laid out here by
-their published descriptions and read back by pyulog and pymavlink, which judge them.
+ULog and ArduPilot's .bin have no writer that makes a log from nothing: these two are built here by
+their published descriptions and read back by pyulog and pymavlink as a check.
 """
 
 import datetime

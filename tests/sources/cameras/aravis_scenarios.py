@@ -1,7 +1,7 @@
-"""Cameras of Aravis, which is nothing of ours, delivering into our source; prints what came of it as JSON.
+"""Cameras of Aravis, an independent program, delivering into this source; prints the result as JSON.
 
-Run in a network namespace of its own (`test_gige_fakes.py` does), so that two cameras can have port 3956 on two
-addresses, and no other cameras answer: `python -m tests.sources.cameras.aravis_scenarios NAME`.
+Run in a separate network namespace (`test_gige_fakes.py` does), so that two cameras can have port 3956 on two
+addresses, and no other cameras respond: `python -m tests.sources.cameras.aravis_scenarios NAME`.
 """
 
 import json
@@ -149,7 +149,7 @@ def loss(seconds: float = 3.0) -> dict[str, Any]:
 
 
 def unplugged() -> dict[str, Any]:
-    """Two cameras; the left one is pulled and put back, twice; the right one goes on."""
+    """Two cameras; the left one is unplugged and plugged in, twice; the right one continues."""
     fakes = [FakeCamera(LEFT, "GV01"), FakeCamera(RIGHT, "GV02")]
     logs: list[list[CameraEvent]] = [[], []]
     care = CameraSupervision(silent_after_s=0.6)
@@ -175,7 +175,7 @@ def not_opened(events: list[CameraEvent]) -> int:
 
 
 def refused() -> dict[str, Any]:
-    """What the camera cannot do, and a camera that someone else has."""
+    """Settings that the camera does not support, and a camera that another program has open."""
     fake = FakeCamera(LEFT, "GV01")
     wrong = {
         "exposure": CameraSettings(exposure_s=1e6),

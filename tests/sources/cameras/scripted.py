@@ -1,4 +1,4 @@
-"""A camera that follows a script, and a clock that only moves when someone waits."""
+"""A camera that follows a script, and a clock that only advances in waits."""
 
 from collections.abc import Callable, Iterator
 

@@ -83,7 +83,7 @@ def test_a_camera_that_is_opened_again_leaves_the_other_alone() -> None:
         assert list(red.counts.events) == [CameraEventKind.OPENED]
 
 
-def test_a_fault_of_the_producer_is_a_lost_camera_that_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_of_the_producer_is_a_lost_camera_that_returns(monkeypatch: pytest.MonkeyPatch) -> None:
     """The producer cannot be unplugged, so one grab fails as an unplugged one would."""
     from groundstation.sources.cameras.genicam_producer import GenicamCamera
 

@@ -49,7 +49,7 @@ def scenario(name: str) -> dict[str, Any]:
 
 
 def test_two_cameras_deliver_raw_colours_together() -> None:
-    """Both at 1280 × 960 with the settings that were asked; their stamps are steadier than the arrivals."""
+    """Both at 1280 × 960 with the requested settings; their stamps are steadier than the arrivals."""
     for side, camera in scenario("two").items():
         assert camera["read_back"] == {
             "serial": "GV01" if side == "left" else "GV02",
@@ -81,8 +81,8 @@ def test_lost_packets_are_counted_and_only_whole_pictures_are_handed_on() -> Non
     assert camera["indices_rise"]
 
 
-def test_a_camera_pulled_and_put_back_twice_comes_back_twice() -> None:
-    """The other one goes on meanwhile; no reader is blocked, else this would not end."""
+def test_a_camera_unplugged_and_plugged_in_twice_returns_twice() -> None:
+    """The other one continues meanwhile; no reader is blocked, otherwise this would not end."""
     result = scenario("unplugged")
     left, right = result["left"], result["right"]
     assert left["counts"]["reconnects"] >= 2
@@ -128,8 +128,8 @@ def test_each_raw_pattern_has_the_colours_that_the_camera_gives_itself() -> None
         assert lags[pattern] == pytest.approx([-green, -red], abs=0.1), pattern
 
 
-def test_lost_packets_are_asked_for_again_where_the_camera_can() -> None:
-    """viva-genicam's fake loses the packets told: sent again they complete a frame, else it is incomplete."""
+def test_lost_packets_are_requested_again_where_the_camera_can() -> None:
+    """viva-genicam's fake loses the given packets: sent again they complete a frame, otherwise it is incomplete."""
     result = scenario("viva")
     assert result["resent"]["counts"]["incomplete"] == 0
     assert result["resent"]["counts"]["lost"] == 0

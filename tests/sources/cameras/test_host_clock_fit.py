@@ -48,7 +48,7 @@ def followed(device: Device, fit: ClockFit, at_s: np.ndarray, delays: np.ndarray
 
 @pytest.mark.parametrize("seconds", [6.0, 25.0])
 @pytest.mark.parametrize("kind", DELAYS)
-def test_the_error_is_what_sigma_says(kind: str, seconds: float, rng: np.random.Generator) -> None:
+def test_the_error_is_consistent_with_sigma(kind: str, seconds: float, rng: np.random.Generator) -> None:
     """Mean of (error/σ)² inside the 99 % bound of χ²₁₆, none beyond 4 σ; and σ is no larger than it has to be.
 
     It is meant for delays of which short ones are rare, and on the safe side elsewhere: so it is held, from both sides,
@@ -83,7 +83,7 @@ def test_sigma_is_not_so_large_that_it_always_holds(rng: np.random.Generator) ->
     assert np.sqrt(np.mean(errors[900:] ** 2)) < np.sqrt(np.mean((delays - delays.mean()) ** 2)) / 50.0
 
 
-def test_before_it_has_settled_it_does_not_claim_to_know(rng: np.random.Generator) -> None:
+def test_before_convergence_sigma_is_large(rng: np.random.Generator) -> None:
     """The first frames of a stream often wait: here 0.2 s, and after 2 s nothing of it is left."""
     device, fit = Device(rng), ClockFit()
     at_s = np.arange(120) / RATE_HZ
@@ -98,7 +98,7 @@ def test_before_it_has_settled_it_does_not_claim_to_know(rng: np.random.Generato
 
 @pytest.mark.parametrize("step_s", [-0.5, -0.05, 0.05, 0.5, 30.0, -30.0])
 def test_a_clock_that_jumps_is_fitted_again(step_s: float, rng: np.random.Generator) -> None:
-    """Said once, within 3 s; until then the doubt is in sigma, but for the half second in which it may be delay."""
+    """Reported once, within 3 s; until then sigma includes the deviation, but for half a second of possible delay."""
     device, fit = Device(rng), ClockFit()
     at_s = np.arange(900) / RATE_HZ
     delays = rng.exponential(1e-3, 900)
@@ -165,7 +165,7 @@ def test_the_line_supports_all_arrivals_and_is_the_most_likely(
     def cost(drift: float, scale: float) -> float:
         return float(np.sum(left_over(drift))) / scale + drift**2 / (2.0 * sigma**2)
 
-    # the same three steps by a search that knows nothing of hulls: each scale is that of the drift before
+    # the same three steps by a search without hulls: each scale is that of the drift before
     drift, scale = 0.0, 1.0
     for _ in range(3):
         scale = max(float(np.mean(left_over(drift))), 1e-9)

@@ -1,4 +1,4 @@
-"""Cameras by URL: what is wrong with one is said in one line, before anything is opened."""
+"""Cameras by URL: an error in one is reported in one line, before anything is opened."""
 
 import importlib
 import types
@@ -52,7 +52,7 @@ def test_urls_are_taken_apart(url: str, scheme: str, place: str, options: dict[s
         ("file:/no/such.mp4", "got no such file; wanted a video"),
     ],
 )
-def test_what_is_wrong_is_said_at_once(url: str, complaint: str) -> None:
+def test_errors_in_a_url_are_reported_at_once(url: str, complaint: str) -> None:
     for extra in ("viva_genicam", "harvesters.core"):
         pytest.importorskip(extra)
     with pytest.raises(CameraError, match=complaint) as error:
@@ -61,7 +61,7 @@ def test_what_is_wrong_is_said_at_once(url: str, complaint: str) -> None:
 
 
 @given(st.text(max_size=40))
-def test_any_text_is_a_url_or_an_error_of_ours(text: str) -> None:
+def test_any_text_is_a_url_or_a_project_error(text: str) -> None:
     try:
         place = parse_camera_url(text).place
     except CameraError:
@@ -86,7 +86,7 @@ def test_a_missing_extra_is_named(url: str, library: str, extra: str, monkeypatc
         opened(url)
 
 
-def test_producers_are_looked_for_on_gentls_path(tmp_path: Path) -> None:
+def test_producers_are_searched_for_on_gentls_path(tmp_path: Path) -> None:
     pytest.importorskip("harvesters.core")
     (tmp_path / "empty").mkdir()
     with pytest.raises(CameraError, match="got no GenTL producer"):

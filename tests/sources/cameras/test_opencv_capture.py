@@ -166,7 +166,7 @@ def test_a_network_stream_pulled_and_put_back(stream: str) -> None:
     assert camera.read_back.size_px == (64, 48)
 
 
-def test_arrivals_of_a_stream_are_worth_little_and_say_so(stream: str) -> None:
+def test_arrivals_of_a_stream_have_a_large_sigma(stream: str) -> None:
     with open_camera(stream, CameraSettings(), clock=time.monotonic, on_event=lambda event: None) as camera:
         frame = camera.read(10.0)
     assert frame is not None

@@ -33,7 +33,7 @@ def test_deep_pixels_keep_their_upper_eight_bits(name: str, bits: int) -> None:
 @pytest.mark.parametrize(
     ("name", "sent"), [("RGB8", [1, 2, 3]), ("BGR8", [3, 2, 1]), ("RGBa8", [1, 2, 3, 9]), ("BGRa8", [3, 2, 1, 9])]
 )
-def test_colours_come_in_opencvs_order(name: str, sent: list[int]) -> None:
+def test_colours_are_in_opencvs_order(name: str, sent: list[int]) -> None:
     got = pixels_of(np.array(sent * 4, np.uint8), name, (2, 2))
     assert np.all(got.pixels == [3, 2, 1])
     assert isinstance(picture_of(got.pixels, got.pattern), BgrPicture)

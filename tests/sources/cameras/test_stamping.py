@@ -33,7 +33,7 @@ def test_an_exposure_that_changes_is_no_clock_that_changes(stamp: StampPoint, ex
         assert t_s == pytest.approx(0.04 * i + exposure_ms * 0.5e-3, abs=1e-6)
 
 
-def test_a_wrong_convention_is_wrong_by_what_the_exposure_varies() -> None:
+def test_a_wrong_convention_gives_an_error_of_the_exposures_variation() -> None:
     """So a constant exposure hides it: the envelope is tied to the arrivals."""
     steady, varied = Stamper(CameraTiming(stamp=StampPoint.END)), Stamper(CameraTiming(stamp=StampPoint.END))
     errors = [exposed(steady, 0.04 * i, 0.010, StampPoint.START) - (0.04 * i + 0.005) for i in range(50)]

@@ -1,4 +1,4 @@
-"""A camera's life by script: what is lost is named, counted and sought again; nothing waits for ever."""
+"""A camera's life by script: losses are named, counted and recovered; no wait is unbounded."""
 
 import pytest
 
@@ -126,7 +126,7 @@ def test_a_camera_that_is_not_there_yet_may_be_waited_for() -> None:
     assert len(life.run(0.6)) == 3
 
 
-def test_a_camera_that_restarts_by_itself_is_recounted_and_its_clock_fitted_anew() -> None:
+def test_a_camera_that_restarts_alone_is_recounted_and_its_clock_fitted_again() -> None:
     again: list[Step] = [grab(i, device_s=0.04 * i) for i in range(1, 10)]
     life = Life([*[grab(i, device_s=50.0 + 0.04 * i) for i in range(1000, 1100)], *again])
     life.camera.open()

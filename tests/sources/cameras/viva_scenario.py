@@ -1,4 +1,4 @@
-"""The GigE camera that viva-genicam brings for tests, losing the packets that it is told; prints JSON."""
+"""The GigE camera of viva-genicam for tests, losing the given packets; prints JSON."""
 
 import json
 import time
