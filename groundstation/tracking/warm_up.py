@@ -1,5 +1,7 @@
 """Compilation of all kernels before the first frame, so that no frame is delayed by it."""
 
+from functools import cache
+
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
@@ -23,8 +25,12 @@ _SPAN_PX, _LARGE_SPAN_PX = 60.0, 320.0
 _FRAMES = 10
 
 
+@cache
 def warm_up() -> None:
-    """Run every compiled kernel on a short made-up flight; seconds the first time, then read from numba's cache."""
+    """Run every compiled kernel on a short made-up flight, once in a process.
+
+    Takes seconds the first time, then one second, in which the kernels are read from numba's cache.
+    """
     lens = Lens(
         image_size_px=(_WIDTH, _HEIGHT),
         focal_px=np.array([1000.0, 1000.0]),
