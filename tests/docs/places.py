@@ -103,7 +103,7 @@ PLACES: dict[str, tuple[str, ...]] = {
     ),
     "PTU fault runs (FLIR): accepted angles that were wrong": (
         "| of them wrong: off the truth by more than 2 counts and 5 sigma of the stated instant | # |",
-        "| angles believed | # |",
+        "| angles accepted | # |",
     ),
     "readings of both axes, 9600 baud: virtual; slowest on a pty": (
         "| virtual | pair | 9600 baud | # |",
