@@ -1,7 +1,7 @@
 """Runway edges in rendered approaches: errors in px against truth, with distractors, in five lights; times; figures.
 
     python benchmarks/onboard_edges.py [--out DIR] [--draws N] [--first SEED] [--inset M] [--lamps M]
-        [--only ours,hough,…] [--quick]
+        [--only ours,hough,…] [--quick] [--workers N]
 
 1. RMSE of the four ends of both edges, of the tracker, the paper's energies and the two baselines (the paper's
    Table 1), in N airfields drawn for each light; `--draws 0` takes the sequences' own, which the tracker was tuned on.
@@ -17,104 +17,28 @@
 """
 
 import argparse
+import base64
 import csv
 import math
-import time
 from pathlib import Path
+from typing import Any
 
 import cv2
 import matplotlib
 import numpy as np
 from numpy.typing import NDArray
-from onboard_edges_study.energies import compare_energies, prediction
-from onboard_edges_study.methods import LOST_PX, Array, methods, truth
+from onboard_edges_study.methods import Array
+from onboard_edges_study.one_airfield import OPENCV, measured
+from parallel_study import StudyRun, add_study_arguments
 
-from groundstation.onboard.edges.lines import crossings_at
-from groundstation.onboard.edges.report import EdgeReport, EdgeStatus
-from groundstation.onboard.scenes.sequences import SEQUENCES, NoseFrame, Renderer, Sequence, varied
+from groundstation.onboard.scenes.sequences import SEQUENCES
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 ROOT = Path(__file__).resolve().parent.parent
-OPENCV = "cv2.Canny + cv2.HoughLines, whole picture"
 BOUND_MS = 5.0  # of a frame's processor time, what is wanted
 CHI2_999 = 18.47  # 4 degrees of freedom
-SHOWN = (0, 30, 59)
-
-
-def measure(
-    sequence: Sequence, frames: list[NoseFrame], only: list[str], reports: list[EdgeReport]
-) -> tuple[dict[str, Array], dict[str, Array], dict[str, int]]:
-    """Return of each method the errors (n, 4) px, processor times (n,) s, and frames without edges.
-
-    A frame without edges counts with the last edges that there were, as one would have to fly on them. Where the true
-    edges are not seen the errors are NaN: there is nothing to be right about.
-    """
-    errors, times, without = {}, {}, {}
-    for name, step in methods(sequence, frames[0].truth, reports).items():
-        if only and not any(word in name.lower() for word in only):
-            continue
-        own, spent, last, missing = [], [], None, 0
-        for frame in frames:
-            started = time.thread_time()
-            found = step(frame)
-            spent.append(time.thread_time() - started)
-            missing += found is None
-            last = found or last
-            seen = truth(sequence, frame.truth)
-            if seen is None:
-                own.append(np.full(4, np.nan))
-            elif last is None:
-                own.append(np.full(4, LOST_PX))
-            else:
-                rows, wanted = seen
-                own.append(np.clip(crossings_at(last[0], last[1], rows) - wanted, -LOST_PX, LOST_PX))
-        errors[name], times[name], without[name] = np.array(own), np.array(spent), missing
-    return errors, times, without
-
-
-def normalised(sequence: Sequence, frame: NoseFrame, report: EdgeReport) -> float:
-    """Return the squared error of ours over its covariance, at its own rows, of 4; NaN without edges or truth."""
-    seen = truth(sequence, frame.truth)
-    if report.edges is None or seen is None:
-        return math.nan
-    rows, wanted = seen
-    e = report.edges.crossings_px - crossings_at(wanted, rows, report.edges.rows_px)
-    return float(e @ np.linalg.solve(report.edges.covariance_px2, e))
-
-
-def opencv_time(frames: list[NoseFrame]) -> Array:
-    """Return the processor time (n,) s of Canny and HoughLines on whole pictures, the usual call."""
-    spent = []
-    for frame in frames:
-        started = time.thread_time()
-        edges = cv2.Canny(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), 50, 150)
-        cv2.HoughLines(edges, 1.0, math.radians(1.0), 80)
-        spent.append(time.thread_time() - started)
-    return np.array(spent)
-
-
-def draw(sequence: Sequence, frames: list[NoseFrame]) -> NDArray[np.uint8]:
-    """Return frames side by side: the truth red, ours green, the paper's blue."""
-    colours = {"ours": (80, 255, 80), "spatially variant, KF": (255, 160, 60)}
-    steps = {name: step for name, step in methods(sequence, frames[0].truth).items() if name in colours}
-    shown = []
-    for frame in frames:
-        rows, wanted = truth(sequence, frame.truth) or (np.array([0.0, 1.0]), np.zeros(4))
-        lines = [((60, 60, 255), wanted, rows)]
-        for name, step in steps.items():
-            found = step(frame)
-            if found is not None:
-                lines.append((colours[name], crossings_at(*found, rows), rows))
-        if frame.index in SHOWN:
-            picture = frame.image.copy()
-            for colour, u, v in lines:
-                for k in (0, 2):
-                    ends = [(round(16 * float(u[k + i])), round(16 * float(v[i]))) for i in (0, 1)]
-                    cv2.line(picture, ends[0], ends[1], colour, 1, cv2.LINE_AA, 4)
-            shown.append(picture[120:420])
-    return np.hstack(shown)
 
 
 def draw_predictions(out: Path, predicted: dict[str, list[Array]]) -> None:
@@ -141,72 +65,83 @@ def main() -> None:
     parser.add_argument("--lamps", type=float, help="where lamps stand, m outside the edges; drawn if not given")
     parser.add_argument("--only", default="", help="methods whose names hold one of these words, comma between")
     parser.add_argument("--quick", action="store_true", help="leave out the predictions and OpenCV's times")
+    add_study_arguments(parser, "onboard-edges", out=False)
     options = parser.parse_args()
-    cv2.setNumThreads(1)
-    only = [word for word in options.only.lower().split(",") if word]
     options.out.mkdir(parents=True, exist_ok=True)
-    rows, pooled, predicted, spent, pictures, alone = [], {}, {}, {}, [], {}
-    reported: dict[str, list[float]] = {"px": [], "tracking": [], "square": [], "ms": [], "first": []}
-    for sequence in SEQUENCES:
-        for draw_number in range(max(options.draws, 1)):
-            seed = options.first + draw_number
-            drawn = varied(sequence, seed, options.inset, options.lamps) if options.draws else sequence
-            frames = list(Renderer(drawn).frames())
-            reports: list[EdgeReport] = []
-            errors, times, without = measure(drawn, frames, only, reports)
-            for name, own in errors.items():
-                rms = float(np.sqrt(np.nanmean(own**2)))
-                spread = float(np.nanstd(np.sqrt(np.mean(own**2, axis=1))))
-                rows.append([sequence.name, drawn.seed, name, rms, spread, without[name]])
-                print(f"{sequence.name} {drawn.seed}: {name}: {rms:.1f} px{described(drawn, own)}", flush=True)
-                pooled.setdefault(name, []).append(own)
-            if reports:
-                square = [normalised(drawn, *pair) for pair in zip(frames, reports, strict=True)]
-                reported["px"] += list(np.sqrt(np.mean(errors["ours"] ** 2, axis=1)))
-                reported["tracking"] += [float(one.status is EdgeStatus.TRACKING) for one in reports]
-                reported["square"] += square
-                reported["ms"] += list(1e3 * times["ours"])
-                reported["first"] += [float(frame is frames[0]) for frame in frames]
-                beyond = np.nanmean(np.array(square) > CHI2_999)
-                print(f"  ours: squared error over stated {np.nanmean(square):.1f} of 4, beyond 99.9 %: {beyond:.1%}")
-            for key, own in compare_energies(drawn, frames).items():
-                alone.setdefault(key, []).append(own)
-            for name, own in times.items():
-                spent.setdefault(name, []).append(own[1:])
-            if draw_number == 0:
-                pictures.append(draw(drawn, frames))
-            if not options.quick:
-                for name, own in prediction(drawn, frames).items():
-                    predicted.setdefault(name, []).append(own)
-                spent.setdefault(OPENCV, []).append(opencv_time(frames)[1:])
-    report(options.out, rows, pooled, predicted, spent, pictures)
-    if reported["px"]:
-        report_ours({name: np.array(values) for name, values in reported.items()})
+    jobs = {
+        f"{sequence.name}-{number}": {
+            "sequence": k,
+            "seed": options.first + number if options.draws else None,
+            "inset": options.inset,
+            "lamps": options.lamps,
+            "only": [word for word in options.only.lower().split(",") if word],
+            "quick": options.quick,
+            "picture": number == 0,
+        }
+        for k, sequence in enumerate(SEQUENCES)
+        for number in range(max(options.draws, 1))
+    }
+    found = list(StudyRun.chosen("onboard edges", options, options.out / "jobs").values(measured, jobs).values())
+    predicted, spent, alone = {}, {}, {}
+    for one in found:
+        for name, off_px, own in one["alone"]:
+            alone.setdefault((name, off_px), []).append(np.array(own))
+        for name, own in [*one["times"].items(), *one["opencv"].items()]:
+            spent.setdefault(name, []).append(np.array(own)[1:])
+        for name, own in one["predicted"].items():
+            predicted.setdefault(name, []).append(np.array(own))
+    rows, pooled = show_errors(found)
+    report(options.out, rows, pooled, predicted, spent)
+    write_pictures(options.out, [one["picture"] for one in found if one["picture"] is not None])
+    report_ours(found)
     for (name, off_px), own in alone.items():
         alls = np.concatenate(own)
         spread = f"{np.sqrt(np.mean(alls**2)):.2f} px, median {np.median(np.abs(alls)):.2f}"
         print(f"energy alone, from {off_px:.0f} px off: {name}: {spread}")
 
 
-def described(sequence: Sequence, errors: Array) -> str:
-    """Return where painted line and lamps are, and in how many frames the true edges are not seen."""
-    field, unseen = sequence.airfield, int(np.isnan(errors[:, 0]).sum())
-    line = f"; line {field.edge_stripe_inset_m:.2f} m inside" if field.edge_stripe_m > 0.0 else "; no side line"
-    if sequence.light.lamp_power > 0.0:
-        line += f"; lamps {field.lamps_out_m:.2f} m outside"
-    return line + (f"; {unseen} frames in which the runway is seen too flat are left out" if unseen else "")
+def show_errors(found: list[dict[str, Any]]) -> tuple[list[list[Any]], dict[str, list[Array]]]:
+    """Print each airfield's errors; return them as rows of the table, and pooled by method."""
+    rows, pooled = [], {}
+    for one in found:
+        for name, errors in one["errors"].items():
+            own = np.array(errors)
+            rms = float(np.sqrt(np.nanmean(own**2)))
+            spread = float(np.nanstd(np.sqrt(np.mean(own**2, axis=1))))
+            rows.append([one["name"], one["seed"], name, rms, spread, one["without"][name]])
+            print(f"{one['name']} {one['seed']}: {name}: {rms:.1f} px{one['described'][name]}")
+            pooled.setdefault(name, []).append(own)
+        if one["tracking"]:
+            square = np.array(one["square"])
+            beyond = np.nanmean(square > CHI2_999)
+            print(f"  ours: squared error over stated {np.nanmean(square):.1f} of 4, beyond 99.9 %: {beyond:.1%}")
+    return rows, pooled
 
 
-def report_ours(reported: dict[str, Array]) -> None:
+def write_pictures(out: Path, pictures: list[str]) -> None:
+    """Write one sheet of the airfields' pictures, PNG in base64."""
+    read = [cv2.imdecode(np.frombuffer(base64.b64decode(one), np.uint8), cv2.IMREAD_COLOR) for one in pictures]
+    cv2.imwrite(str(out / "overlays.png"), np.vstack(read))
+    print(f"wrote {out}")
+
+
+def report_ours(found: list[dict[str, Any]]) -> None:
     """Print how often ours is wrong, and how often it does not say so."""
-    tracking, wrong, seen = reported["tracking"] > 0.5, reported["px"] > 10.0, np.isfinite(reported["px"])
+    ours = [one for one in found if one["tracking"]]
+    if not ours:
+        return
+    px = np.concatenate([np.sqrt(np.mean(np.array(one["errors"]["ours"]) ** 2, axis=1)) for one in ours])
+    tracking = np.concatenate([np.array(one["tracking"]) for one in ours])
+    wrong, seen = px > 10.0, np.isfinite(px)
     share = f"{np.mean(wrong[seen]):.2%} beyond 10 px; says tracking in {np.mean(tracking):.1%}"
-    print(f"ours: {reported['px'].size} frames, {np.sum(~seen)} in which the runway is not seen; {share}")
+    print(f"ours: {px.size} frames, {np.sum(~seen)} in which the runway is not seen; {share}")
     print(f"ours: wrong and confident (tracking, beyond 10 px): {np.mean((wrong & tracking)[seen]):.2%}")
-    square = reported["square"][tracking & np.isfinite(reported["square"])]
+    square = np.concatenate([np.array(one["square"]) for one in ours])
+    square = square[tracking & np.isfinite(square)]
     beyond = np.mean(square > CHI2_999)
     print(f"ours: squared error over stated, of 4: mean {np.mean(square):.2f}, beyond 99.9 %: {beyond:.2%}")
-    report_cost(reported["ms"], tracking, reported["first"] > 0.5)
+    ms = 1e3 * np.concatenate([np.array(one["times"]["ours"]) for one in ours])
+    report_cost(ms, tracking, np.concatenate([np.arange(len(one["tracking"])) == 0 for one in ours]))
 
 
 def report_cost(ms: Array, tracking: NDArray[np.bool_], first: NDArray[np.bool_]) -> None:
@@ -229,8 +164,8 @@ def report_cost(ms: Array, tracking: NDArray[np.bool_], first: NDArray[np.bool_]
             print(f"ours, frames {name}: {own.size}, mean {own.mean():.2f}, {spread}; {within}")
 
 
-def report(out: Path, rows: list, pooled: dict, predicted: dict, spent: dict, pictures: list) -> None:
-    """Print the tables; write them, the curves and the pictures."""
+def report(out: Path, rows: list, pooled: dict, predicted: dict, spent: dict) -> None:
+    """Print the tables; write them and the curves."""
     with (out / "edges.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([["sequence", "seed", "method", "rmse_px", "std_px", "without"], *rows])
     names = list(pooled)
@@ -250,8 +185,6 @@ def report(out: Path, rows: list, pooled: dict, predicted: dict, spent: dict, pi
         ratio = 1e-3 * float(np.median(ms)) / reference
         spread = f"median {np.median(ms):.2f} ms, 95 % {np.percentile(ms, 95):.2f}"
         print(f"{name}: {spread}, {ratio:.2f} × Canny + Hough")
-    cv2.imwrite(str(out / "overlays.png"), np.vstack(pictures))
-    print(f"wrote {out}")
 
 
 if __name__ == "__main__":
