@@ -1,0 +1,1 @@
+"""Tests of drawn aircraft over real pictures."""
