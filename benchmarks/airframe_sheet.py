@@ -2,7 +2,7 @@
 
     python benchmarks/airframe_sheet.py OUT.png [--count N] [--first SEED] [--family NAME ...]
 
-The pictures are those of a station's camera over the usual scenery, with a long lens for the close looks. Each row is
+The pictures are those of a station's camera over the usual scenery, with a long lens for the close views. Each row is
 the airframe of a seed; its family and its span are written there.
 """
 
@@ -56,7 +56,7 @@ class HeldScene(RenderedScene):
         right = math.cos(bank) * level + math.sin(bank) * np.cross(forward, level)
         axes = np.column_stack([forward, right, np.cross(forward, right)])
         middle = np.array([0.0, _DISTANCE_M, _HEIGHT_M])
-        # the middle of the aircraft, not its nose, is where the camera looks
+        # the camera points at the middle of the aircraft, not at its nose
         corners = self.airframe.corners_body_m.reshape(-1, 3)
         offset = axes @ (0.5 * (corners.min(axis=0) + corners.max(axis=0)))
         return AircraftPose(
@@ -65,7 +65,7 @@ class HeldScene(RenderedScene):
 
 
 class _Studio:
-    """Looks at airframes; what is around is drawn once."""
+    """Renders airframes; the surroundings are drawn once."""
 
     def __init__(self) -> None:
         self._station = site_rig()["left"]
@@ -137,7 +137,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     families = [AirframeFamily(name) for name in options.family]
     seeds = range(options.first, options.first + options.count)
-    # one family after the other, so that each is there as often
+    # one family after the other, so that each occurs equally often
     specs = [
         (seed, draw_airframe(np.random.default_rng(seed), [families[k % len(families)]]))
         for k, seed in enumerate(seeds)

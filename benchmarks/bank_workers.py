@@ -2,8 +2,8 @@
 
 usage: python benchmarks/bank_workers.py [--worlds N] [--duration S] [--killed]
 
-Worlds of the train set, short, without the baseline. --killed also runs the bank in a process of its own, kills one
-of its workers and then the process itself midway, and lets it go on.
+Worlds of the train set, short, without the baseline. --killed also runs the bank in a separate process, kills one
+of its workers and then the process itself midway, and continues it.
 """
 
 import argparse

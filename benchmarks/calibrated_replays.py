@@ -1,10 +1,10 @@
-"""Replays with rigs that a flight has calibrated: a real hexacopter, and rendered sessions whose rig was spoilt.
+"""Replays with rigs calibrated by a flight: a real hexacopter, and rendered sessions with a perturbed rig.
 
 usage: python benchmarks/calibrated_replays.py [--data FOLDER] [SECTION …]
 
 Sections: `drone` (drone-flight-3: calibrated up to 342 s, the EKF from 345 s on against RTK, four stations and three
 pairs), `positions` (the same with no position known), `spoilt` (landing-1 with mounts off by 0.1 deg, takeoff-1 with
-PTU clocks off by 40 ms: taught by one part of the flight, judged on the rest, of which nothing was learnt). Figures in
+PTU clocks off by 40 ms: calibrated by one part of the flight, evaluated on the rest, which is not used). Figures in
 docs/notes/calibration.md.
 """
 
@@ -40,7 +40,7 @@ CLOCK_S = 0.04
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Split:
-    """A rendered session whose rig is spoilt: ``free`` is learnt between two times, the track judged between others."""
+    """A rendered session with a perturbed rig: ``free`` is estimated in one interval, the track tested in another."""
 
     session: Path
     free: str
@@ -49,7 +49,7 @@ class Split:
 
 
 def splits(data: Path) -> tuple[Split, ...]:
-    """Return what is asked of landing-1 and takeoff-1; the take-off has DGPS from 6.05 s on."""
+    """Return the splits of landing-1 and takeoff-1; the take-off has DGPS from 6.05 s on."""
     landing, takeoff = ROOT / "recordings" / "landing-1", data / "takeoff-1"
     return (
         Split(session=landing, free="orientation", taught_s=(None, 20.0), judged_s=(20.0, None)),
@@ -60,7 +60,7 @@ def splits(data: Path) -> tuple[Split, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackError:
-    """Distances (n,) in m between track and reference while tracking, and what of the reference was left out."""
+    """Distances (n,) in m between track and reference while tracking, and the omissions of the reference."""
 
     off_m: np.ndarray
     left_out: tuple[str, ...]
@@ -136,7 +136,7 @@ def truth_rmse(session: Path, results: Path) -> np.ndarray:
 
 
 def spoilt_rig(split: Split) -> Rig:
-    """Return the rig as its user believes it: mounts or clocks wrong."""
+    """Return the rig with wrong mounts or clocks."""
     rig = load_rig(split.session / "rig.toml")
     return spoilt_mounts(rig) if split.free == "orientation" else spoilt_clocks(rig)
 

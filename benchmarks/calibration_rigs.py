@@ -1,17 +1,17 @@
-"""`calibrate flight` on drawn rigs: errors over claimed sigmas, relative pan, tilt, and clocks against their bound.
+"""`calibrate flight` on drawn rigs: errors over stated sigmas, relative pan, tilt, and clocks against their bound.
 
 usage: python benchmarks/calibration_rigs.py [--rigs N] [--first SEED] [--no-bounds] [--workers N] [CASE …]
 
 Cases, simulated at the level of angles and pixels, 2 cm DGPS at 10 Hz over the whole approach, all biases free:
 `mounts`: mounts off by 0.05° about each axis (1 sigma, as the rig admits), the log's clock by 0.2 s, case B;
 `clocks`: mounts, too, and clocks of cameras and PTUs off by 20 ms each, heads that lag behind a weaving approach;
-`all`: whatever `--free` can name: those and positions, boresights, lenses, drifts, shutters and the antenna's place.
+`all`: all that `--free` can name: those and positions, boresights, lenses, drifts, shutters and the antenna's position.
 `slow20`, `slow10`: as `clocks`, but readings at 20 Hz, or at 10 Hz, at the exposures; `gaps`: of the readings of
-`clocks` 12 % are missing, at random. The mending of these was done with some of their seeds in view.
-Each error's square over its claimed variance has mean 1 over rigs where the sigmas are true; the bounds are those of
+`clocks` 12 % are missing, at random. The method for these was developed with some of their seeds in view.
+Each error's square over its stated variance has mean 1 over rigs where the sigmas are true; the bounds are those of
 chi-square. Bounds are (JᵀWJ + prior)⁻¹ of the noise that was put in, at the true rig, path and angles (the same flight
-without noise); paths of aircraft and heads are unknown but for their samples and their smoothness, as found by the fit.
-Where cameras look is base and boresight together, at places on the flight; each of the two is known worse than that.
+without noise); paths of aircraft and heads are constrained by their samples and smoothness, as found by the fit.
+Cameras' directions are base and boresight together, at places on the flight; each of the two alone is less certain.
 Figures in docs/notes/calibration.md.
 """
 
@@ -47,7 +47,7 @@ FREE = {
     **dict.fromkeys(("mounts", "clocks", "slow20", "slow10", "gaps"), "orientation"),
     "all": "orientation,position,boresight,lens,drift,readout,antenna",
 }
-# the pixels' noise in case B, px; and what is as good as no noise
+# the pixels' noise in case B, px; and a negligible noise
 PIXEL_PX = 0.5
 _NOTHING = 1e-7
 # what chance leaves outside the bounds, both sides together
@@ -56,7 +56,7 @@ _DRAWS = 77
 # readings per s where a loop holds the craft; None: one at each exposure, 10 Hz
 _PTU_HZ = {"clocks": 50.0, "slow20": 20.0, "slow10": None, "gaps": 50.0}
 _MISSING = 0.12
-# where `all` flies, and where the others do: cameras' directions are judged at places there, m
+# flight areas of `all` and of the others: cameras' directions are evaluated at places there, m
 _PLACES_M = {
     "all": np.array([(-55.0, 130.0, 32.0), (0.0, 130.0, 32.0), (55.0, 130.0, 32.0)]),
     "approach": np.array([(0.0, 300.0, 20.0), (0.0, 200.0, 14.0), (0.0, 100.0, 8.0)]),
@@ -66,9 +66,9 @@ _CLOCKS = "\n[clocks]\ndgps = {{ offset_s = 0.0 }}\ndetections = {{ offset_s = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigErrors:
-    """One rig's p errors after calibration, what is claimed of them (p,), bounds (p,) if asked for; 1 sigma each.
+    """One rig's p errors after calibration, their stated sigmas (p,), bounds (p,) on request; 1 sigma each.
 
-    ``together`` is eᵀC⁻¹e of all of them; ``looks`` where the cameras look, by what is counted.
+    ``together`` is eᵀC⁻¹e of all of them; ``looks`` the cameras' directions, by the included parameters.
     """
 
     names: tuple[str, ...]
@@ -199,7 +199,7 @@ def without_noise(scenario: Scenario) -> Scenario:
 
 
 def bounding(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> PathResiduals:
-    """Return what the noise put in leaves of residuals, with the derivatives of the flight without noise."""
+    """Return the residuals of the given noise, with the derivatives of the flight without noise."""
     track = exact.track.pointed(fit.problem.antenna_m(true_change))
     problem = replace(fit.problem, looks=exact.looks, track=track)
     parts = tuple(
@@ -240,7 +240,7 @@ def _scenario(case: str, seed: int) -> Scenario:
 
 
 def show(case: str, found: Sample) -> None:
-    """Print each parameter's rms error, claimed sigma, bound and chi-square, and what is asked of all rigs."""
+    """Print each parameter's rms error, stated sigma, bound and chi-square, and the aims for all rigs."""
     rigs, p = found.error.shape
     low, high = found.limits()
     print(f"{case}, {rigs} rigs; mean square of error over sigma, {1 - CHANCE:.1%} of such: {low:.2f} to {high:.2f}")
@@ -263,7 +263,7 @@ def show(case: str, found: Sample) -> None:
 
 
 def show_looks(found: Sample) -> None:
-    """Print by how much cameras look past places of the flight, relative to each other and in tilt."""
+    """Print the cameras' errors of direction at places of the flight, relative to each other and in tilt."""
     n = len(found.looks)
     for group in GROUPS:
         own = [looks[group] for looks in found.looks]

@@ -1,4 +1,4 @@
-"""The committed figures of the bundled landing: what a change of the code does to them is seen in review.
+"""The committed figures of the bundled landing: the effect of a code change on them is visible in review.
 
     python benchmarks/change_indicator.py             print them with the committed ones
     python benchmarks/change_indicator.py --update    and commit to the new ones

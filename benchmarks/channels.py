@@ -1,4 +1,4 @@
-"""The paper's input channel compared with ours: accuracy with equalised S, with grey, and with the measured choice.
+"""The paper's input channel against others: accuracy with equalised S, with grey, and with the measured choice.
 
     python benchmarks/channels.py [SESSION …]
 

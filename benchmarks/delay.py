@@ -1,7 +1,7 @@
-"""What a delay costs: the error so long after the newest pixel, extrapolated with the filter's own models.
+"""Effect of a delay: the error some time after the newest pixel, extrapolated with the filter's own models.
 
-Flights drawn from the filter's motion model (case B at 10 Hz), y 60–400 m. Asked for 0 … 200 ms after the newest
-pair; compared with an extrapolation by a constant 110 ms whatever the true delay, as the paper has it, and none at all.
+Flights drawn from the filter's motion model (case B at 10 Hz), y 60–400 m. Requested for 0 … 200 ms after the newest
+pair; compared with an extrapolation by a constant 110 ms whatever the true delay, as in the paper, and with none.
 Figures in docs/notes/position.md.
 """
 

@@ -1,12 +1,12 @@
-"""How much of the track's error is the detector's: the same filter with true pixels and the detector's measured noise.
+"""Share of the detector in the track's error: the same filter with true pixels and the detector's measured noise.
 
     python benchmarks/detector_against_truth.py SESSION… [--draws N]
 
 A rendered session is replayed. Its detections are compared with truth.csv, which gives their noise: per camera and bin
-of range, the covariance of their error, and how long errors last: a share of it dies away exponentially, the rest is
+of range, the covariance of their error, and its correlation in time: a share of it decays exponentially, the rest is
 white (fitted to the autocorrelation up to one second, both cameras and axes together). Then the session is replayed
 again, and every detection is put at the true pixel plus noise without bias drawn from that covariance, once white and
-once lasting as long as was measured; nothing else changes: the same frames, the same PTU readings, the same stated
+once correlated as measured; all else is unchanged: the same frames, the same PTU readings, the same stated
 covariances, the same misses. Printed are the RMSE of both against the truth, by bins of range, and their ratio; of the
 drawn ones the root of the mean square over the draws.
 """

@@ -9,7 +9,7 @@ resolution); wrong is a point that is neither; the rest are misses. Times are pr
 the tracker, one thread, without decoding; CSRT's are, too. Without --kind, segments of kind "contrail" (the target is
 the trail's head) are reported after those of kind "aircraft", and do not count in their total.
 
---csrt runs OpenCV's CSRT on the same frames in the same run, in a virtual environment of its own (build/csrt-venv).
+--csrt runs OpenCV's CSRT on the same frames in the same run, in a separate virtual environment (build/csrt-venv).
 """
 
 import argparse
@@ -53,7 +53,7 @@ class Segment:
 
 @dataclass(frozen=True, kw_only=True)
 class Mode:
-    """How the frames are degraded, and whether the tracker is told where to start."""
+    """Degradation of the frames, and whether the tracker gets a start."""
 
     acquire: bool
     every: int
@@ -96,7 +96,7 @@ class TrackingCounts:
 
 
 def csrt_python() -> Path:
-    """Return the Python that has CSRT, installed once into an environment of its own."""
+    """Return the Python with CSRT, installed once into a separate environment."""
     python = CSRT_FOLDER / "bin" / "python"
     if not (CSRT_FOLDER / "installed").is_file():
         print(f"installing {CSRT_PACKAGE} into {CSRT_FOLDER}", file=sys.stderr)
@@ -126,7 +126,7 @@ def read_boxes(folder: Path) -> dict[str, dict[int, Box]]:
 
 
 def read_frames(path: Path, first: int, last: int, mode: Mode) -> Iterator[tuple[int, ImageArray]]:
-    """Yield every n-th frame, degraded as the mode says."""
+    """Yield every n-th frame, degraded by the mode."""
     generator = np.random.default_rng(1)
     video = cv2.VideoCapture(str(path))
     for index in range(last + 1):

@@ -1,10 +1,10 @@
-"""What the detector is worth in a replay, with the filter's own predictions, against the truth.
+"""Accuracy of the detector in a replay, with the filter's own predictions, against the truth.
 
     python benchmarks/detector_on_rendered.py [--out DIR] [SESSION …]
 
-Each session (with truth.csv and masks.npz) is replayed and every look of the detector judged: the target point's error
+Each session (with truth.csv and masks.npz) is replayed and every detection evaluated: the target point's error
 in px and in percent of the silhouette's width, whether it is within the stated covariance, the overlap with the true
-silhouette, and whether nose and silhouette lie in the region of interest; by background and by width. Default: the
+silhouette, and whether nose and silhouette are in the region of interest; by background and by width. Default: the
 bundled landing and, where $GROUNDSTATION_DATA has it, takeoff-1. With --out the tables are written as CSV, too.
 """
 
@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def flown(folder: Path) -> list[DetectorOutcome]:
-    """Replay a session and return its looks, judged, those in whose frame the nose is in view, in order of time."""
+    """Replay a session and return its evaluated detections, those with the nose in view, in order of time."""
     session, noses = load_session(folder), true_pixels(folder)
     silhouettes = SilhouetteArchive(session)
     outcomes: dict[Key, DetectorOutcome] = {}

@@ -1,4 +1,4 @@
-"""Where two calibrated cameras look, by one another: base and boresight together, then lens and position with them."""
+"""Relative direction of two calibrated cameras: base and boresight together, then lens and position with them."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from groundstation.geometry.aim import aim_at
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig.rig import Rig, Station
 
-# parameters that turn the optical axis, and those that say where in the picture it is
+# parameters that rotate the optical axis, and those that move its pixel
 ROTATIONS = ("runway_from_base", "head_from_camera")
 _LENS = ("focal", "principal_point", "distortion")
 GROUPS = {
@@ -57,7 +57,7 @@ def looks_of(fit: FlightFit, rig: Rig, error: np.ndarray, points_m: np.ndarray) 
 
 
 def _by_parameters(station: Station, point: np.ndarray, names: tuple[str, ...], groups: tuple[str, ...]) -> np.ndarray:
-    """Return ∂(pan, tilt) (2, q) of what is seen, at a point's distance, in the pixel that shows the point now."""
+    """Return ∂(pan, tilt) (2, q) of the observed direction, at a point's distance, in the pixel of the point."""
     aim = aim_at(station.geometry(), point)
     if aim is None:
         raise ValueError(f"got a point {point} that {station.name} cannot look at")

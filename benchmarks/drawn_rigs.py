@@ -1,4 +1,4 @@
-"""Rigs as they are and as their user believes, drawn by what the user admits, and errors after a calibration."""
+"""True rigs and assumed ones, drawn by the stated sigmas, and errors after a calibration."""
 
 from dataclasses import dataclass, replace
 
@@ -32,7 +32,7 @@ _ADMITTED = {
     "distortion": KNOWN_DISTORTION,
 }
 _FREED = ("k1", "k2")
-# a flight that tells much: a wide circle, climbing and sinking (m), and the craft all over the picture (rad); each
+# an informative flight: a wide circle, climbing and descending (m), and the craft all over the picture (rad); each
 # axis a middle, an amplitude, a period in s and a share of it by which it is ahead
 LOOPS_S = 30.0
 _STEP_S = 0.02
@@ -42,7 +42,7 @@ _BESIDE_RAD = ((0.0, 0.06, 7.0, 0.0), (0.0, 0.045, 5.3, 0.0), (0.0, 0.0, 1.0, 0.
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigRealisation:
-    """A rig as ``true`` and as ``believed``, the antenna's place (3,) m from the nose and the log's clock, s."""
+    """A rig as ``true`` and as ``believed``, the antenna's position (3,) m from the nose and the log's clock, s."""
 
     true: Rig
     believed: Rig
@@ -56,7 +56,7 @@ def loops() -> SampledTrajectory:
 
 
 def pointing_deviation() -> SampledTrajectory:
-    """Return by how much its heads look past the craft, pan and tilt in the first two places, rad."""
+    """Return the heads' errors of direction to the craft, pan and tilt in the first two columns, rad."""
     return waves(_BESIDE_RAD, 2.0)
 
 
@@ -73,7 +73,7 @@ def waves(axes: tuple[tuple[float, float, float, float], ...], longer_s: float) 
 
 
 def draw(rig: Rig, case: str, generator: np.random.Generator) -> RigRealisation:
-    """Draw a true rig about a believed one, whose files admit just that spread; both have the case's stations."""
+    """Draw a true rig about an assumed one, whose files state that spread; both have the case's stations."""
     clocks_s = 0.0 if case == "mounts" else CLOCK_S
     believed = tuple(_admitting(s, case, clocks_s) for s in rig.stations)
     true = tuple(_drawn(s, case, clocks_s, generator) for s in believed)
@@ -86,7 +86,7 @@ def draw(rig: Rig, case: str, generator: np.random.Generator) -> RigRealisation:
 
 
 def _admitting(station: Station, case: str, clock_s: float) -> Station:
-    """Return the station that says how far it may be off."""
+    """Return the station with its stated sigmas."""
     spread = {f"runway_from_base.{axis}": MOUNT_RAD for axis in AXES}
     if case == "all":
         for name in CALIBRATION_PARAMETERS:
@@ -114,7 +114,7 @@ def _drawn(station: Station, case: str, clock_s: float, generator: np.random.Gen
 
 
 def errors(fit: FlightFit, found: Rig, drawn: RigRealisation) -> np.ndarray:
-    """Return by how much each of the fit's parameters (p,) still is off: the truth less what was found."""
+    """Return the remaining error of each of the fit's parameters (p,): the truth less the estimate."""
     off = []
     for name, change in zip(fit.problem.names, fit.change, strict=True):
         station, _, short = name.partition(".")
@@ -148,7 +148,7 @@ def _of_geometry(found: Station, true: Station, short: str) -> float:
 
 
 def _of_times(fit: FlightFit, drawn: RigRealisation, name: str, short: str) -> float:
-    """Return by how much a time of the true station differs from the believed one, a clock at the flight's middle."""
+    """Return the difference of a time of the true station from the assumed one, a clock at the flight's middle."""
     true, believed = drawn.true[name], drawn.believed[name]
     camera = true.camera_clock or ClockModel()
     at_middle = camera.offset_s + 1e-6 * camera.drift_ppm * fit.problem.middle_s(name)
@@ -161,7 +161,7 @@ def _of_times(fit: FlightFit, drawn: RigRealisation, name: str, short: str) -> f
 
 
 def unit_of(name: str) -> tuple[str, float]:
-    """Return the unit in which a parameter is shown, and what of it is one of ours."""
+    """Return the unit in which a parameter is shown, and its value in SI."""
     units = {
         "runway_from_base": ("deg", float(np.degrees(1.0))),
         "head_from_camera": ("deg", float(np.degrees(1.0))),

@@ -1,13 +1,13 @@
-"""Pictures of an approach from FlightGear, a renderer that is not ours, with the poses that it was told, checked.
+"""Pictures of an approach from FlightGear, an independent renderer, with its commanded poses, checked.
 
     python benchmarks/flightgear_approach.py [--out DIR] [--frames N] [--running]
 
-Needs `apt install flightgear xvfb libgl1-mesa-dri dbus` (2.6 GB); says so and ends where they are missing. FlightGear
+Needs `apt install flightgear xvfb libgl1-mesa-dri dbus` (2.6 GB); ends with a message without them. FlightGear
 runs headless with Mesa's software renderer over Keflavik, runway 29, whose corners are read from its own airport data.
 Its ports are for the loopback only. `--running` uses one that was started before.
 
 A pose is set over telnet and the picture fetched over HTTP until two in a row are the same. Whether the picture shows
-the pose is judged by the runway's own corners: each picture's corners are measured near where the pose has them.
+the pose is tested by the runway's own corners: each picture's corners are measured near their projection.
 DIR gets the pictures, poses.csv and checks.csv; none is part of this repository (FlightGear's scenery is GPL).
 """
 
@@ -204,7 +204,7 @@ def geodetic(origin: tuple[float, float], place: np.ndarray, heading: float) -> 
 
 
 def check(image: np.ndarray, pose: NoseCameraPose, corners_m: np.ndarray, lens: Lens) -> list[float]:
-    """Return how far the measured corners lie from where the pose has them (8), and the pose from them (3) m."""
+    """Return the distances of the measured corners from their projection (8), and the pose from them (3) m."""
     told = pixels_from_points(pose, intrinsic_matrix(lens), corners_m)
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float64)
     found = refine_corners(grey, told, 5.0) if np.isfinite(told).all() else None
@@ -224,7 +224,7 @@ def write(path: Path, columns: tuple[str, ...], rows: list) -> None:
 
 
 def main() -> None:
-    """Start what is needed, fly, and stop it again."""
+    """Start the required programs, fly, and stop them again."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/flightgear"))
     parser.add_argument("--frames", type=int, default=12)

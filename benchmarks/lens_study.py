@@ -76,7 +76,7 @@ def free_parameters(case: Case) -> list[int]:
 
 
 def fitted(job: tuple[str, list[int]]) -> list[tuple[list[float], list[float], float]]:
-    """Return, for each seed of a kind's block, errors and sigmas (p,) of what is free, and eᵀC⁻¹e."""
+    """Return, for each seed of a kind's block, errors and sigmas (p,) of the free parameters, and eᵀC⁻¹e."""
     label, seeds = job
     case = CASES[label]
     free, found = np.array(free_parameters(case)), []

@@ -1,4 +1,4 @@
-"""What the compiled narrow band costs, against the full grid and scikit-image, and that it gives the same regions.
+"""Cost of the compiled narrow band, against the full grid and scikit-image, and equality of the regions.
 
     python benchmarks/level_set_speed.py [--out DIR] [SESSION]
 
@@ -96,7 +96,7 @@ def skimage(u: Float32Array, phi: Float32Array, iterations: int) -> Float32Array
 
 
 def iterations_of(advance: Advance, u: Float32Array, phi: Float32Array, rest: Float32Array) -> tuple[int, float, int]:
-    """Return when the rule ends a level set, how alike it is then to ``rest``, and when it is alike by 0.99.
+    """Return when the rule ends a level set, its similarity then to ``rest``, and when it is similar by 0.99.
 
     One iteration at a time; the rule is that of `LevelSetConfig`, the limit for the last `MOST_ITERATIONS`.
     """
@@ -130,7 +130,7 @@ def disc(size: tuple[int, int], radius: float) -> Start:
 
 
 def real_starts(session: Session) -> dict[str, Start]:
-    """Return what a detector's segmentation starts with in some 250 × 100 px regions of the session."""
+    """Return the initial input of a detector's segmentation in some 250 × 100 px regions of the session."""
     found: dict[str, Start] = {}
     station = session.rig.names[0]
     for scene in scenes(session, SEED, last_epoch=max(EPOCHS)):

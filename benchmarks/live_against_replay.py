@@ -42,14 +42,14 @@ ASKED = 1.3
 
 
 def table(path: Path, begin_s: float) -> np.ndarray:
-    """Return t, x, y, z of all answers of a track.csv, (n, 4), from the flight's time zero on."""
+    """Return t, x, y, z of all rows of a track.csv, (n, 4), from the flight's time zero on."""
     with path.open(encoding="utf-8") as file:
         rows = [r for r in csv.DictReader(file) if r["x_m"]]
     return np.array([[float(r["t_s"]) - begin_s, *(float(r[f"{a}_m"]) for a in "xyz")] for r in rows]).reshape(-1, 4)
 
 
 def drawn_rig(seed: int) -> Rig:
-    """Return the standard rig, each station turned by a drawn part of its encoder's step, which the rig file says.
+    """Return the standard rig, each station turned by a drawn part of its encoder's step, as stated in the rig file.
 
     Two stations that mirror each other, before an aircraft that flies between them and heads that follow perfectly,
     have steps of the encoders that come at the same instants, and whose errors cancel in x: no site is like that.
@@ -63,7 +63,7 @@ def drawn_rig(seed: int) -> Rig:
 
 
 def replayed(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
-    """Film the approach, replay it, return its answers."""
+    """Film the approach, replay it, return its track."""
     flight, rig = RepeatedLandings(APPROACH_S), drawn_rig(seed)
     world = RenderedScene(trajectory=flight)
     cameras = {s.name: RenderedCamera(world, s, seed=seed, number=n) for n, s in enumerate(rig.stations)}
@@ -76,7 +76,7 @@ def replayed(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
 
 
 def flown_live(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
-    """Fly the approach in real time, return its answers."""
+    """Fly the approach in real time, return its track."""
     rig = folder / "rig.toml"
     rig.write_text(rig_to_toml(drawn_rig(seed)), encoding="utf-8")
     request = LiveRequest(station=None, out=folder / "live", seconds=APPROACH_S)
@@ -87,7 +87,7 @@ def flown_live(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
 
 
 def rehearsed(rate_hz: float, seed: int) -> np.ndarray:
-    """Fly the approach in virtual time, return its answers."""
+    """Fly the approach in virtual time, return its track."""
     hardware = ClosedLoopConfig(frame_rate_hz=rate_hz)
     day = RenderedClosedLoopSimulation(
         drawn_rig(seed), Config(), RepeatedLandings(APPROACH_S), hardware=hardware, seed=seed, span_m=SPAN_M
@@ -97,14 +97,14 @@ def rehearsed(rate_hz: float, seed: int) -> np.ndarray:
 
 
 def errors(answers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the errors (n, 3) of the answers during the approach, and the true range of each."""
+    """Return the errors (n, 3) of the estimates during the approach, and the true range of each."""
     inside = (answers[:, 0] >= 0.0) & (answers[:, 0] < APPROACH_S)
     truth = RepeatedLandings(APPROACH_S).position(answers[inside, 0])
     return answers[inside, 1:] - truth, truth[:, 1]
 
 
 def rms(runs: list[tuple[np.ndarray, np.ndarray]], low_m: float, high_m: float) -> np.ndarray:
-    """Return the RMSE (3,) of all runs in a bin of range; not a number where there is none."""
+    """Return the RMSE (3,) of all runs in a bin of range; NaN without data."""
     chosen = [e[(y >= low_m) & (y < high_m)] for e, y in runs]
     together = np.concatenate(chosen)
     return np.sqrt((together**2).mean(axis=0)) if len(together) else np.full(3, math.nan)

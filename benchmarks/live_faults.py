@@ -1,10 +1,10 @@
-"""A landing in operation under faults, alone and in pairs: does it go on, does it come back, does its covariance hold?
+"""A landing in operation under faults, alone and in pairs: continuity, recovery, and consistency of the track.
 
     python benchmarks/live_faults.py [--runs N] [--seed N] [--only WORD]
 
 Virtual time, pixels in place of pictures (groundstation.simulation.closed_loop): 200 m of a landing at 20 m/s, the
-faults of one or two devices at drawn times. Printed for each kind: how often the track was there two seconds
-after the last fault, the share of answers that were lost, and the ANEES of all answers with a position.
+faults of one or two devices at drawn times. Printed for each kind: how often the track existed two seconds
+after the last fault, the share of lost epochs, and the ANEES of all estimates with a position.
 """
 
 import argparse
@@ -54,7 +54,7 @@ def with_receiver(faults: list[ClosedLoopFault], seed: int) -> tuple[list[Closed
     """Return the faults and the hardware: a receiver that fails has to be there before, and its clock steps somehow."""
     if not any(f.kind in OF_THE_RECEIVER for f in faults):
         return faults, HARDWARE
-    # a stream of its own: the other days stay what they were
+    # a separate random stream: the other days stay unchanged
     random = np.random.default_rng([seed, 2])
     step_s = float(random.uniform(*STEPS_S) * random.choice([-1.0, 1.0]))
     if random.random() < 1.0 / 3.0:

@@ -4,7 +4,7 @@
 
 A station operates on pan-tilt units that a process of its own serves on ptys: a FLIR, and a Pelco-D, which has no lease
 of its own. Its cameras give noise, so that it searches the sky and both heads turn all the time. At random moments
-something happens to one of its processes: the pipeline, the PTUs' process, the motion guard, the library's resource
+happens to one of its processes: the pipeline, the PTUs' process, the motion guard, the library's resource
 tracker. Printed for each kind of moment, the worst of all: when the heads stood after it, by the units' own log; when
 the status stopped calling them ready; what the recording lacks of the time until a process was killed; how long the end
 took after Ctrl-C. With --log each moment is a line of a file, and a run that was interrupted goes on from there.
@@ -59,7 +59,7 @@ ROOT = Path(__file__).resolve().parent.parent
 SIZE_PX = (160, 120)
 FRAMES_HZ = 2.0
 SPEEDS_DEG_S = {1: 0.6, 4: 2.5, 8: 5.1, 16: 10.2, 32: 20.3, 63: 40.0}
-# what is done to a process; "memory" leaves it no more address space than it has
+# actions on a process; "memory" leaves it no more address space than it has
 DEEDS = ("KILL", "STOP", "TERM", "memory")
 RECOVERED = ("ptus", "ptu-guard", "resource_tracker")
 # these must stand after a loss; the tracker moves nothing
@@ -68,13 +68,13 @@ MOVERS = ("ptus", "ptu-guard", "pipeline")
 A_RUN = 8
 LOOKED_S = 2.5
 BACK_S = 60.0
-# statuses are told twice a second
+# statuses are written twice a second
 STATUS_S = 0.75
 
 
 # ------------------------------------------------------------------------------------ the units, apart from it all
 def serve_units(folder: str, pipe: Connection) -> None:
-    """Serve both units until told to stop, and tell from their own logs what they did."""
+    """Serve both units until requested to stop, and evaluate their own logs."""
     flir = SimulatedUnit(FlirModel(arcsec=22.5, min_rate=0), LineModel(baud=115200))
     pelco = SimulatedPelco(PelcoModel(baud=9600))
     axes: dict[str, tuple[SimulatedAxis, ...]] = {
@@ -194,10 +194,10 @@ def operate(folder: Path, run: Path) -> NoReturn:
     leave(1 if result.losses else 0)
 
 
-# ------------------------------------------------------------------------------------ what is done to it
+# ------------------------------------------------------------------------------------ actions on processes
 @dataclass(frozen=True)
 class Moment:
-    """What happened to which process, and what came of it: times in s from the moment on."""
+    """The action on a process, and its effects: times in s from the action on."""
 
     who: str
     deed: str
@@ -261,11 +261,11 @@ class Run:
         return [json.loads(line) for line in lines if line.endswith("]]")]
 
     def reported(self) -> str:
-        """Return what the station wrote to the terminal."""
+        """Return the station's terminal output."""
         return (self.run / "said.txt").read_text(encoding="utf-8")
 
     def ready(self, after_s: float) -> float:
-        """Return when both heads were first told to be ready, all well, after an instant; infinite if not yet."""
+        """Return when both heads were first reported ready, all well, after an instant; infinite if not yet."""
         heads = [(t, [n for n in notes if n.startswith("ready")]) for t, _, notes, _ in self.told() if t > after_s]
         return next((t for t, ready in heads if len(ready) == 2), math.inf)
 
@@ -277,7 +277,7 @@ class Run:
         return math.inf
 
     def told_since(self, from_s: float) -> bool:
-        """Return whether a status was told from an instant on."""
+        """Return whether a status was written from an instant on."""
         told = self.told()
         return bool(told) and told[-1][0] >= from_s
 
@@ -339,7 +339,7 @@ def do(deed: str, pid: int) -> None:
 
 
 def recovered(run: Run, units: Units, who: str, deed: str) -> Moment:
-    """Do something to a process that is begun again, and look what comes of it."""
+    """Act on a process that is restarted, and record the effects."""
     pid = run.pids().get(who)
     if pid is None:
         return Moment(who, deed, note="there is none")
@@ -352,7 +352,7 @@ def recovered(run: Run, units: Units, who: str, deed: str) -> Moment:
     stood = max(units.stood(began_s, now_s).values()) - began_s
     status = run.unready(began_s) - began_s
     if who not in MOVERS:
-        # the station does not need it: it must go on as it was
+        # the station does not need it: it must continue unchanged
         well = run.process.poll() is None
         return Moment(who, deed, note="goes on" if well else "the station has ended", stood_s=0.0, status_s=0.0)
     if run.process.poll() is not None:
@@ -371,7 +371,7 @@ def recovered(run: Run, units: Units, who: str, deed: str) -> Moment:
 
 
 def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
-    """Do something that ends the station: to its pipeline, or Ctrl-C right after something else."""
+    """Act in a way that ends the station: on its pipeline, or Ctrl-C right after another action."""
     pid = run.pids().get("pipeline" if who == "pipeline" else who, run.process.pid)
     newest = run.told()[-1]
     began_s = time.monotonic()
@@ -395,7 +395,7 @@ def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
     time.sleep(1.5)
     now_s = time.monotonic()
     # SIGTERM asks the pipeline to end as Ctrl-C does: heads are parked, and stand when they are; so it is after Ctrl-C
-    # where a process had all the memory that it needed until then
+    # where a process had allocated all its memory before
     well = run.told_since(asked_s - STATUS_S) and run.unready(began_s) > asked_s
     parks = (who == "pipeline" and deed == "TERM") or (deed == "memory" and well)
     stood = math.nan if parks else max(units.stood(began_s, now_s).values()) - began_s

@@ -3,10 +3,10 @@
     python benchmarks/live_serial_faults.py [--rate HZ] [--only WORD]
 
 Pictures of a quarter of the size, so that two cores render and track in real time. For each case: until when the fault
-lasts (a unit that lost power homes, answers that are late hold each other up), what the status said meanwhile, how soon
-after that it tracked, ANEES of all answers of the approach, and what the recording lacks of what was consumed, in s at
+lasts (a unit that lost power homes, late replies delay each other), the statuses meanwhile, the time from then until
+it tracked, ANEES of all estimates of the approach, and the missing part of the recording, in s at
 its end. "disk full" lets no file grow beyond 3 MB. "killed" is kill -9 of the station's process group in mid-flight, on
-a range that goes on; what is left of the recording is recovered, and the station is begun again at once.
+a range that continues; the rest of the recording is recovered, and the station is restarted at once.
 """
 
 import argparse
@@ -55,7 +55,7 @@ from ptu_drivers.simulated.line import VirtualLine
 FROM_S, TO_S = 8.0, 10.0
 # flown after a fault's end
 AFTER_S = 4.0
-# a station needs so long to begin; one that is begun again has this approach or the next, and ends after so many lines
+# time that a station needs to start; a restarted one has this approach or the next, and ends after so many lines
 BEGINS_S, TWO_LAPS_S, ENOUGH_LINES = 25.0, 76.0, 12
 SIMULATED_BAUD = 115200
 RANGE_UNIT = FlirModel(homing_s=8.0)
@@ -68,7 +68,7 @@ STATUS_S = 0.5
 
 @dataclass(frozen=True)
 class Case:
-    """What goes wrong: faults by name and station; the receiver (gone, its clock off by so much), disk, process."""
+    """A fault case: faults by name and station; the receiver (lost, its clock off by so much), disk, process."""
 
     name: str
     faults: tuple[tuple[str, str], ...] = ()
@@ -116,13 +116,13 @@ def lasts_until(case: Case) -> float:
         for fault in (f for f in timetable(case) if f.station == name and f.what in FAULTS):
             line = VirtualLine(SimulatedUnit(RANGE_UNIT, LineModel(baud=SIMULATED_BAUD)), SIMULATED_BAUD)
             lengths = [FAULTS[fault.what](line, random_) for _ in struck_at(fault)]
-            # one late answer holds up the next
+            # one late reply delays the next
             ends_s.append(FROM_S + (sum(lengths) if fault.what == "late answer" else lengths[0]))
     return max(ends_s)
 
 
 def timetable(case: Case) -> tuple[TimedFault, ...]:
-    """Return a case's faults as the range knows them."""
+    """Return a case's faults in the range's format."""
     return tuple(TimedFault(what=w, station=s, from_s=FROM_S, to_s=TO_S) for w, s in case.faults)
 
 
@@ -146,7 +146,7 @@ def small_rig() -> Rig:
 
 
 def fly(case: Case, folder: Path, rate_hz: float, lent: AttachedSimulator | None = None) -> None:
-    """Fly one approach in this process, a line for each status; at the end how it went."""
+    """Fly one approach in this process, a line for each status; at the end the result."""
     os.setsid()
     if case.disk_full:
         resource.setrlimit(resource.RLIMIT_FSIZE, (DISK_BYTES, DISK_BYTES))
@@ -182,7 +182,7 @@ def fly(case: Case, folder: Path, rate_hz: float, lent: AttachedSimulator | None
 
 
 def recorded_until(path: Path) -> float:
-    """Return the stamp of the last event of a recording, session time; what was cut short counts so far."""
+    """Return the stamp of the last event of a recording, session time; a truncated file counts so far."""
     newest_s = -math.inf
     with (
         contextlib.suppress(RecordingError),
@@ -206,7 +206,7 @@ def run(case: Case, rate_hz: float) -> str:
             os.killpg(child.pid or 0, signal.SIGKILL)
             return f"{case.name:32s} did not end"
         told = told_by(folder)
-        # a disk that is full takes nothing more, and it is said: what came before is to be there
+        # a full disk accepts no more data, which is reported: data from before must be in the file
         ended = [t_s for t_s, _, _, reported in told if any("not recording" in w for w in reported)]
         last_s = ended[0] if case.disk_full and ended else told[-1][0]
         lost_s = max(last_s - recorded_until(folder / "live" / "flight.mcap"), 0.0)
@@ -215,7 +215,7 @@ def run(case: Case, rate_hz: float) -> str:
 
 
 def begun(case: Case, folder: Path, rate_hz: float, lent: AttachedSimulator | None = None) -> "mp.process.BaseProcess":
-    """Begin a station in a process of its own."""
+    """Start a station in a separate process."""
     folder.mkdir(exist_ok=True)
     child = mp.get_context("spawn").Process(target=fly, args=(case, folder, rate_hz, lent))
     child.start()
@@ -273,13 +273,13 @@ def wait_until(done: Callable[[], bool]) -> None:
 
 
 def summed(rows: list[Any]) -> tuple[int, float]:
-    """Return how many answers there were, and the ANEES of all."""
+    """Return the number of estimates, and the ANEES of all."""
     count = sum(n for n, _ in rows)
     return count, sum(n * a for n, a in rows) / count if count else math.nan
 
 
 def line_of(case: Case, told: list[Any], result: dict[str, Any], lost_s: float) -> str:
-    """Return a line: statuses while the fault was there, time to tracking after it, ANEES, what is lost."""
+    """Return a line: statuses during the fault, time to tracking after it, ANEES, losses."""
     begin_s, until_s = result["begin_s"], lasts_until(case)
     during = Counter(track for t_s, _, track, _ in told if FROM_S + 0.2 <= t_s - begin_s < until_s)
     words = ", ".join(f"{n} {track}" for track, n in during.most_common())

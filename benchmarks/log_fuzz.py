@@ -1,8 +1,8 @@
-"""Damaged logs and session files, a million and more: only errors of our own may come out, and only sane numbers.
+"""Damaged logs and session files, a million and more: only project errors and plausible numbers may result.
 
 python benchmarks/log_fuzz.py [--inputs N] [--seed S] [--only logs|sessions|videos]
 
-Videos are read in processes of their own: a decoder that ends one by a signal is counted, and its input kept.
+Videos are read in separate processes: a decoder that ends one by a signal is counted, and its input kept.
 """
 
 import argparse
@@ -61,7 +61,7 @@ def check(log: GnssLog) -> None:
 
 @contextlib.contextmanager
 def refused_in_words(ours: type[GroundstationError]) -> Iterator[list[str]]:
-    """Take an error of our own as an answer, "refused"; raises `AssertionError` if it is not one printable line."""
+    """Accept a project error as an outcome, "refused"; raises `AssertionError` if it is not one printable line."""
     outcome = ["read"]
     signal.setitimer(signal.ITIMER_REAL, MOST_S)
     try:
@@ -80,7 +80,7 @@ def no_end(signum: int, frame: object) -> None:
 
 
 def tell(done: int, what: str) -> None:
-    """Say now and then how far it is."""
+    """Print the progress now and then."""
     if done % 50_000 == 0 and done:
         print(f"{done} {what} without an error that is not ours", file=sys.stderr, flush=True)
 
@@ -107,7 +107,7 @@ def fuzz_logs(inputs: int, chance: random.Random, folder: Path, counts: collecti
 
 
 def keep(path: Path, what: str, error: Exception, counts: collections.Counter[str]) -> str:
-    """Put an input that brought another error where it can be looked at, and go on: a long run finds more than one."""
+    """Store an input that raised another error for inspection, and continue: a long run finds more than one."""
     counts[FOREIGN] += 1
     if counts[FOREIGN] > MOST_KEPT:
         raise error
@@ -160,7 +160,7 @@ def fuzz_videos(inputs: int, seed: int, root: Path, counts: collections.Counter[
 
 
 def _apart(first: int, last: int, seed: int, names: list[str], folder: Path, counts: collections.Counter[str]) -> int:
-    """Read inputs ``first`` to ``last`` in a process of its own; return the number of the next."""
+    """Read inputs ``first`` to ``last`` in a separate process; return the number of the next."""
     part = f"{first} {last} {seed} {folder} {' '.join(names)}"
     done = subprocess.run(
         [sys.executable, __file__, "--part", part],
@@ -184,13 +184,13 @@ def _apart(first: int, last: int, seed: int, names: list[str], folder: Path, cou
 
 
 def read_part(first: int, last: int, seed: int, folder: Path, names: list[str]) -> None:
-    """Read some damaged videos and tell of each in a line."""
+    """Read some damaged videos and print a line for each."""
     targets = session_targets(folder)
     whole = {name: (folder / name).read_bytes() for name in names}
     for k in range(first, last):
         name, chance = names[k % len(names)], random.Random(f"{seed} {k}")
         spoil = altered if name == SUMMARY and chance.random() < 0.5 else damaged
-        # the parent keeps what is here where this process does not live to tell
+        # the parent keeps the input where this process does not survive to report it
         (folder / name).write_bytes(spoil(whole[name], chance))
         kept = ""
         try:
@@ -220,9 +220,9 @@ def main() -> None:
     counts: collections.Counter[str] = collections.Counter()
     chance = random.Random(options.seed)
     signal.signal(signal.SIGALRM, no_end)
-    # room that a small file asks for is an error as well
+    # excessive memory for a small file is an error as well
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
-    # a number that is none is to be refused before it is reckoned with
+    # a non-finite number has to be refused before it is used
     warnings.simplefilter("error")
     if options.part:
         first, last, seed, folder, *names = options.part.split()

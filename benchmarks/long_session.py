@@ -1,15 +1,15 @@
-"""Sessions of one hour with DGPS: does a replay's memory stay flat, and do its results open?
+"""Sessions of one hour with DGPS: constant memory of a replay, and results that open.
 
     python benchmarks/long_session.py [--hours H] [--keep DIR] [--only pixels|pictures]
 
 `pixels`: detections only, 10 Hz; an aircraft holds in front of two stations (case B), its receiver 0.3 s late.
-`pictures`: the bundled landing over and over, an approach each 45 s, filmed at 10 Hz while it lasts: its own videos,
+`pictures`: the bundled landing repeatedly, an approach each 45 s, filmed at 10 Hz while it lasts: its own videos,
 joined without re-encoding (needs `ffmpeg`), its angles, DGPS and truth at the times of each approach. So it
-is sought, found, followed and lost once in 45 s.
+is acquired, tracked and lost once in 45 s.
 
 Memory is the process's own resident set, sampled by a thread each 50 ms: from the most in the second half of the first
 minute, when everything is loaded and compiled, to the most of all, wherever that is: replay, evaluation, closing the
-Rerun recording, report. Each session runs in a process of its own. Exit code 1 where that is more than `GROWTH_MB`, the
+Rerun recording, report. Each session runs in a separate process. Exit code 1 where that is more than `GROWTH_MB`, the
 report is above `REPORT_MB`, or Rerun finds a fault in the recording. Run it twice where the kernels have changed: the
 first time they are compiled in this process, which takes some 100 MB from the beginning.
 """
@@ -39,7 +39,7 @@ from groundstation.simulation.trajectory import SampledTrajectory
 GROWTH_MB, REPORT_MB = 50.0, 5.0
 RATE_HZ, LAP_S, STEP_S = 10.0, 90.0, 0.25
 DGPS_LATE_S = 0.3
-# what comes after the last pair
+# after the last pair
 AFTERWARDS = 1_000_000
 LANDING, EVERY_S = Path(__file__).resolve().parent.parent / "recordings" / "landing-1", 45.0
 
@@ -101,7 +101,7 @@ def resident_mb() -> float:
 
 
 class MemoryMonitor:
-    """The largest resident memory of each stretch of work, and what the main thread was at then; by a thread."""
+    """The largest resident memory of each stretch of work, and the main thread's work then; by a thread."""
 
     def __init__(self) -> None:
         self.stretch = -1
@@ -151,7 +151,7 @@ def main() -> int:
 
 
 def apart(work: Callable[..., int], *given: Any) -> int:
-    """Run ``work`` in a process of its own, where nothing of another is counted, and return its exit code."""
+    """Run ``work`` in a separate process, where nothing of another is counted, and return its exit code."""
     process = multiprocessing.get_context("fork").Process(target=lambda: sys.exit(work(*given)))
     process.start()
     process.join()

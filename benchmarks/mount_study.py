@@ -48,7 +48,7 @@ COUNTS = (50, 100, 200, 400, 800, 1600, 6400)
 
 
 def pointing_error(found: Station, true: Station) -> np.ndarray:
-    """Return how far the camera looks from where the found rig says, degrees of pan and tilt, where a station works."""
+    """Return the camera's error of direction relative to the estimated rig, degrees of pan and tilt, in operation."""
     off = []
     for pan in np.radians((-30.0, 0.0, 30.0)):
         for tilt in np.radians((0.0, 7.5, 15.0)):
@@ -73,7 +73,7 @@ def calibrated(stream: tuple[int, ...], sightings: int) -> tuple[Station, Statio
 
 
 def errors_and_sigmas(one: StationMount, true: Station) -> dict[str, tuple[float, float]]:
-    """Return error and claimed sigma of what was free, by name."""
+    """Return error and stated sigma of the free parameters, by name."""
     names = one.fit.problem.names
     return {name: (float(off), one.fit.sigma(name)) for name, off in off_by(one.after, true).items() if name in names}
 

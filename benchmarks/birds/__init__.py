@@ -1,1 +1,1 @@
-"""Real birds flown over real clips of aircraft: the birds cut out, their flights, and what a tracker made of them."""
+"""Real birds flown over real clips of aircraft: the birds cut out, their flights, and the tracker's results."""

@@ -30,7 +30,7 @@ class Sprite:
 
     @property
     def length_px(self) -> float:
-        """The longer side of what is more than half opaque."""
+        """The longer side of the area that is more than half opaque."""
         rows, columns = np.nonzero(self.alpha > 0.5)
         return float(max(np.ptp(rows), np.ptp(columns)) + 1) if len(rows) else 1.0
 
@@ -94,7 +94,7 @@ def window_of(image: ImageArray, box: Box) -> tuple[int, int, int, int]:
 
 
 def contrast_of(image: ImageArray, box: Box) -> tuple[FloatArray, FloatArray]:
-    """Return how much each pixel of a box and its ring differs from the sky, in grey levels, and what is no sky."""
+    """Return the difference of each pixel of a box and its ring from the sky, in grey levels, and those off it."""
     x0, y0, x1, y1 = window_of(image, box)
     difference = (image[y0:y1, x0:x1] - sky_around(image, box)).mean(axis=2)
     ring = np.concatenate([difference[:_RING_PX].ravel(), difference[-_RING_PX:].ravel()])
@@ -126,9 +126,9 @@ class BirdCutout:
 
 
 def cut_out(image: ImageArray, box: Box, before: tuple[float, float] | None = None) -> BirdCutout | None:
-    """Return the dark bird around a labelled box, of several the one next to where it was ``before``.
+    """Return the dark bird around a labelled box, of several the one nearest to its position ``before``.
 
-    None where there is none that stands out, or where it is cut.
+    None without enough contrast, or where it is cut.
     """
     box = (box[0] - _BEYOND_PX, box[1] - _BEYOND_PX, box[2] + 2 * _BEYOND_PX, box[3] + 2 * _BEYOND_PX)
     x0, y0, x1, y1 = window_of(image, box)
@@ -150,7 +150,7 @@ def cut_out(image: ImageArray, box: Box, before: tuple[float, float] | None = No
     clipped = x < 2 or y < 2 or x + w > mask.shape[1] - 2 or y + h > mask.shape[0] - 2
     if clipped or np.count_nonzero(inside) < _LEAST_PIXELS or core < _LEAST_CORE:
         return None
-    # soft edges: what is half as dark as the core is half bird
+    # soft edges: a pixel half as dark as the core is half bird
     alpha = np.where(labels == k, np.clip(-difference / core, 0.0, 1.0), 0.0)
     ratio = image[y0:y1, x0:x1] / np.maximum(sky_around(image, box), 1.0)
     colour = np.asarray(ratio[inside & (-difference >= _CORE_SHARE * core)].mean(axis=0))

@@ -64,7 +64,7 @@ def draw_flight(
     speed_px: tuple[float, float],
     size_ratio: tuple[float, float],
 ) -> Flight | None:
-    """Return a flight within a segment (clip, first and last frame); None if there is no room for one."""
+    """Return a flight within a segment (clip, first and last frame); None without enough space for one."""
     clip, begin, end = segment
     for _ in range(_TRIES):
         ratio, speed = float(generator.uniform(*size_ratio)), float(generator.uniform(*speed_px))
@@ -152,7 +152,7 @@ class Painter:
     sky: FloatArray
 
     def paint(self, image: ImageArray, frame: int) -> tuple[ImageArray, Box | None]:
-        """Return the frame with the bird in front, and the box of what is seen of the bird, None if nothing is."""
+        """Return the frame with the bird in front, and the box of its visible part, None if it is invisible."""
         flight = self.flight
         sprite = flight.flock.sprite(flight.first_sprite + frame - flight.first)
         scale = self.length_px / flight.flock.length_px

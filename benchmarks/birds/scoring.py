@@ -1,4 +1,4 @@
-"""What a tracker made of one flight: hits, points on the bird, and how long the aircraft was missed."""
+"""Score of a tracker on one flight: hits, points on the bird, and the time for which the aircraft was missed."""
 
 from dataclasses import dataclass, field
 
@@ -39,7 +39,7 @@ class Score:
         return self.points[k] is not None and not self.hit(k)
 
     def on_bird(self, k: int) -> bool:
-        """Whether the point is no hit and lies on the bird or near it."""
+        """Whether the point is not a hit and is on the bird or near it."""
         point, bird = self.points[k], self.birds[k]
         if point is None or bird is None or self.hit(k):
             return False

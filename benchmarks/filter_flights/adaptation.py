@@ -35,7 +35,7 @@ def tuning(steady: Psd, manoeuvre: Psd, steady_s: float = 8.0, manoeuvre_s: floa
 
 
 def flights(data: Path | None) -> dict[str, Trajectory | None]:
-    """Return what is flown, by name; None is drawn from the glide's own motion model. The log only where it is."""
+    """Return the flights, by name; None is drawn from the glide's own motion model. The log only if it exists."""
     found: dict[str, Trajectory | None] = {
         "glide": None,
         "flare": GlideApproach(

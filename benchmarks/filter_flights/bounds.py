@@ -1,8 +1,8 @@
-"""Bounds of a simulated flight, along its true track: what no filter that knows the models can beat.
+"""Bounds of a simulated flight, along its true track: the limit of any filter with the true models.
 
 `track_bound` is the posterior bound with one reading of the angles at each exposure, by the information of pairs
-(`groundstation.evaluation`). `full_bound` walks through the very events that the filter gets, angles and rates of
-the PTUs being states, too: for readings that do not come with the exposures.
+(`groundstation.evaluation`). `full_bound` processes the events that the filter gets, angles and rates of
+the PTUs being states, too: for readings that are not at the exposures.
 """
 
 from collections.abc import Callable, Sequence
@@ -157,7 +157,7 @@ def _true_states(flight: SimulatedFlight, layout: StateLayout, t_s: FloatArray, 
     reach = (float(t_s[0]) - 1.0, float(t_s[-1]) + 1.0)
     for name in layout.angles:
         geometry = scenario.true_rig[name].geometry()
-        # the states are what the PTU's clock calls this time
+        # the states are those at this time of the PTU's clock
         late = _ptu_lateness(layout, name, t_s, parameters)
         history = pointing_history(scenario.ptus[name].pointing, geometry, scenario.trajectory, reach)
         pointing = history.at(t_s + late)

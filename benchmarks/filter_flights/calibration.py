@@ -1,4 +1,4 @@
-"""Rigs and clocks that are wrong: what the filter learns of it, what it costs, and what it says of that."""
+"""Wrong rigs and clocks: the filter's estimates of them, their effect, and the consistency of its covariance."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ PAN_AND_TILT = tuple(f"{s}.runway_from_base.{axis}" for s in STATIONS for axis i
 ROLL_AND_BORESIGHT = tuple(
     f"{s}.{part}" for s in STATIONS for part in ("runway_from_base.y", "head_from_camera.x", "head_from_camera.z")
 )
-# one camera's clock is the session's own: only differences can be told
+# one camera's clock is the session's own: only differences are observable
 CLOCK_OFFSETS = ("right.camera_clock.offset", *(f"{s}.ptu_clock.offset" for s in STATIONS), "dgps_clock.offset")
 CLOCK_DRIFTS = ("right.camera_clock.drift", "dgps_clock.drift")
 _AXES = ("x", "y", "z")
@@ -59,14 +59,14 @@ def drawn_parameters(prior: ParameterPrior, seed: int) -> FloatArray:
 
 
 def with_errors(scenario: Scenario, names: Sequence[str], values: FloatArray) -> Scenario:
-    """Return the scenario whose truth differs from what its user believes by these parameters."""
+    """Return the scenario whose truth differs from the assumed rig by these parameters."""
     errors = {s: StationErrors() for s in scenario.rig.names}
     first_s = scenario.trajectory.span_s[0] - _LEAD_S
     dgps = scenario.dgps
     for name, value in zip(names, values.tolist(), strict=True):
         station, _, parameter = name.partition(".")
         if station == "dgps_clock":
-            # its model says how late the stamps are; the filter's error, how late the positions
+            # its model gives the lag of the stamps; the filter's error, that of the positions
             assert dgps is not None
             if parameter == "drift":
                 offset = dgps.clock_offset_s + value * first_s

@@ -136,7 +136,7 @@ def sample_case(case: str, rate_hz: float, seeds: Sequence[int], *, drawn_heads:
 
 
 def triangulated_errors(flight: SimulatedFlight) -> FloatArray:
-    """Return the errors (n, 3) of the maximum-likelihood point of each pair, NaN where there is none."""
+    """Return the errors (n, 3) of the maximum-likelihood point of each pair, NaN without one."""
     geometries = {s.name: s.geometry() for s in flight.rig.stations}
     angles: dict[str, PtuSample] = {}
     views: list[TriangulationView] = []

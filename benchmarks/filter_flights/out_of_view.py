@@ -19,7 +19,7 @@ PRIOR = np.diag([2.0, 4.0, 2.0, 0.3, 0.3, 0.3]) ** 2
 INSIDE_PX = 15.0
 PIXEL_PX = 0.5
 FRAMES = 5
-# half the picture's width and height, px, and which way the border lies
+# half the picture's width and height, px, and the direction of the border
 BORDERS = {"left": (-1, 0), "right": (1, 0), "top": (0, -1), "bottom": (0, 1)}
 
 

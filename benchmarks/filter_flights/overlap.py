@@ -1,4 +1,4 @@
-"""Three turning stations whose mounts are wrong: what it is worth that the filter learns them between their rays."""
+"""Three stations with PTUs and wrong mounts: effect of their estimation from the misclosure of rays."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Stone Soup's extended Kalman filter on the same state and measurements, in a virtual environment of its own."""
+"""Stone Soup's extended Kalman filter on the same state and measurements, in a separate virtual environment."""
 
 import os
 import pickle
@@ -24,13 +24,13 @@ FOLDER = Path("build/stonesoup-venv")
 PACKAGE = "stonesoup==1.9.1"
 _ANGLE, _RATE = 1e-4, 0.01
 
-# seconds since the step before, and what is fused then: kind, number of the station, two numbers
+# seconds since the step before, and the fused measurement: kind, number of the station, two numbers
 Step = tuple[float, list[tuple[str, int, FloatArray]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PeerComparison:
-    """Position RMSE (3,) in m over the flights and median s per step (one for each repeat), ours and the peer's."""
+    """Position RMSE (3,) in m over the flights, median s per step (one per repeat), this filter's and the peer's."""
 
     ours_m: FloatArray
     theirs_m: FloatArray
@@ -74,7 +74,7 @@ def side_by_side(seeds: range, repeats: int = 5) -> PeerComparison:
 
 
 def _beginning(flight: SimulatedFlight, seed: int) -> tuple[StationEkf, dict[str, object]]:
-    """Return our filter at its start, and the same for the peer."""
+    """Return this filter at its start, and the same for the peer."""
     ekf = new_filter(flight, one_mode(), ParameterPrior.nothing())
     start = drawn_start(flight, seed, *NEAR)
     ekf.predict_to(0.0)
@@ -117,7 +117,7 @@ def _steps(flight: SimulatedFlight) -> list[Step]:
 
 
 def _run(ekf: StationEkf, flight: SimulatedFlight, steps: list[Step]) -> tuple[list[FloatArray], float]:
-    """Return our states after each step and the median time of one."""
+    """Return this filter's states after each step and the median time of one."""
     names, R, sigma = flight.rig.names, np.eye(2) * 0.25, flight.rig.stations[0].angle_sigma_rad
     now, took, states = 0.0, [], []
     for dt, measurements in steps:

@@ -17,7 +17,7 @@ Recorded = PtuSample | PixelMeasurement | DgpsFix | Epoch
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Start:
-    """What the filter is told at time ``t_s``: position and velocity (6,) with covariance (6, 6)."""
+    """The filter's initial state at time ``t_s``: position and velocity (6,) with covariance (6, 6)."""
 
     t_s: float
     mean: FloatArray
@@ -26,7 +26,7 @@ class Start:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Run:
-    """What the filter made of one flight, one row for each of n epochs and m pixels.
+    """The filter's results on one flight, one row for each of n epochs and m pixels.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Run:
     error : (n, 6) estimate − truth.
     covariance : (n, 6, 6) the filter's own.
     nis : (m,) normalised innovation squares of the pixels, 2 degrees of freedom; ``nis_s`` (m,) their times.
-    refused : how many pixels the gate refused.
+    refused : number of pixels that the gate refused.
     parameters : (k,) estimated errors of rig and clocks at the end, with ``parameter_covariance`` (k, k).
     manoeuvring : (n,) probability of the second mode.
     """
@@ -58,9 +58,9 @@ class Run:
 
 
 def in_order(flight: SimulatedFlight, reference: Callable[[DgpsFix], bool] = lambda _: False) -> list[Recorded]:
-    """Return what the filter is to take, by stamp: readings first, an epoch last; the references that are let in."""
+    """Return the filter's input, by stamp: readings first, an epoch last; the references that are used."""
     ranks = {PtuSample: 0, PixelMeasurement: 1, DgpsFix: 2, Epoch: 3}
-    # an epoch's stamp is the mean of its frames': it is answered where the filter then stands
+    # an epoch's stamp is the mean of its frames': it is evaluated at the filter's present time
     records = [e for e in flight.events if isinstance(e, (PtuSample, PixelMeasurement, Epoch))]
     chosen = [*records, *(fix for fix in flight.dgps if reference(fix))]
     return sorted(chosen, key=lambda e: (round(e.t_s, 9), ranks[type(e)]))
@@ -83,7 +83,7 @@ def drawn_start(
 
 
 def new_filter(flight: SimulatedFlight, config: EstimationConfig, prior: ParameterPrior) -> StationEkf:
-    """Return a filter for the rig that the flight's user believes in."""
+    """Return a filter for the assumed rig of the flight."""
     stations = flight.rig.stations
     turning = tuple(s.name for s in stations if not s.fixed)
     return StationEkf({s.name: s.geometry() for s in stations}, turning, config, prior)

@@ -1,4 +1,4 @@
-"""The same flights through the whole pipeline, which orders, synchronises and answers for itself."""
+"""The same flights through the whole pipeline, with its ordering and synchronisation."""
 
 from collections.abc import Sequence
 from dataclasses import replace

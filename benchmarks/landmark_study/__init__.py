@@ -1,1 +1,1 @@
-"""Simulated mornings at an airstrip: landmarks seen through stations that are not quite what their rig says."""
+"""Simulated mornings at an airstrip: landmarks observed by stations that deviate slightly from their rig."""

@@ -1,4 +1,4 @@
-"""A rig drawn around what is believed of it, and what it sees of landmarks through noisy, stepping encoders."""
+"""A rig drawn around the assumed one, and its sightings of landmarks with noisy, quantised encoders."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from groundstation.rig.rig import ClockModel, Rig, Station
 
 SIGMA_DEG, STEP_DEG, SIGMA_PX, SIGMA_M = 0.01, 0.00625, 0.3, 0.02
 PLACES_M = ((-60, 120, 3), (50, 180, 6), (-20, 320, 2), (30, 90, 1), (90, 60, 8), (-80, 40, 5))
-# what a morning knows before: mount to 0.003 deg, lens to 3 px and 1 px
+# priors of a morning: mount to 0.003 deg, lens to 3 px and 1 px
 MOUNT_RAD, FOCAL_PX, CENTRE_PX = float(np.radians(0.003)), 3.0, 1.0
 TOTAL_STATION_M = 0.005
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SurveyScene:
-    """The ``true`` rig, the ``believed`` one, the true landmarks and those of the table."""
+    """The ``true`` rig, the assumed one (``believed``), the true landmarks and those of the table."""
 
     true: Rig
     believed: Rig
@@ -66,10 +66,10 @@ def morning(
     places_m: Sequence[Sequence[float]] = PLACES_M,
     tipped_rad: float = 0.03,
 ) -> SurveyScene:
-    """Draw a morning: bases turned by ``tipped_rad`` about each axis and by any pan, nothing of which is believed.
+    """Draw a morning: bases turned by ``tipped_rad`` about each axis and by any pan, of which the rig states nothing.
 
-    With a ``total_station`` positions are believed to 5 mm, else not at all; ``uncertain`` mounts and lenses are off by
-    what the rig says of them.
+    With a ``total_station`` positions are known to 5 mm, else not at all; ``uncertain`` mounts and lenses are off by
+    their sigmas in the rig.
     """
     sigma = {"ptu_position": TOTAL_STATION_M} if total_station else {}
     if uncertain:
