@@ -106,7 +106,7 @@ def show_chi_squares(heads: list[dict[str, tuple[float, float]]], sightings: int
 
 
 def counts(sightings: int, seeds: list[int]) -> list[dict[str, Any]]:
-    """Return, of each head of a block, errors of boresight and pointing, what is claimed, and the held-out residual."""
+    """Return, of each head of a block, errors of boresight and pointing, their sigmas, and the held-out residual."""
     found = []
     for seed in seeds:
         true, one = calibrated((6, sightings, seed), sightings)
@@ -177,7 +177,7 @@ def designed(noise_deg: float, seeds: list[int]) -> list[tuple[dict[str, tuple[f
 
 
 def show_designed(found: list[tuple[dict[str, tuple[float, float]], float]], noise_deg: float) -> None:
-    """Print errors by the grid that the documentation asks for, encoders of steps and this noise."""
+    """Print errors on the grid of the documentation, encoders with steps and this noise."""
     rigs, free = len(found), sum(len(own) for own, _ in found)
     print(
         f"\n{rigs} heads, {GRID_STANDSTILLS} standstills of {GRID_ROWS} rows near the picture's corners, tilts"
@@ -197,7 +197,7 @@ def show_designed(found: list[tuple[dict[str, tuple[float, float]], float]], noi
 
 
 def one_block(job: tuple[str, tuple[Any, ...]]) -> list[Any]:
-    """Return what a part of the study makes of a block of heads."""
+    """Return the result of a part of the study on a block of heads."""
     part, arguments = job
     parts = {"bounds": bounds, "designed": designed, "chi-squares": chi_squares, "counts": counts}
     return list(parts[part](*arguments))

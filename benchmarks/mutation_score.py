@@ -7,9 +7,9 @@ usage: python benchmarks/mutation_score.py [run] [--workers N] [--seconds S] [--
 run: tries each fault of the list that has no result yet, and prints the score; map: which test calls what, for test
 files that have changed (run does it first); score: the table of what is there; resolve: looks for each entry in the
 program of today and reports those that are gone; draw: fills the list up to the number, those gone replaced.
-Results are kept in out/mutants, so a run that was stopped goes on where it was; `score --write` copies them to the
+Results are kept in out/mutants, so a stopped run is continued; `score --write` copies them to the
 list.
-Runs without the independent recordings, so what only they find is not found.
+Runs without the independent recordings, so faults that only they find are not found.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 STORE = ROOT / "out" / "mutants"
 MAP, IMPORTED, RESULTS = STORE / "map", STORE / "imported", STORE / "results.jsonl"
-# Tests that read the sources or the pages and not what the program does, and those of this tool.
+# Tests of sources or pages rather than of the program, and those of this tool.
 LEFT_OUT = ("tests/docs", "tests/architecture", "tests/mutants", "tests/test_ci.py")
 QUIET = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header"]
 
@@ -95,7 +95,7 @@ def map_tests(options: argparse.Namespace) -> int:
 
     session = ForkingSession(jobs, workers=options.workers)
     code = int(pytest.main([*map(str, files), *QUIET], plugins=[session, marker]))
-    # a file of which nothing was collected (a peer that is not installed) is not looked at again until it changes
+    # a file without collected tests (a peer that is not installed) is not used again until it changes
     for file in files if code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED) else []:
         if not is_known(MAP, ROOT, file):
             keep(MAP, ROOT, file, [])
@@ -144,7 +144,7 @@ def run(options: argparse.Namespace) -> int:
         for found in wanted:
             importlib.import_module(found.function.module)
         function_objects(), dispatchers()
-        # what is there now is never collected, so that forked processes do not copy it to count it
+        # existing objects are never collected, so that forked processes do not copy them to count them
         gc.freeze()
         selection = Selection(read_map(MAP), items)
         for found in wanted:

@@ -24,7 +24,7 @@ from groundstation.onboard.scenes.sequences import SEQUENCES, Renderer, Sequence
 
 
 def methods(sequence: Sequence, first: NoseCameraPose) -> dict[str, Step]:
-    """Return what is compared."""
+    """Return the compared methods."""
     across = replace(paper_config(GUESS, Energy.SPATIALLY_VARIANT), bands_across=True)
     return {
         "ours": study.tracked(TrackerConfig(guess=GUESS)),

@@ -1,10 +1,10 @@
-"""The paper's detection experiments on our recordings, numbered as there, with the paper's values.
+"""The paper's detection experiments on this project's recordings, numbered as there, with the paper's values.
 
     python benchmarks/paper_detection.py [--out DIR] [--every N] [SESSION …]
 
 1. The region of interest's basic size: time, and deviation from the full frame (figure 10, table 1).
 2. Chan-Vese against snake and GVF snake, and scikit-image's two: time, errors, failures (figures 7–9, table 2).
-3. The detector's accuracy by width of the silhouette and by background, and whether its covariance is honest.
+3. The detector's accuracy by width of the silhouette and by background, and the consistency of its covariance.
 
 For each session with exact truth (truth.csv and masks.npz), default the bundled landing, the tables are printed, and
 written with the pictures into DIR/SESSION, default out/paper-detection. Predictions are the truth with seeded noise
@@ -48,7 +48,7 @@ def study(folder: Path, out: Path, every: int) -> list[ResultTable]:
         if sys.stderr.isatty():
             print(f"\r{session.name}: {number} frames", end="", file=sys.stderr)
 
-    # the default is both the paper's size and the first of the methods: it looks once
+    # the default is both the paper's size and the first of the methods: it is run once
     configs = {**SWEEP, **{name: config for name, config in METHODS.items() if name != OURS}}
     outcomes = watch(scenes(session, SEED, every=every), configs, progress)
     sweep = {name: outcomes[name] for name in SWEEP}

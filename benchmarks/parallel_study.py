@@ -1,7 +1,7 @@
-"""Studies as jobs on all cores: finished ones are kept in a folder, and an interrupted study goes on.
+"""Studies as jobs on all cores: finished ones are kept in a folder, and an interrupted study is continued.
 
-A study's jobs are fixed by its options and not by the number of workers, and their values come back in the order of the
-jobs: the figures are those of one process. Times that a study measures are of a machine as busy as its workers make it;
+A study's jobs are fixed by its options and not by the number of workers, and their values are returned in the order of
+the jobs: the figures are those of one process. Measured times are of a machine as busy as the study's workers make it;
 `--workers 1` measures undisturbed.
 """
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 ItemT = TypeVar("ItemT")
 SeedT = TypeVar("SeedT")
 _FOLDER = Path(__file__).resolve().parent
-# where studies keep what has finished
+# folder of finished jobs
 STUDIES = _FOLDER.parent / "out" / "studies"
 _DIGEST_CHARACTERS = 10
 
@@ -141,7 +141,7 @@ def _importable(function: Callable[[ItemT], Any]) -> Callable[[ItemT], Any]:
 
 
 def _scripts_digest(function: Callable[..., Any]) -> str:
-    """Return a digest of what a study's values depend on besides the program: benchmarks/, and parts of the tests."""
+    """Return a digest of the inputs of a study's values besides the program: benchmarks/, and parts of the tests."""
     module = sys.modules[function.__module__]
     owners = {v.__name__ if isinstance(v, ModuleType) else getattr(v, "__module__", "") for v in vars(module).values()}
     tests = [sys.modules[owner].__file__ for owner in owners if owner.startswith("tests.")]

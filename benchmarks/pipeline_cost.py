@@ -1,9 +1,9 @@
-"""What the pipeline itself costs: processor time a pair of frames, decoding, files and report apart.
+"""Cost of the pipeline itself: processor time a pair of frames, without decoding, files and report.
 
     python benchmarks/pipeline_cost.py [SESSION] [--runs N]
 
 All pictures are decoded first and kept (a gigabyte for each 130 pairs of 1280 × 960), then the session's events go
-through a pipeline N times. Of each event the least of its N times counts: what else the machine does comes and goes.
+through a pipeline N times. Of each event the least of its N times counts: other load of the machine varies.
 """
 
 import argparse

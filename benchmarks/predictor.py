@@ -69,7 +69,7 @@ def rig() -> Rig:
 
 
 def aim(geometry: StationGeometry, point: NDArray[np.float64]) -> tuple[float, float]:
-    """Pan and tilt in rad that look at a point from the pedestal."""
+    """Pan and tilt in rad that point at a point from the pedestal."""
     d = point - geometry.packed[9:12]
     return -math.atan2(d[0], d[1]), math.atan2(d[2], math.hypot(d[0], d[1]))
 

@@ -81,7 +81,7 @@ def _refused(bench: SimulatedLink, draw: random.Random) -> float:
 
 
 def _restart(bench: SimulatedLink, draw: random.Random) -> float:
-    """The server goes and comes back: parked, unconnected, where it was."""
+    """The server ends and returns: parked, unconnected, where it was."""
     off_s = _refused(bench, draw)
     mount = bench.sim
     mount.connected, mount.parked, mount.tracking = False, True, True
@@ -108,7 +108,7 @@ def _spoilt(
 
 
 def _old(bench: SimulatedLink, draw: random.Random) -> float:
-    """An answer to an older request, whole."""
+    """A reply to an older request, complete."""
     bench.line.spoil.append(lambda status, _body: (status, draw.choice(bench.line.reported[-30:-1])))
     return 0.1
 

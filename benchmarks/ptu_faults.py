@@ -24,7 +24,7 @@ RECOVERY_S = 2.0
 
 @dataclass
 class Outcome:
-    """What a run came to."""
+    """Result of a run."""
 
     seed: int
     faults: list[str] = field(default_factory=list)
@@ -65,7 +65,7 @@ def make_unit(rnd: random.Random, seed: int) -> tuple[SimulatedUnit, VirtualLine
 
 
 def drive(device: PanTiltUnit, rnd: random.Random) -> None:
-    """Tell it something new; a line in failure may refuse."""
+    """Send a new command; a line in failure may refuse."""
     reported = device.describe()
     try:
         if rnd.random() < 0.75:
@@ -95,7 +95,7 @@ def check(unit: SimulatedUnit, device: PanTiltUnit, got: Reading, outcome: Outco
 
 
 def run(seed: int) -> Outcome:
-    """Return what one seeded run came to."""
+    """Return the result of one seeded run."""
     rnd = random.Random(seed)
     unit, line, settings = make_unit(rnd, seed)
     outcome = Outcome(seed=seed)

@@ -93,7 +93,7 @@ def follow(case: Case) -> str:
 
 
 def cases() -> list[Case]:
-    """Return what is followed."""
+    """Return the followed motions."""
     found = []
     for amplitude, period in ((20.0, 20.0), (5.0, 10.0), (0.5, 20.0)):
         angle, rate = sine(amplitude, period)

@@ -19,7 +19,7 @@ PIECES = (
 
 
 def string(rnd: random.Random) -> bytes:
-    """Return a byte string: random, or put together from what units say, or such with bytes changed."""
+    """Return a byte string: random, or composed of units' replies, or such with bytes changed."""
     kind = rnd.random()
     if kind < 0.25:
         return rnd.randbytes(rnd.randrange(60))
@@ -31,7 +31,7 @@ def string(rnd: random.Random) -> bytes:
 
 
 def fuzz(count: int, rnd: random.Random) -> dict[str, int]:
-    """Feed so many byte strings; return how many lines, answers and numbers came of them."""
+    """Feed so many byte strings; return the number of lines, replies and numbers in them."""
     found = {"strings": count, "lines": 0, "answers": 0, "numbers": 0, "refused": 0}
     splitter = LineSplitter()
     for _ in range(count):
@@ -60,7 +60,7 @@ KEYS = (b"Value", b"ClientTransactionID", b"ErrorNumber", b"ErrorMessage", b"Nam
 
 
 def answer(rnd: random.Random) -> bytes:
-    """Return a body: random, or an answer of an Alpaca server with odd values, or such with bytes changed."""
+    """Return a body: random, or a reply of an Alpaca server with odd values, or such with bytes changed."""
     kind = rnd.random()
     if kind < 0.1:
         return rnd.randbytes(rnd.randrange(60))
@@ -78,7 +78,7 @@ def answer(rnd: random.Random) -> bytes:
 
 
 def fuzz_alpaca(count: int, rnd: random.Random) -> dict[str, int]:
-    """Take so many bodies for answers; return how many were one, and how many numbers were believed."""
+    """Parse so many bodies as replies; return how many were one, and how many numbers were accepted."""
     found = {"strings": count, "answers": 0, "numbers": 0}
     for _ in range(count):
         try:

@@ -61,7 +61,7 @@ class SimulatedLink:
 
 
 class SpoiltPelco(SimulatedPelco):
-    """A unit whose answers can be spoilt in ways that pass their checksum."""
+    """A unit whose replies can be corrupted in ways that pass their checksum."""
 
     def __init__(self, model: PelcoModel, seed: int) -> None:
         super().__init__(model, seed)
@@ -100,7 +100,7 @@ def dynamixel(seed: int) -> SimulatedLink:
 def one_run(
     make: Callable[[int], SimulatedLink], seed: int, tally: FaultCampaignCounts, faults: "Faults | None" = None
 ) -> None:
-    """Turn a unit to and fro while faults come, of the serial line unless told otherwise, and count."""
+    """Turn a unit to and fro under faults, of the serial line by default, and count."""
     faults = FAULTS if faults is None else faults
     draw = random.Random(f"faults {seed}")
     bench = make(seed)
@@ -198,7 +198,7 @@ def _late(bench: SimulatedLink, draw: random.Random) -> float:
 
 
 def _old_answer(bench: SimulatedLink, draw: random.Random) -> float:
-    """An answer of the last seconds once more: what a buffer in between may do."""
+    """A reply of the last seconds once more, as from a buffer in between."""
     if not bench.line.traffic:
         bench.line.record = True
     heard = [data for _, way, data in bench.line.traffic if way == "<"]
@@ -222,7 +222,7 @@ def _two_that_agree(bench: SimulatedLink, draw: random.Random) -> float:
 
 
 def _one_too_many(bench: SimulatedLink, draw: random.Random) -> float:
-    """A byte inside an answer, with which its first seven bytes pass the checksum (Pelco-D)."""
+    """A byte inside a reply, with which its first seven bytes pass the checksum (Pelco-D)."""
     if not isinstance(bench.sim, SpoiltPelco) or bench.sim.model.framing is PelcoFraming.P:
         return _lost_byte(bench, draw)
     bench.sim.spoil.append(lambda f: f[:5] + bytes(((f[5] - sum(f[1:5])) & 0xFF,)) + f[5:])
@@ -273,7 +273,7 @@ MAKERS: dict[str, Callable[[int], SimulatedLink]] = {"pelco": pelco, "dynamixel"
 
 
 def report(name: str, t: FaultCampaignCounts) -> bool:
-    """Print what came of it; return whether a promise was broken."""
+    """Print the result; return whether a guarantee was broken."""
     back = sorted(t.recovery_s)
     print(f"{name}: {t.runs} runs, {sum(t.faults.values())} faults, {t.angles} angles")
     print(f"  faults: {dict(t.faults.most_common())}")
@@ -296,7 +296,7 @@ def campaign(name: str, runs: int, first_seed: int = 0) -> FaultCampaignCounts:
 
 
 def fuzz(strings: int, seed: int = 1) -> Counter[str]:
-    """Feed random strings to decoders, fresh ones and ones that go on; return how many messages came."""
+    """Feed random strings to decoders, new ones and continued ones; return the number of messages."""
     draw = random.Random(seed)
     found: Counter[str] = Counter()
     likely = (0xFF, 0xFF, 0xFD, 0x00, 0xA0, 0xAF, 0x01, 0x59, 0x55)

@@ -1,9 +1,9 @@
-"""Mutated files through every reader: nothing but errors of our own, of one line, in bounded room and time.
+"""Mutated files through every reader: only project errors, of one line, in bounded memory and time.
 
 python benchmarks/reader_fuzz.py [--inputs N] [--only READER …] [--minutes M] [--again READER K]
 
-Input K of a reader depends on the seed, its name and K alone. What was done is kept in --state, and a later run goes on
-from there. `make fuzz`.
+Input K of a reader depends on the seed, its name and K alone. Finished inputs are kept in --state, and a later run
+continues from there. `make fuzz`.
 
 A reader that runs a library in a child process, since it may abort, is run here without its child: the process that
 reads is then the child, its abort is a refusal, and the next inputs are read by another process.
@@ -34,7 +34,7 @@ from tests.session.damage import Parts  # noqa: E402
 
 MOST_BYTES = 512 << 20
 MOST_S = 10.0
-# of a process that does not answer; far beyond what a busy machine adds to ten seconds
+# time limit of a process without a reply; far beyond the effect of a busy machine on ten seconds
 SILENT_S = 1200.0
 # shared libraries and stacks of threads are mapped, not used
 MAPPED_BYTES = 1 << 30
@@ -77,7 +77,7 @@ def no_end(signum: int, frame: object) -> None:
 
 
 def outcome_of(found: Reader) -> tuple[str, str]:
-    """Read the file; return "read", "refused" or "foreign", and what was said."""
+    """Read the file; return "read", "refused" or "foreign", and the message."""
     signal.setitimer(signal.ITIMER_VIRTUAL, MOST_S)
     try:
         (found.in_child or found.read)()
@@ -93,7 +93,7 @@ def outcome_of(found: Reader) -> tuple[str, str]:
 
 
 def read_part(reader: str, first: int, last: int, seed: int, folder: Path) -> None:
-    """Read some inputs, each said in a line of JSON; the parent keeps the count."""
+    """Read some inputs, each reported in a line of JSON; the parent keeps the count."""
     signal.signal(signal.SIGVTALRM, no_end)
     warnings.simplefilter("error")
     found = readers(folder)[reader]
@@ -120,7 +120,7 @@ def read_part(reader: str, first: int, last: int, seed: int, folder: Path) -> No
 
 
 class Study:
-    """What was done so far of each reader, kept in a file."""
+    """The finished inputs of each reader, kept in a file."""
 
     def __init__(self, state: Path, seed: int) -> None:
         self._path, self._seed = state, seed
@@ -180,7 +180,7 @@ def read_apart(study: Study, reader: str, inputs: int, seed: int) -> None:
                 break
             row = json.loads(line)
             if row is None:
-                # what is left is for a process with fewer threads
+                # the rest is for a process with fewer threads
                 fresh = True
             else:
                 study.add(reader, row)
@@ -194,7 +194,7 @@ def read_apart(study: Study, reader: str, inputs: int, seed: int) -> None:
 
 
 def again(reader: str, k: int, seed: int) -> None:
-    """Write one input to a file that stays, and read it with all that is said."""
+    """Write one input to a file that stays, and read it with all messages."""
     folder = Path(tempfile.mkdtemp(prefix="reader_fuzz_"))
     found = readers(folder)[reader]
     found.path.write_bytes(found.seeds[0])
@@ -214,7 +214,7 @@ def print_table(study: Study, names: list[str]) -> None:
 
 
 def main() -> None:
-    """Go on from what was done, and print the table."""
+    """Continue from the finished inputs, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--inputs", type=int, default=100_000, metavar="N", help="of each reader")
     parser.add_argument("--seed", type=int, default=22, metavar="S")

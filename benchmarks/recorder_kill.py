@@ -1,6 +1,6 @@
 """Kill -9 a recording process at 50 random moments: is every complete chunk recovered, and how much is lost?
 
-The child records a made-up flight of two raw cameras at 30 pairs/s in real time and says after each pair how many
+The child records a synthetic flight of two raw cameras at 30 pairs/s in real time and prints after each pair how many
 events it has handed over. What `recover` gives is compared with what was handed over, pixel by pixel.
 """
 
@@ -37,7 +37,7 @@ def child(path: Path) -> None:
 
 
 def killed(path: Path, after_s: float) -> tuple[int, float]:
-    """Run a child for so long after its first pair; returns what it said last."""
+    """Run a child for so long after its first pair; returns its last message."""
     process = subprocess.Popen(
         [sys.executable, __file__, "--child", str(path)], stdout=subprocess.PIPE, text=True, cwd=ROOT
     )
@@ -52,7 +52,7 @@ def killed(path: Path, after_s: float) -> tuple[int, float]:
 
 
 def one(folder: Path, after_s: float) -> tuple[float, bool]:
-    """Kill once; returns how many seconds of the flight are lost, and whether all that was whole is there."""
+    """Kill once; returns how many seconds of the flight are lost, and whether all complete data are there."""
     path = folder / "flight.mcap"
     number, said_s = killed(path, after_s)
     with McapReader(path) as reader:

@@ -1,4 +1,4 @@
-"""What a recording of the bundled landing takes: bytes per second at 30 pairs/s, searching and tracking, and effort.
+"""Size of a recording of the bundled landing: bytes per second at 30 pairs/s, searching and tracking, and its cost.
 
 Twice: with the pictures as the videos have them, and as a raw camera would give them (Bayer, noise of 2 grey levels).
 Then each recording is replayed: the same track, bit for bit?
@@ -34,7 +34,7 @@ LIMIT_MB_S = 15.0
 
 
 def raw(events: Iterable[Event]) -> Iterator[Event]:
-    """Turn pictures into what a sensor behind a Bayer filter would give, with noise."""
+    """Convert pictures to those of a sensor behind a Bayer filter, with noise."""
     rng = np.random.default_rng(3)
     for event in events:
         if isinstance(event, Frame):
@@ -50,7 +50,7 @@ def raw(events: Iterable[Event]) -> Iterator[Event]:
 
 
 class Timed(Recorder):
-    """A recorder that measures what it costs the thread that hands over."""
+    """A recorder that measures its cost in the calling thread."""
 
     spent_s = 0.0
 
@@ -68,7 +68,7 @@ class Timed(Recorder):
 
 
 def record(session: Session, path: Path, as_raw: bool, to_s: float | None) -> float:
-    """Record a replay; returns what it cost the pipeline's thread, s per pair."""
+    """Record a replay; returns its cost in the pipeline's thread, s per pair."""
     config = Config()
     header = build_header(session, None, config, initial=None, learns_from_reference=False)
     pipeline = Pipeline(session.rig, config, span_m=session.target.span_m)
@@ -79,7 +79,7 @@ def record(session: Session, path: Path, as_raw: bool, to_s: float | None) -> fl
 
 
 def rates(path: Path) -> dict[str, tuple[int, float]]:
-    """Return frames and bytes per frame, of whole ones and of windows, and bytes per pair of all else."""
+    """Return frames and bytes per frame, of whole ones and of windows, and bytes per pair of all other data."""
     frames: dict[str, set[tuple[str, int]]] = {"whole": set(), "windows": set()}
     size = dict.fromkeys(("whole", "windows", "rest"), 0)
     pairs = 0
@@ -109,7 +109,7 @@ def same_track(path: Path) -> str:
 
 
 def live_search(session: Session, path: Path, seconds: float) -> str:
-    """Hand over whole raw frames in real time, as while a live station searches; returns how that went."""
+    """Record whole raw frames in real time, as while a live station searches; returns the result."""
     rng = np.random.default_rng(5)
     w, h = session.rig.stations[0].lens.image_size_px
     pool = [rng.normal(120.0, 4.0, (h, w)).astype(np.uint8) for _ in range(8)]

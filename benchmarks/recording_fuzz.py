@@ -2,8 +2,8 @@
 
 python benchmarks/recording_fuzz.py [--recordings N] [--minutes M] [--again K]
 
-Names, lengths, kinds, order and checksums of a recording's records are changed, those in its chunks too. What was done
-is kept in --state, and a later run goes on from there. `make fuzz`.
+Names, lengths, kinds, order and checksums of a recording's records are changed, those in its chunks too. Finished ones
+are kept in --state, and a later run continues from there. `make fuzz`.
 """
 
 import argparse
@@ -50,7 +50,7 @@ def arguments(command: str, recording: Path, out: Path) -> list[str]:
 
 
 def outside(sandbox: Path, out: Path) -> dict[str, tuple[int, int]]:
-    """Return what lies in the sandbox besides what is written on purpose: size and time of each file."""
+    """Return the files in the sandbox besides those written on purpose: size and time of each."""
     found = {}
     for folder, folders, names in os.walk(sandbox):
         folders[:] = [name for name in folders if Path(folder) / name != out]
@@ -61,7 +61,7 @@ def outside(sandbox: Path, out: Path) -> dict[str, tuple[int, int]]:
 
 
 def run(command: str, recording: Path, sandbox: Path) -> tuple[str, str]:
-    """Run one command; return its exit code or "foreign" and what was said."""
+    """Run one command; return its exit code or "foreign" and its output."""
     out = sandbox / "inner" / "out"
     out.mkdir(parents=True)
     before = outside(sandbox, out)
@@ -90,7 +90,7 @@ def run(command: str, recording: Path, sandbox: Path) -> tuple[str, str]:
 
 
 def read_part(first: int, last: int, seed: int, folder: Path) -> None:
-    """Run the commands on some recordings, each said in a line of JSON."""
+    """Run the commands on some recordings, each reported in a line of JSON."""
 
     def no_end(signum: int, frame: object) -> None:
         raise TimeoutError(f"more than {MOST_S:g} s")
@@ -120,7 +120,7 @@ def read_part(first: int, last: int, seed: int, folder: Path) -> None:
 
 
 class Study:
-    """What was done so far, kept in a file."""
+    """The finished recordings, kept in a file."""
 
     def __init__(self, state: Path, seed: int) -> None:
         self._path, self._seed = state, seed
@@ -189,7 +189,7 @@ def run_apart(study: Study, recordings: int, seed: int) -> None:
 
 
 def main() -> None:
-    """Go on from what was done, and print the counts."""
+    """Continue from the finished ones, and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--recordings", type=int, default=1_000, metavar="N")
     parser.add_argument("--seed", type=int, default=22, metavar="S")

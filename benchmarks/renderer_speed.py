@@ -3,7 +3,7 @@
     python benchmarks/renderer_speed.py
 
 A landing is filmed at five ranges, each picture with angles of its own; the bundled landing's left video is decoded in
-the same run, turn by turn, so that a busy machine slows both alike.
+the same run, in turn, so that a busy machine slows both equally.
 """
 
 import time
@@ -42,7 +42,7 @@ def render(camera: RenderedCamera, range_m: float, spent: list[float]) -> None:
 def decode(capture: cv2.VideoCapture, spent: list[float]) -> None:
     """Decode frames in one thread; add the CPU time of each, s."""
     for _ in range(PICTURES):
-        # process time: FFmpeg may decode in a thread of its own
+        # process time: FFmpeg may decode in a separate thread
         began = time.process_time()
         good, _ = capture.read()
         assert good, "the video is shorter than the benchmark"

@@ -2,11 +2,11 @@
 
     python benchmarks/replay_speed.py [SESSION] [--pairs N] [--repeats N]
 
-Decoding alone is one thread per video, nothing done with the frames. The session is played over and over until so
+Decoding alone is one thread per video, without use of the frames. The session is played repeatedly until so
 many pairs have gone by, replays in turn with decoding, so that a busy machine slows both; the medians of some such
 runs are printed. Imports and compilation are done before the first measurement and are not counted; neither are
 evaluation and report, which come after the last frame. Every replay acquires its target again, which a flight does
-once; so what comes after the first pair that is tracked is told apart, as "steady". There decoding alone is charged
+once; so the part after the first tracked pair is reported separately, as "steady". There decoding alone is charged
 only for what the replay's decoders had not yet decoded when the track began, the frames of a full queue less.
 """
 
@@ -52,14 +52,14 @@ def decode_alone(session: Path) -> tuple[float, list[float]]:
 
 
 def replayed(session: Path, *, rerun: bool) -> tuple[dict[str, float], list[float], int]:
-    """Return the speed figures of one replay into a folder that is thrown away.
+    """Return the speed figures of one replay into a temporary folder.
 
-    Besides them when each pair was answered, s, and which was the first that was tracked.
+    Also the time at which each pair was processed, s, and the first one that was tracked.
     """
     moments: list[float] = []
 
     def answered(pairs: int, _total: int | None) -> None:
-        # several pairs may be answered at once
+        # several pairs may be processed at once
         moments.extend([time.perf_counter()] * (pairs - len(moments)))
 
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""What the Rerun recording costs for each stereo pair, and whether its memory stays flat.
+"""Cost of the Rerun recording for each stereo pair, and whether its memory stays constant.
 
 Run from the repository's root: ``python -m benchmarks.rerun_sink [laps]``. Reports are synthetic, made from the
 bundled landing's truth; a lap has 332 pairs. Only the sink's own calls are timed.

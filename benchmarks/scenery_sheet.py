@@ -1,4 +1,4 @@
-"""A sheet of drawn sceneries as a camera near the runway's start sees them, to look at.
+"""A sheet of drawn sceneries as a camera near the runway's start sees them, for inspection.
 
     python benchmarks/scenery_sheet.py OUT.png [--first SEED] [--count N] [--columns N] [--focal PX]
 
@@ -22,7 +22,7 @@ _STREAM = 733
 
 
 def view(scenery: Scenery, focal_px: float, pan_rad: float, tilt_rad: float) -> ImageArray:
-    """Return what the eye sees under pan and tilt, rad."""
+    """Return the view under pan and tilt, rad."""
     half = [0.5 * n / focal_px for n in _SIZE_PX]
     margin = 0.02
     fine = FineRange(

@@ -1,6 +1,6 @@
 """Mutation testing of all packages: faults are put in one by one, and the tests that cover the place must find them.
 
-Kept tools were looked at first. mutmut 3 also forks from a process that has everything imported, but it mutates whole
+Existing tools were tested first. mutmut 3 also forks from a process that has everything imported, but it mutates whole
 packages rather than a drawn sample (64,000 lines make some 10⁵ mutants), calls each function through a trampoline that
 numba cannot compile, names mutants by their ordinal in the function, so that a list does not survive an edit, and does
 not reach processes that a test starts. cosmic-ray writes each mutant to disk, runs one command for all of them with no

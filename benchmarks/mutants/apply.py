@@ -102,7 +102,7 @@ def put_in(root: Path, function: Function, fault: Fault, scratch: Path) -> None:
 
 
 def environment(root: Path, function: Function, fault: Fault, scratch: Path) -> dict[str, str]:
-    """What a new process needs to import the module with the fault."""
+    """Environment in which a new process imports the module with the fault."""
     source = scratch / "mutated.py"
     source.write_text(ast.unparse(changed_module(root, function, fault)), encoding="utf-8")
     before = os.environ.get("PYTHONPATH")

@@ -1,7 +1,7 @@
-"""Which test calls which functions: each test file once, with a mark in every function.
+"""Tests and the functions that they call: each test file once, with a mark in every function.
 
-What a fixture of a module or a session calls counts for each test that uses it; where tests keep results in a cache,
-what one test of the file calls counts for all of them. A file gets a limited time, and tests beyond it cover nothing:
+Calls of a module's or a session's fixture count for each test that uses it; where tests keep results in a cache,
+calls of one test of the file count for all of them. A file gets a limited time, and tests beyond it cover nothing:
 the score can only become smaller by that. One file of results for each test file; a test file that has changed is run
 again.
 """
@@ -33,8 +33,8 @@ class Covering:
     Attributes
     ----------
     test : pytest's name of it
-    functions : what it calls, "module:qualified name"
-    cpu_s, wall_s : what it takes, its fixtures included
+    functions : its calls, "module:qualified name"
+    cpu_s, wall_s : its time, with its fixtures
     """
 
     test: str
@@ -44,7 +44,7 @@ class Covering:
 
 
 class Marker:
-    """A pytest plugin that notes what is called by each test and by each wider fixture."""
+    """A pytest plugin that records the calls of each test and of each wider fixture."""
 
     def __init__(self, imported: Path) -> None:
         self._imported = imported
@@ -54,7 +54,7 @@ class Marker:
         self._offset = 0
 
     def begin(self, folder: Path) -> None:
-        """Begin with a file of its own in a forked process."""
+        """Begin with a separate file in a forked process."""
         self.file = folder / "hits"
         self.file.touch()
         self._offset = 0
@@ -71,7 +71,7 @@ class Marker:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any, request: Any) -> Generator[None, Any, Any]:
-        """Attribute what a wider fixture calls to the fixture."""
+        """Attribute the calls of a wider fixture to the fixture."""
         if fixturedef.scope == "function":
             return (yield)
         self._own += self._new()
@@ -82,7 +82,7 @@ class Marker:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
-        """Attribute what is called between the beginning and the end of a test to the test."""
+        """Attribute the calls between the beginning and the end of a test to the test."""
         self._own = []
         marks.again()
         try:
@@ -124,7 +124,7 @@ def _map(file: Path, items: list[pytest.Item], store: Path, root: Path, marker: 
 
 
 def keep(store: Path, root: Path, file: Path, tests: list[dict[str, Any]]) -> None:
-    """Keep what the tests of a file call, with the hash of its text; no tests where it is left out as a whole."""
+    """Store the calls of a file's tests, with the hash of its text; no tests where it is left out as a whole."""
     target = _stored(store, root, file)
     target.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps({"file": file.relative_to(root).as_posix(), "digest": _digest(file), "tests": tests})
@@ -147,7 +147,7 @@ def is_known(store: Path, root: Path, file: Path) -> bool:
 
 
 def read_map(store: Path) -> list[Covering]:
-    """All tests that pass without a fault, with what they call."""
+    """All tests that pass without a fault, with their calls."""
     found = []
     for file in sorted(store.glob("*.json")):
         for line in json.loads(file.read_text(encoding="utf-8"))["tests"]:

@@ -1,13 +1,13 @@
-"""Which faults are on the list: a draw by hash, stratified over the packages.
+"""Draw of the listed faults by hash, stratified over the packages.
 
 Each package (a folder of ``groundstation``, its flat modules together, ``calibration``, ``ptu_drivers``) gets its share
 of the number of faults by its lines in functions, and at least `AT_LEAST`. Within a package the functions are ranked by
 the SHA-256 of seed, module and qualified name, and the first of them get one fault each: first its kind is drawn, the
 one whose hash with the function is lowest among the kinds that the function has, then its place among those of the kind
-in the same way. So a draw depends on nothing but the seed and the program, a new function moves at most one fault, and
+in the same way. A draw therefore depends only on the seed and the program, a new function moves at most one fault, and
 where a listed fault is gone the next function of the package's ranking takes its place.
 
-Left out of the draw: messages, log lines, assertions, docstrings, annotations, ``__repr__``, what a plot looks like,
+Left out of the draw: messages, log lines, assertions, docstrings, annotations, ``__repr__``, the appearance of plots,
 the text of tests and benchmarks, module-level constants, faults that compile to the same instructions, and floats
 below 1e-6 (guards against a division by zero). Nothing is left out for being hard to find.
 """

@@ -14,7 +14,7 @@ LIST = Path(__file__).parent / "list.jsonl"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One fault of the list: where it is, what it changes, and what came of it.
+    """One fault of the list: its place, its change, and its result.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Entry:
     before, after : source of the changed node and of what replaces it
     result : "found", "timeout", "survived", or empty before the first run
     by : test that found it
-    explained : why no test can find it or need not
+    explained : reason why no test can find it or need not
     """
 
     package: str

@@ -78,7 +78,7 @@ def kernels_of(
 ) -> frozenset[Name]:
     """The kernels that a function runs by name; with `module_functions` through functions of its own module too.
 
-    `known` keeps what each kernel contains, from one call to the next.
+    `known` caches the kernels in each function, from one call to the next.
     """
     found: set[Name] = set()
     seen: set[FunctionType] = set()

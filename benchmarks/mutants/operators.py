@@ -1,4 +1,4 @@
-"""The kinds of fault, each a rule from a node of a syntax tree to the nodes that may stand in its place."""
+"""The kinds of fault, each a rule from a node of a syntax tree to its possible replacements."""
 
 import ast
 import copy
@@ -11,7 +11,7 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(re.findall(r"\w+", text))
 
 
-# Text, log lines and what a picture looks like are left alone: a change there is no fault of what the program computes.
+# Text, log lines and the appearance of pictures are excluded: a change there is no fault of a computation.
 PRESENTATION = _words(
     "alpha align axis_label bbox_to_anchor c cmap color colors description dpi edgecolor encoding errors facecolor "
     "figsize file fmt fontsize fontweight framealpha ha help label labels layout linestyle linewidth linewidths loc ls "

@@ -189,7 +189,7 @@ def _nodes(node: ast.AST, path: tuple[Step, ...] = ()) -> Iterator[tuple[tuple[S
 
 
 def _is_left_alone(node: ast.AST) -> bool:
-    """Text, log lines, assertions and what a picture looks like."""
+    """Text, log lines, assertions and the appearance of pictures."""
     if isinstance(node, ast.JoinedStr | ast.Assert | ast.expr_context | ast.operator | ast.cmpop):
         return True
     if isinstance(node, ast.keyword):

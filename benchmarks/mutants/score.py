@@ -21,7 +21,7 @@ def read_results(file: Path) -> dict[str, Result]:
 
 
 def with_results(entries: Iterable[Entry], results: dict[str, Result]) -> list[Entry]:
-    """The list with what came of each fault; entries without a result stay as they are."""
+    """The list with the results of the faults; entries without a result stay as they are."""
     return [
         replace(entry, result=results[entry.key].result, by=results[entry.key].by) if entry.key in results else entry
         for entry in entries

@@ -46,10 +46,10 @@ class PytestOutcome:
 
     Attributes
     ----------
-    lines : what the process wrote of each test
+    lines : the process's output for each test
     failed : the test that failed, hung or ended the process, None when none did
     how : "failed", "timeout" or "died"; "prepare" when it failed before any test, empty when nothing failed
-    complete : whether all tests ran that were wanted, the failing one included
+    complete : whether all requested tests ran, the failing one included
     seconds : wall time
     """
 
@@ -147,7 +147,7 @@ class ForkingSession:
 
 
 def serve(jobs: Iterator[Work], *, workers: int, start: Callable[[Run, Path], int]) -> None:
-    """Run all jobs, `workers` processes at a time; each job gets what came of its run and may yield another."""
+    """Run all jobs, `workers` processes at a time; each job gets the result of its run and may yield another."""
     running: dict[int, tuple[Work, Path, float]] = {}
 
     def launch(job: Work, run: Run) -> None:
@@ -177,7 +177,7 @@ def serve(jobs: Iterator[Work], *, workers: int, start: Callable[[Run, Path], in
 
 
 def _end_group(pid: int) -> None:
-    """End what a run has left behind."""
+    """End the remaining processes of a run."""
     try:
         os.killpg(pid, signal.SIGKILL)
     except ProcessLookupError:

@@ -1,4 +1,4 @@
-"""One fault against the tests that cover it: which tests, in which order, and what came of them."""
+"""One fault against the tests that cover it: their selection, order, and result."""
 
 import json
 import math
@@ -30,7 +30,7 @@ FLAKY_TESTS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """What came of one fault.
+    """Result of one fault.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Selection:
 
 
 def with_fixtures(covering: list[Covering], items: dict[str, pytest.Item]) -> list[Covering]:
-    """The tests with what their wider fixtures may take, of which only the first test of a file shows the time.
+    """The tests with the possible time of their wider fixtures, which only the first test of a file shows.
 
     That is at most what the longest test takes that uses the same fixture.
     """
@@ -180,7 +180,7 @@ def trial(located: Located, selection: Selection, *, root: Path, budget_s: float
 
 
 def in_new_process(located: Located, result: Result, *, root: Path, budget_s: float) -> Result:
-    """What is called while modules are imported is tried in a process that imports them with the fault in."""
+    """Code called while modules are imported is tried in a process that imports them with the fault in."""
     module = located.function.module.split(".")
     folder = root / "tests" / Path(*(module[1:-1] if module[0] == "groundstation" else module[:-1]))
     files = sorted(folder.glob(f"test_{module[-1]}*.py")) or sorted(folder.glob("test_*.py"))

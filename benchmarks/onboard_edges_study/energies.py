@@ -49,12 +49,12 @@ def prediction(sequence: Sequence, frames: list[NoseFrame]) -> dict[str, Array]:
     odometry = VisualOdometry(KAPPA, frames[start].truth)
     found: dict[str, list[float]] = {"3-D, IMU": [], "3-D, pictures": [], "2-D, constant velocity": [], "2-D, held": []}
     held, wanted = (crossings, rows), crossings
-    # the IMU's lasting errors are known from the tracked second before: what is compared is what comes after
+    # the IMU's constant errors are known from the tracked second before: only the part after it is compared
     turn = frames[start].reported.threshold_from_camera.T @ frames[start].truth.threshold_from_camera
     shift = frames[start].truth.camera_threshold_m - frames[start].reported.camera_threshold_m
     for k, frame in enumerate(frames):
         there = truth(sequence, frame.truth)
-        # where the runway is not seen, what was last seen of it is compared
+        # where the runway is invisible, its last visible edges are compared
         rows, wanted = there or (rows, wanted)
         if k:
             flat = predict_picture(flat, frame.t_s - frames[k - 1].t_s, np.array([500.0, 0.05]))

@@ -1,4 +1,4 @@
-"""What is compared on rendered approaches: the tracker, the paper's energies and two baselines, each as a step."""
+"""Methods compared on rendered approaches: the tracker, the paper's energies and two baselines, each as a step."""
 
 import math
 from collections.abc import Callable
@@ -27,9 +27,9 @@ Step = Callable[[NoseFrame], tuple[Array, Array] | None]
 
 
 def truth(sequence: Sequence, pose: NoseCameraPose) -> tuple[Array, Array] | None:
-    """Return the rows (2,) between which the true edges are seen, and where they cross them (4,).
+    """Return the rows (2,) between which the true edges are visible, and their crossings there (4,).
 
-    None where they are seen in too few rows for any error to be told, as in a gust on short final.
+    None where they are visible in too few rows to define an error, as in a gust on short final.
     """
     field = sequence.airfield
     guess = RunwayGuess(width_m=field.width_m, length_m=field.length_m, margin_m=0.5, margin_px=0.0)
@@ -41,7 +41,7 @@ def truth(sequence: Sequence, pose: NoseCameraPose) -> tuple[Array, Array] | Non
 
 
 def certain_truth(sequence: Sequence, pose: NoseCameraPose) -> tuple[Array, Array]:
-    """Return the truth where nothing goes without it; ValueError where it is not seen."""
+    """Return the truth where it is required; ValueError where it is invisible."""
     wanted = truth(sequence, pose)
     if wanted is None:
         raise ValueError(f"{sequence.name}: got a frame in which the runway is not seen; wanted its edges")
@@ -49,7 +49,7 @@ def certain_truth(sequence: Sequence, pose: NoseCameraPose) -> tuple[Array, Arra
 
 
 def tracked(config: TrackerConfig, reports: list[EdgeReport] | None = None) -> Step:
-    """Return a tracker as a step that gives crossings and their rows; what it says goes to ``reports``."""
+    """Return a tracker as a step that gives crossings and their rows; its reports go to ``reports``."""
     tracker = EdgeTracker(KAPPA, SIZE, config)
 
     def step(frame: NoseFrame) -> tuple[Array, Array] | None:
@@ -63,7 +63,7 @@ def tracked(config: TrackerConfig, reports: list[EdgeReport] | None = None) -> S
 
 
 def plain(energy: Energy) -> TrackerConfig:
-    """Return our filter with nothing but a descent from its prediction, in bands across: what sets energies apart."""
+    """Return this filter with only a descent from its prediction, in bands across: the difference between energies."""
     descent = DescentConfig(energy=energy)
     config = TrackerConfig(guess=GUESS, use_strip=False, profile=None, paint_m=0.0, band_m=4.0, gate=math.inf)
     return replace(config, descent=descent)

@@ -27,7 +27,7 @@ STEP_M = 18.52
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Case:
-    """One picture: its corners, our pose from them, the true range."""
+    """One picture: its corners, the pose from them, the true range."""
 
     seen: PointCorrespondences
     pose: RunwayPose
@@ -61,7 +61,7 @@ def by_bin(true: np.ndarray, error: np.ndarray) -> dict[str, float]:
 
 
 def corner_study(folder: Path) -> dict[str, object]:
-    """RMSE of range by bin for each method, how well ours knows it, and the time of a solve."""
+    """RMSE of range by bin for each method, the consistency of this solver, and the time of a solve."""
     cases = load(folder)
     true = np.array([case.true_m for case in cases])
     ranges: dict[str, list[float]] = {"ours": [], "six pairs": [], "four sides": [], "opencv": []}
@@ -96,7 +96,7 @@ def corner_study(folder: Path) -> dict[str, object]:
 def attitude_study(folder: Path) -> dict[str, object]:
     """The same geometry with exact truth, corners rounded to whole pixels again, and an attitude of the given accuracy.
 
-    The recorded table has no attitude; so each pose that was found, turned a little, is the truth of a picture like it.
+    The recorded table has no attitude; so each estimated pose, rotated slightly, is the truth of a similar picture.
     Without the turn, its corners would fall on the whole pixels that they came from.
     """
     cases = load(folder)

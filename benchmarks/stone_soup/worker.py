@@ -1,6 +1,6 @@
 """Run Stone Soup's extended Kalman filter over the measurements that come in on standard input, pickled.
 
-Started by filter_study.py in a virtual environment of its own. The request is a dict: "mean" (n,), "covariance" (n, n),
+Started by filter_study.py in a separate virtual environment. The request is a dict: "mean" (n,), "covariance" (n, n),
 "angle_columns" (the first place of each station's pan and tilt), "stations" (packed), "psd" (one of each pair of value
 and slope), "pairs" (places of values and slopes), "noise" (pixel and angle variances), "steps": a list of
 (dt, [(kind, station number, two numbers)]), "repeats". The answer: states (k, n) after each step, median s per step.
@@ -27,7 +27,7 @@ from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
 
 class Pairs(LinearGaussianTransitionModel, TimeVariantModel):
-    """Constant velocity driven by white acceleration, each pair of value and slope with a PSD of its own."""
+    """Constant velocity driven by white acceleration, each pair of value and slope with its own PSD."""
 
     values: np.ndarray = Property(doc="places of the values")
     slopes: np.ndarray = Property(doc="places of their slopes")
