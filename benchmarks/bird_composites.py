@@ -1,7 +1,7 @@
 """Fly real birds across real clips of aircraft, in front of the aircraft, and print whether they capture the track.
 
 usage: GROUNDSTATION_DATA=… python benchmarks/bird_composites.py [--each N] [--seed N] [--save DIR] [--only N]
-       [CLIP …]
+       [--workers N] [CLIP …]
 
 Birds are cut out of bird-clips by their contrast against the local sky, with soft edges, as films of consecutive
 frames, and composited over the `aircraft` segments of aircraft-clips: scaled to 0.3–2 times the length of the
@@ -20,15 +20,20 @@ aircraft is hit in three frames running; "late" are those that take more than 0.
 import argparse
 import os
 import time
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from birds.counts import CompositeCounts, CompositeResult
 from birds.cutting import Box, length_in, read_boxes, read_flocks
 from birds.flights import Flight, Painter, draw_flight, local_sky
+from birds.pictures import draw, save
 from birds.scoring import RATE_HZ, Score
 from detector_clips import read_segments
+from parallel_study import StudyRun, add_study_arguments, in_blocks
 
 from groundstation.arrays import ImageArray
 from groundstation.box import box_of_size
@@ -38,43 +43,10 @@ from groundstation.tracking.warm_up import warm_up
 
 SPEEDS_PX = ((3.0, 8.0), (8.0, 15.0), (15.0, 25.0))
 RATIOS = ((0.3, 0.6), (0.6, 1.0), (1.0, 1.5), (1.5, 2.0))
-LATE_S = 0.5
 SHORTEST = 75  # frames: shorter segments have no room
 CUT_PX, CUT_RATIO = 30.0, 1.4
-
-
-@dataclass(kw_only=True)
-class CompositeCounts:
-    """Counts over composites."""
-
-    composites: int = 0
-    captured: int = 0
-    late: int = 0
-    wrong: int = 0
-    frames: int = 0
-    missed: int = 0
-    clear: int = 0
-    back_s: list[float] = field(default_factory=list)
-
-    def add(self, score: Score) -> None:
-        """Count one composite."""
-        back = score.back_after_s
-        self.composites += 1
-        self.captured += score.captured
-        self.late += back is None or back > LATE_S
-        self.wrong += score.wrong_frames
-        self.frames += len(score.points)
-        self.missed += score.missed_after
-        self.clear += len(score.points) - score.clear_from
-        self.back_s.append(np.inf if back is None else back)
-
-    def line(self, name: str) -> str:
-        """Return one line of the printed table."""
-        back = np.array(self.back_s or [0.0])
-        return (
-            f"{name:26s} {self.composites:5d} {self.captured:8d} {self.late:5d} {self.wrong:6d}/{self.frames:<6d}"
-            f" {self.missed:5d}/{self.clear:<6d} {np.percentile(back, 95, method='higher'):7.2f} {back.max():7.2f}"
-        )
+# composites to a job: some tens of seconds
+BLOCK = 8
 
 
 def plan(folder: Path, each: int, seed: int, clips: list[str]) -> list[tuple[int, tuple[int, int], Flight]]:
@@ -161,39 +133,6 @@ class FlightOutcome:
     pictures: dict[int, ImageArray] = field(default_factory=dict)
 
 
-def draw(image: ImageArray, label: Box, bird: Box | None, seen: Detection | None) -> ImageArray:
-    """Return the surroundings of the label: label green, bird blue, what was seen red."""
-    side, scale = 128, 2
-    cx, cy = round(label[0] + label[2] / 2), round(label[1] + label[3] / 2)
-    padded = cv2.copyMakeBorder(image, side, side, side, side, cv2.BORDER_REPLICATE)
-    picture = cv2.resize(
-        padded[cy : cy + 2 * side, cx : cx + 2 * side], None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST
-    )
-    outlined = None if seen is None else (seen.box.x0, seen.box.y0, *seen.box.size)
-    for box, colour in ((label, (0, 200, 0)), (bird, (255, 80, 0)), (outlined, (0, 0, 255))):
-        if box is not None:
-            x, y, w, h = box
-            corner = (round(scale * (x - cx + side)), round(scale * (y - cy + side)))
-            cv2.rectangle(picture, corner, (corner[0] + round(scale * w), corner[1] + round(scale * h)), colour, 1)
-    if seen is not None:
-        at = (round(scale * (seen.u_px - cx + side)), round(scale * (seen.v_px - cy + side)))
-        cv2.circle(picture, at, 3, (0, 0, 255), -1)
-    return np.asarray(picture, np.uint8)
-
-
-def save(folder: Path, number: int, watched: FlightOutcome) -> None:
-    """Write a sheet of pictures around the overlap."""
-    folder.mkdir(parents=True, exist_ok=True)
-    tiles = []
-    for index, picture in sorted(watched.pictures.items()):
-        cv2.putText(picture, str(index), (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 255, 255), 1)
-        tiles.append(picture)
-    while len(tiles) % 4:
-        tiles.append(np.zeros_like(tiles[0]))
-    rows = [np.hstack(tiles[k : k + 4]) for k in range(0, len(tiles), 4)]
-    cv2.imwrite(str(folder / f"{number:03d}.png"), np.vstack(rows))
-
-
 def describe(number: int, flight: Flight, score: Score) -> str:
     back = score.back_after_s
     return (
@@ -205,6 +144,74 @@ def describe(number: int, flight: Flight, score: Score) -> str:
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedFlights:
+    """The flights of a plan with the boxes of all clips, read and drawn once for each process."""
+
+    flights: dict[int, tuple[tuple[int, int], Flight]]
+    boxes: dict[str, dict[int, Box]]
+
+
+@cache
+def planned(folder: str, each: int, seed: int, clips: tuple[str, ...]) -> PlannedFlights:
+    """Return the flights of a plan by number."""
+    warm_up()
+    cv2.setNumThreads(1)
+    flights = plan(Path(folder), each, seed, list(clips))
+    boxes = read_boxes(Path(folder) / "aircraft-clips")
+    return PlannedFlights(flights={number: (cell, flight) for number, cell, flight in flights}, boxes=boxes)
+
+
+def tracked(job: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the results of some composites over one clip, as JSON has them; pictures of what failed go to `save`."""
+    folder = job["plan"][0]
+    whole = planned(*job["plan"][:3], tuple(job["plan"][3]))
+    here = {number: whole.flights[number] for number in job["numbers"]}
+    wanted = {k for _, f in here.values() for k in range(f.first, f.last + 1)}
+    frames = read_clip(Path(folder) / "aircraft-clips" / f"{job['clip']}.mp4", wanted)
+    found = []
+    for number, (cell, flight) in here.items():
+        watched = run(flight, frames, whole.boxes[flight.clip], set())
+        score = watched.score
+        result = CompositeResult(
+            number=number,
+            cell=cell,
+            text=describe(number, flight, score),
+            captured=score.captured,
+            back_s=score.back_after_s,
+            wrong=score.wrong_frames,
+            frames=len(score.points),
+            missed=score.missed_after,
+            clear=len(score.points) - score.clear_from,
+            elapsed_s=watched.elapsed_s,
+        )
+        found.append(asdict(result))
+        if job["save"] and (result.failed or job["only"]):
+            middle = score.clear_from
+            near = set(range(middle - 16, middle)) | set(range(middle, middle + 32, 2))
+            save(Path(job["save"]), number, run(flight, frames, whole.boxes[flight.clip], near).pictures)
+    return found
+
+
+def jobs_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Return the composites in blocks of one clip."""
+    drawn = (str(Path(os.environ["GROUNDSTATION_DATA"]).absolute()), options.each, options.seed, tuple(options.clips))
+    numbers: dict[str, list[int]] = {}
+    for number, (_, flight) in planned(*drawn).flights.items():
+        if options.only in (None, number):
+            numbers.setdefault(flight.clip, []).append(number)
+    same = {
+        "plan": drawn,
+        "only": options.only is not None,
+        "save": None if options.save is None else str(options.save.absolute()),
+    }
+    return {
+        f"{clip}-{block[0]}": {"clip": clip, "numbers": block, **same}
+        for clip in sorted(numbers)
+        for block in in_blocks(numbers[clip], BLOCK)
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--each", type=int, default=20, metavar="N", help="composites for each size and speed")
@@ -212,34 +219,18 @@ def main() -> None:
     parser.add_argument("--save", type=Path, metavar="DIR", help="write pictures of the failures there")
     parser.add_argument("--only", type=int, metavar="N", help="one composite only, with pictures if --save")
     parser.add_argument("clips", nargs="*", metavar="CLIP", help="parts of clip names")
+    add_study_arguments(parser, "bird-composites")
     options = parser.parse_args()
-    folder = Path(os.environ["GROUNDSTATION_DATA"])
-    warm_up()
-    cv2.setNumThreads(1)
-    flights = plan(folder, options.each, options.seed, options.clips)
-    if options.only is not None:
-        flights = [f for f in flights if f[0] == options.only]
-    boxes = read_boxes(folder / "aircraft-clips")
+    blocks = StudyRun.chosen("birds", options).values(tracked, jobs_of(options))
     cells: dict[tuple[int, int], CompositeCounts] = {}
     total, elapsed = CompositeCounts(), []
-    for clip in sorted({f.clip for _, _, f in flights}):
-        here = [f for f in flights if f[2].clip == clip]
-        wanted = {k for _, _, f in here for k in range(f.first, f.last + 1)}
-        frames = read_clip(folder / "aircraft-clips" / f"{clip}.mp4", wanted)
-        for number, cell, flight in here:
-            watched = run(flight, frames, boxes[clip], set())
-            score = watched.score
-            cells.setdefault(cell, CompositeCounts()).add(score)
-            total.add(score)
-            elapsed += watched.elapsed_s
-            back = score.back_after_s
-            bad = score.captured or back is None or back > LATE_S
-            if bad or score.wrong_frames or options.only is not None:
-                print(describe(number, flight, score), flush=True)
-                if options.save:
-                    middle = score.clear_from
-                    near = set(range(middle - 16, middle)) | set(range(middle, middle + 32, 2))
-                    save(options.save, number, run(flight, frames, boxes[clip], near))
+    for value in (value for block in blocks.values() for value in block):
+        result = CompositeResult(**value | {"cell": tuple(value["cell"])})
+        cells.setdefault(result.cell, CompositeCounts()).add(result)
+        total.add(result)
+        elapsed += result.elapsed_s
+        if result.failed or options.only is not None:
+            print(result.text)
     print(
         f"\nseed {options.seed}; wrong: frames with a point off the aircraft, of all; missed: frames after the overlap"
     )
