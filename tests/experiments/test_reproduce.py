@@ -67,6 +67,15 @@ def found(recorded: TruthSession, drawn_once: None) -> dict[str, Findings]:
     return {e.name: e.run(recorded) for e in EXPERIMENTS}
 
 
+@pytest.fixture(scope="module")
+def again(tmp_path_factory: pytest.TempPathFactory, drawn_once: None) -> Path:
+    """What the documentation's own lines leave: all experiments on the same stretch once more, from the pictures on."""
+    folder = tmp_path_factory.mktemp("page")
+    with pytest.MonkeyPatch.context() as patch:
+        run_page(ROOT / "docs" / "reproduce.md", folder, patch, [])
+    return folder / "out" / "reproduce"
+
+
 def untimed(folder: Path, table: ResultTable) -> list[list[str]]:
     """Return a table as it was written to a folder, without its times."""
     with (folder / f"{table.name}.csv").open(newline="", encoding="utf-8") as stream:
@@ -86,7 +95,7 @@ def test_every_number_of_the_ground_paper_is_there() -> None:
 
 
 @pytest.mark.parametrize("name", [e.name for e in EXPERIMENTS])
-def test_each_finds_something(name: str, found: dict[str, Findings], tmp_path: Path) -> None:
+def test_each_finds_something(name: str, found: dict[str, Findings], again: Path) -> None:
     findings = found[name]
     assert findings.tables
     for table in findings.tables:
@@ -98,8 +107,8 @@ def test_each_finds_something(name: str, found: dict[str, Findings], tmp_path: P
         assert any(isinstance(cell, int | float) for row in table.rows for cell in row), table.name
         assert np.isfinite(numbers).all()
     for figure in findings.figures:
-        figure.draw(tmp_path / f"{figure.name}.png")
-        assert (tmp_path / f"{figure.name}.png").read_bytes().startswith(b"\x89PNG")
+        # as the command drew it
+        assert (again / f"{figure.name}.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_names_of_files_do_not_clash(found: dict[str, Findings]) -> None:
@@ -107,15 +116,6 @@ def test_names_of_files_do_not_clash(found: dict[str, Findings]) -> None:
     figures = [g.name for f in found.values() for g in f.figures]
     assert len(set(tables)) == len(tables)
     assert len(set(figures)) == len(figures)
-
-
-@pytest.fixture(scope="module")
-def again(tmp_path_factory: pytest.TempPathFactory, drawn_once: None) -> Path:
-    """What the documentation's own lines leave: all experiments on the same stretch once more, from the pictures on."""
-    folder = tmp_path_factory.mktemp("page")
-    with pytest.MonkeyPatch.context() as patch:
-        run_page(ROOT / "docs" / "reproduce.md", folder, patch, [])
-    return folder / "out" / "reproduce"
 
 
 @pytest.mark.parametrize("name", [e.name for e in EXPERIMENTS])
@@ -305,7 +305,7 @@ def followed(name: str, variant_px: float, flat_px: float, hough_px: float = 50.
 
 
 def test_what_decides_between_two_energies_is_named() -> None:
-    """Expected: the approaches without which the order turns, those that say most for it first, and no other."""
+    """Expected: the approaches without which the order changes, the most influential first, and no other."""
     calm, lost, bad = followed("calm", 1.0, 0.8), followed("lost", 2.0, 40.0), followed("bad", 1.5, 20.0)
     every = [calm, bad, lost]
     assert deciding(every, PRINTED, FLAT) == [lost, bad]
@@ -357,7 +357,7 @@ def test_a_runway_is_cut_out_where_it_is() -> None:
 
 
 def test_each_round_leads_astray_as_far_as_the_filter_says(found: dict[str, Findings]) -> None:
-    """Expected: in every pass the runway brings the filter back, and before it the filter knows how far it is off."""
+    """Expected: in every pass the runway corrects the filter, and before it the filter's covariance is consistent."""
     (table,) = found["passes"].tables
     rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
     assert [row["pass"] for row in rows] == ["pass 1", "pass 2"]
