@@ -190,8 +190,8 @@ def test_a_station_is_readmitted_only_after_enough_epochs_over_enough_time(
 ) -> None:
     """Expected: windows begin empty at the exclusion; first the epochs are there, then it has to agree for the time.
 
-    The fault is gone at once, so nothing else delays it; verdicts are given each 0.2 s. In one draw of seven two stations
-    are doubted before one of them is excluded, as the rules allow.
+    The fault is gone at once, so nothing else delays it; verdicts are given each 0.2 s. In one draw of seven two
+    stations are doubted before one of them is excluded, as the rules allow.
     """
     config = IntegrityConfig(min_epochs=min_epochs, readmit_s=readmit_s, constant_px=0.1)
     watcher, out_s, back_s = IntegrityMonitor(STATIONS, config), None, None
