@@ -1,6 +1,7 @@
 """Whether the detector's stated covariance holds over aircraft, attitudes and lights, which no one flight can show.
 
-    python benchmarks/drawn_aircraft.py OUT [--flights N] [--first SEED] [--rate HZ] [--crab DEG]
+    python benchmarks/drawn_aircraft.py [OUT] [--flights N] [--first SEED] [--rate HZ] [--crab DEG]
+        [--workers N]
 
 Flights are drawn: landings and take-offs in turn, in gusts, each with its own proportions, paint, crab, incidence, sun,
 clouds and scenery; the attitude follows the path's mean over a time that is drawn, too. Each is filmed into OUT (those
@@ -16,14 +17,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from detector_on_rendered import flown
+from parallel_study import STUDIES, StudyRun, add_study_arguments, as_json
 from scipy.stats import chi2
 from scipy.stats import t as t_of
 
 from groundstation.arrays import FloatArray
+from groundstation.box import Box
 from groundstation.evaluation.covariance_parts import noise_chi_square
 from groundstation.experiments.detection_tables import stated_errors
 from groundstation.experiments.detector_outcomes import DetectorOutcome
@@ -139,6 +143,24 @@ def film(folder: Path, seed: int, rate_hz: float, crab_rad: float) -> None:
     write_rendered_session(folder, simulated, cameras, words=words)
 
 
+def looked_at(job: tuple[str, int, float, float]) -> list[Any]:
+    """Return the looks of a flight as JSON has them, filmed first if it is not there.
+
+    ``job`` is the film's folder, seed, rate (Hz) and one sigma of the crab (deg).
+    """
+    folder, seed, rate_hz, crab_deg = Path(job[0]), *job[1:]
+    cv2.setNumThreads(1)
+    if not (folder / "masks.npz").exists():
+        film(folder, seed, rate_hz, math.radians(crab_deg))
+    return [as_json(outcome) for outcome in flown(folder)]
+
+
+def outcome_from_json(value: dict[str, Any]) -> DetectorOutcome:
+    """Return a look from what `looked_at` returns."""
+    arrays = {name: np.array(own) for name, own in value.items() if isinstance(own, list)}
+    return DetectorOutcome(**value | arrays | {"roi": Box(*value["roi"])})
+
+
 def table(flights: Mapping[int, Sequence[DetectorOutcome]]) -> list[str]:
     """Return a row for each bin of width: how far off, and how far in sigmas, by flight."""
     rows = [
@@ -194,20 +216,22 @@ def noises(flights: Mapping[int, Sequence[DetectorOutcome]]) -> list[str]:
 def main() -> None:
     """Film what is not there yet, replay all, print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path, metavar="OUT")
+    parser.add_argument("out", type=Path, metavar="OUT", nargs="?", default=STUDIES / "drawn-aircraft")
     parser.add_argument("--flights", type=int, default=16)
     parser.add_argument("--first", type=int, default=0, metavar="SEED")
     parser.add_argument("--rate", type=float, default=5.0, metavar="HZ")
     parser.add_argument("--crab", type=float, default=4.0, metavar="DEG", help="one sigma of the crab that is drawn")
+    add_study_arguments(parser, "drawn-aircraft", out=False)
     options = parser.parse_args()
-    cv2.setNumThreads(1)
+    jobs = {
+        f"flight-{seed}": (str((options.out / str(seed)).absolute()), seed, options.rate, options.crab)
+        for seed in range(options.first, options.first + options.flights)
+    }
+    found = StudyRun.chosen("drawn aircraft", options, options.out / "jobs").values(looked_at, jobs)
     flights: dict[int, Sequence[DetectorOutcome]] = {}
-    for seed in range(options.first, options.first + options.flights):
-        folder = options.out / str(seed)
-        if not (folder / "masks.npz").exists():
-            film(folder, seed, options.rate, math.radians(options.crab))
-        flights[seed] = flown(folder)
-        print(f"flight {seed}: {len(flights[seed])} looks", flush=True)
+    for name, (_, seed, _, _) in jobs.items():
+        flights[seed] = [outcome_from_json(value) for value in found[name]]
+        print(f"flight {seed}: {len(flights[seed])} looks")
     print("\n".join([*table(flights), *noises(flights)]))
 
 

@@ -7,9 +7,11 @@ minutes of rendering each.
 """
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
+from parallel_study import StudyRun, add_study_arguments
 from scipy.stats import chi2
 
 from groundstation.arrays import ImageArray
@@ -83,18 +85,31 @@ def printed(light: str, seed: int, row: FlightRow | None) -> str:
     )
 
 
+def flown(job: tuple[str, int]) -> dict[str, Any] | None:
+    """Render and follow a flight of a light and a seed; return its row's fields."""
+    light, seed = job
+    flight = drawn_flight(light, seed)
+    row = measured(flight, [picture for _, picture in flight.pictures()])
+    return None if row is None else asdict(row)
+
+
 def main() -> None:
     """Render, follow and print, light by light."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--draws", type=int, default=4, help="airfields in each light (default 4)")
     parser.add_argument("--first", type=int, default=951, help="seed of the first (default 951)")
     parser.add_argument("--lights", nargs="+", choices=LIGHTS, default=list(LIGHTS), help="default all four")
+    add_study_arguments(parser, "onboard-fly")
     options = parser.parse_args()
-    for light in options.lights:
-        for seed in range(options.first, options.first + options.draws):
-            flight = drawn_flight(light, seed)
-            row = measured(flight, [picture for _, picture in flight.pictures()])
-            print(printed(light, seed, row), flush=True)
+    jobs = {
+        f"{light}-{seed}": (light, seed)
+        for light in options.lights
+        for seed in range(options.first, options.first + options.draws)
+    }
+    found = StudyRun.chosen("onboard flights", options).values(flown, jobs)
+    for name, (light, seed) in jobs.items():
+        row = found[name]
+        print(printed(light, seed, None if row is None else FlightRow(**row)))
 
 
 if __name__ == "__main__":

@@ -7,10 +7,13 @@ of one whose left base was knocked by 0.01°. Figures in docs/notes/calibration.
 """
 
 import argparse
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 from landmark_study.simulated import SurveyScene, knocked, look, morning, turned_rad
+from parallel_study import StudyRun, add_study_arguments, in_blocks
 from scipy.stats import chi2
 
 from calibration.landmarks.check import Check, solve_check
@@ -22,6 +25,8 @@ KNOCK_RAD = float(np.radians(0.01))
 AXES = ("tilt", "roll", "pan")
 # of all the figures that a study prints one in a thousand may be outside by chance
 CHANCE = 1e-3
+# rigs to a job, some seconds to half a minute
+SURVEY_BLOCK, CHECK_BLOCK = 10, 1
 
 
 def errors(survey: Survey, day: SurveyScene) -> dict[str, float]:
@@ -52,17 +57,22 @@ def pose_nees(survey: Survey, day: SurveyScene) -> float:
     return float(np.array(off) @ np.linalg.solve(survey.fit.block(names), np.array(off)))
 
 
-def study_survey(rigs: int, readings: int, total_station: bool) -> None:
-    squares: dict[str, float] = {}
-    nees: list[float] = []
-    raised = 0
-    for seed in range(rigs):
+def surveyed(total_station: bool, readings: int, seeds: list[int]) -> list[tuple[bool, float, dict[str, float]]]:
+    """Return whether sigmas were raised, eᵀC⁻¹e of the poses, and errors over sigmas, of each rig of a block."""
+    found = []
+    for seed in seeds:
         generator = np.random.default_rng([seed, int(total_station)])
         day = morning(generator, total_station=total_station)
         survey = solve_survey(day.believed, look(day.true, day.stands, generator, readings), day.table)
-        raised += survey.fit.raised > 1.0
-        nees.append(pose_nees(survey, day))
-        for name, value in errors(survey, day).items():
+        found.append((bool(survey.fit.raised > 1.0), pose_nees(survey, day), errors(survey, day)))
+    return found
+
+
+def show_survey(found: Sequence[tuple[bool, float, dict[str, float]]], readings: int, total_station: bool) -> None:
+    rigs, raised, nees = len(found), sum(own for own, _, _ in found), [own for _, own, _ in found]
+    squares: dict[str, float] = {}
+    for _, _, off in found:
+        for name, value in off.items():
             squares[name] = squares.get(name, 0.0) + value**2
     n = 12
     low, high = chi2.ppf([CHANCE / 2, 1 - CHANCE / 2], n * rigs) / rigs
@@ -86,7 +96,7 @@ class Count:
     still: int = 0
     alarms: int = 0
     statistic: list[float] = field(default_factory=list)
-    sees_deg: list[np.ndarray] = field(default_factory=list)
+    sees_deg: list[list[float]] = field(default_factory=list)
     knocks: int = 0
     found: list[int] = field(default_factory=lambda: [0, 0, 0])
 
@@ -109,7 +119,7 @@ def one_morning(
     count.still += 1
     count.alarms += bool(still.moved)
     count.statistic += [m.statistic for m in still.movements]
-    count.sees_deg += [np.degrees(m.detectable_rad) for m in still.movements]
+    count.sees_deg += [np.degrees(m.detectable_rad).tolist() for m in still.movements]
     if not knocks:
         return
     count.knocks += 1
@@ -118,10 +128,10 @@ def one_morning(
         count.found[axis] += any(m.station == "left" for m in hit.moved)
 
 
-def study_check(rigs: int, mornings: int, knocked_mornings: int, readings: int) -> None:
-    """Count false alarms and knocks found; each rig is surveyed once and checked on several mornings."""
+def checked(mornings: int, knocked_mornings: int, readings: int, seeds: list[int]) -> list[dict[str, Any]]:
+    """Return what checks with and without reference answer over a block of rigs, each of which is surveyed once."""
     with_reference, without = Count(), Count()
-    for seed in range(rigs):
+    for seed in seeds:
         generator = np.random.default_rng([seed, 7])
         day = morning(generator)
         first = look(day.true, day.stands, generator, readings)
@@ -129,6 +139,25 @@ def study_check(rigs: int, mornings: int, knocked_mornings: int, readings: int) 
         for k in range(mornings):
             one_morning(with_reference, day, rig, first, readings, generator, k < knocked_mornings)
         one_morning(without, day, rig, [], readings, generator, True)
+    return [asdict(with_reference), asdict(without)]
+
+
+def added(counts: Sequence[dict[str, Any]]) -> Count:
+    """Return the sum of what `checked` returns of blocks."""
+    total = Count()
+    for own in (Count(**count) for count in counts):
+        total.still += own.still
+        total.alarms += own.alarms
+        total.statistic += own.statistic
+        total.sees_deg += own.sees_deg
+        total.knocks += own.knocks
+        total.found = [sum(pair) for pair in zip(total.found, own.found, strict=True)]
+    return total
+
+
+def show_check(blocks: Sequence[Sequence[dict[str, Any]]], readings: int) -> None:
+    """Print false alarms and knocks found."""
+    with_reference, without = (added(counts) for counts in zip(*blocks, strict=True))
     for word, count in (("with", with_reference), ("without", without)):
         print(f"check, {readings} readings of each landmark, {word} reference")
         share, mean = 100 * count.alarms / count.still, float(np.mean(count.statistic))
@@ -138,17 +167,36 @@ def study_check(rigs: int, mornings: int, knocked_mornings: int, readings: int) 
             print(f"  0.01° in {name}: found {count.found[axis]} of {count.knocks}; surely sees {sees:.4f}°")
 
 
+def one_block(job: tuple[str, tuple[Any, ...]]) -> list[Any]:
+    """Survey or check a block of rigs."""
+    part, arguments = job
+    return list(surveyed(*arguments) if part == "survey" else checked(*arguments))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rigs", type=int, default=120)
     parser.add_argument("--mornings", type=int, default=4)
     parser.add_argument("--knocked", type=int, default=1)
     parser.add_argument("--readings", type=int, nargs="+", default=[24, 40])
+    add_study_arguments(parser, "survey-and-check")
     options = parser.parse_args()
+    readings = options.readings[0]
+    survey_blocks, check_blocks = (in_blocks(range(options.rigs), size) for size in (SURVEY_BLOCK, CHECK_BLOCK))
+    jobs: dict[str, tuple[str, tuple[Any, ...]]] = {
+        f"survey-{total_station}-{block[0]}": ("survey", (total_station, readings, block))
+        for total_station in (True, False)
+        for block in survey_blocks
+    }
+    for number in options.readings:
+        for block in check_blocks:
+            jobs[f"check-{number}-{block[0]}"] = ("check", (options.mornings, options.knocked, number, block))
+    values = StudyRun.chosen("survey and check", options).values(one_block, jobs)
     for total_station in (True, False):
-        study_survey(options.rigs, options.readings[0], total_station)
-    for readings in options.readings:
-        study_check(options.rigs, options.mornings, options.knocked, readings)
+        found = [values[f"survey-{total_station}-{block[0]}"] for block in survey_blocks]
+        show_survey([rig for block in found for rig in block], readings, total_station)
+    for number in options.readings:
+        show_check([values[f"check-{number}-{block[0]}"] for block in check_blocks], number)
 
 
 if __name__ == "__main__":
