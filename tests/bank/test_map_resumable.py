@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from groundstation.bank.result_store import JobResult, ResultStore, write_whole
 from groundstation.errors import InputError, MissingExtraError
 from tests.bank import fake_jobs
 
-pytest.importorskip("distributed")
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="extra cluster is not installed")
 
 LIMIT_S = 1.5
 NUMBERS = range(12)

@@ -76,11 +76,11 @@ def camera_at(
     shape = trainer() if airframe is None else airframe
     world = RenderedScene(trajectory=straight(place_m, velocity_m_s), airframe=shape)
     place = small_station() if station is None else station
-    return RenderedCamera(world, place, optics, seed=seed, around=_around(optics.pattern is None))
+    return RenderedCamera(world, place, optics, seed=seed, around=around(optics.pattern is None))
 
 
 @lru_cache
-def _around(without_colour: bool) -> Surroundings:
+def around(without_colour: bool) -> Surroundings:
     """What the left station of any of these worlds sees, drawn once."""
     eye = small_station().geometry().camera_pose(0.0, 0.0).position_runway_m
     return surroundings_of(Scenery(), eye, 1600.0, without_colour)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -178,17 +179,19 @@ def test_the_same_again_is_the_same() -> None:
     assert np.array_equal(again, taken(1, 0.5)), "what was looked at before plays no part"
 
 
-SWEPT = camera_at((0.0, 8.0, 5.0), Optics(), station=small_station(size_px=(97, 61)))
+@cache
+def swept() -> RenderedCamera:
+    return camera_at((0.0, 8.0, 5.0), Optics(), station=small_station(size_px=(97, 61)))
 
 
 @given(st.floats(-4.0, 4.0), st.floats(-1.7, 1.7), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-3.0, 3.0))
 @settings(max_examples=150, deadline=None)
 def test_any_direction_gives_a_picture(pan: float, tilt: float, pan_rate: float, tilt_rate: float, t_s: float) -> None:
     """Straight up, backwards, an aircraft that fills the picture or passes behind: always a picture, never a fault."""
-    image = SWEPT.picture(t_s, pan, tilt, pan_rate, tilt_rate).whole()
+    image = swept().picture(t_s, pan, tilt, pan_rate, tilt_rate).whole()
     assert image.shape == (61, 97, 3)
     assert image.mean() > 5.0
-    truth = SWEPT.truth(t_s, pan, tilt, pan_rate, tilt_rate)
+    truth = swept().truth(t_s, pan, tilt, pan_rate, tilt_rate)
     h, w = truth.silhouette.shape
     assert 0 <= truth.corner_px[0] <= 97 - w
     assert 0 <= truth.corner_px[1] <= 61 - h

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,11 @@ from tests.simulation.drawn_stations.worlds import DURATION_S, LENS, built, flig
 DRAWS = 300
 DEG = math.radians(1.0)
 TWO = (StationSpec(name="left"), StationSpec(name="right"))
-DRAWN = [stations(seed) for seed in range(DRAWS)]
+
+
+@cache
+def drawn() -> list[StationsSpec]:
+    return [stations(seed) for seed in range(DRAWS)]
 
 
 def bounds(count: int) -> tuple[float, float]:
@@ -53,10 +58,10 @@ def bounds(count: int) -> tuple[float, float]:
 
 
 def test_stations_stand_within_their_limits() -> None:
-    counts = [len(spec.stations) for spec in DRAWN]
+    counts = [len(spec.stations) for spec in drawn()]
     assert set(counts) == {2, 3, 4}
     far = 0
-    for spec in DRAWN:
+    for spec in drawn():
         left, right = (np.array(s.position_m) for s in spec.stations[:2])
         assert 5.0 <= np.linalg.norm((right - left)[:2]) <= 40.2
         far += any(s.position_m[1] > 200.0 for s in spec.stations)
@@ -71,14 +76,14 @@ def test_stations_stand_within_their_limits() -> None:
 
 
 def test_everything_that_varies_is_drawn() -> None:
-    heads = [s.head for spec in DRAWN for s in spec.stations]
+    heads = [s.head for spec in drawn() for s in spec.stations]
     assert {h.resolution_rad > 0.0 for h in heads} == {True, False}
     assert 0.05 < np.mean([bool(h.stalls) for h in heads]) < 0.3
-    assert 0.1 < np.mean([spec.stations[0].head.late_s > 0.0 for spec in DRAWN]) < 0.3
-    qualities = [None if spec.dgps is None else spec.dgps.quality for spec in DRAWN]
+    assert 0.1 < np.mean([spec.stations[0].head.late_s > 0.0 for spec in drawn()]) < 0.3
+    qualities = [None if spec.dgps is None else spec.dgps.quality for spec in drawn()]
     assert set(qualities) == {None, *DgpsQuality}
-    assert any(spec.dgps.gaps for spec in DRAWN if spec.dgps is not None)
-    stated = [s.camera_clock.sigma_s < 0.0021 for spec in DRAWN for s in spec.stations]
+    assert any(spec.dgps.gaps for spec in drawn() if spec.dgps is not None)
+    stated = [s.camera_clock.sigma_s < 0.0021 for spec in drawn() for s in spec.stations]
     assert 0.5 < np.mean(stated) < 0.9
 
 
@@ -89,7 +94,7 @@ def test_everything_that_varies_is_drawn() -> None:
 def test_each_error_is_drawn_from_its_sigma(part: str) -> None:
     """Expected: over 300 worlds, the errors squared over their variances are χ²."""
     squares: list[float] = []
-    for spec in DRAWN:
+    for spec in drawn():
         for station in spec.stations:
             values = {f.name: getattr(station.calibration, f.name) for f in fields(CalibrationSpec)}
             sigma = next(np.array(v) for name, v in values.items() if name.startswith(f"{part}_sigma"))
@@ -100,7 +105,7 @@ def test_each_error_is_drawn_from_its_sigma(part: str) -> None:
 
 
 def test_clock_errors_are_drawn_from_their_sigmas() -> None:
-    clocks = [c for spec in DRAWN for s in spec.stations for c in (s.ptu_clock, s.camera_clock)]
+    clocks = [c for spec in drawn() for s in spec.stations for c in (s.ptu_clock, s.camera_clock)]
     low, high = bounds(len(clocks))
     assert low < sum((c.error_s / c.sigma_s) ** 2 for c in clocks) < high
     assert low < sum((c.drift_error_ppm / c.drift_sigma_ppm) ** 2 for c in clocks) < high
@@ -129,7 +134,7 @@ def test_the_two_rigs_differ_by_what_the_file_states() -> None:
     """Expected: the squared Mahalanobis distance of true from believed station, by the file's matrix, is χ²."""
     squares, count = 0.0, 0
     exact = [k for k, name in enumerate(CALIBRATION_PARAMETERS) if name.startswith(("camera_in_head", "distortion"))]
-    for spec in DRAWN:
+    for spec in drawn():
         # a head whose aim does not wander takes no time to build
         steady = tuple(replace(s, head=HeadSpec()) for s in spec.stations)
         made = built(replace(spec, stations=steady), readout_s=0.01)
@@ -174,9 +179,9 @@ def test_the_same_seed_gives_the_same_stations() -> None:
 
 
 def test_stations_survive_their_file() -> None:
-    for spec in DRAWN[:20]:
-        drawn = rounded(spec)
-        assert read_specification(StationsSpec, TomlTable(specification_table(drawn), "w", ConfigError)) == drawn
+    for spec in drawn()[:20]:
+        short = rounded(spec)
+        assert read_specification(StationsSpec, TomlTable(specification_table(short), "w", ConfigError)) == short
 
 
 def test_the_target_is_mostly_in_the_picture_but_not_always() -> None:

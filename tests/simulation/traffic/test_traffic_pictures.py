@@ -7,17 +7,15 @@ from groundstation.simulation.airframes.mesh import doubled_areas, volume
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.rendered_scene import RenderedScene
 from groundstation.simulation.scene_body import Body
-from groundstation.simulation.scenery import Scenery, surroundings_of
 from groundstation.simulation.traffic import TrafficSpec, traffic_bodies
 from groundstation.simulation.traffic.arc_path import ArcPath
 from groundstation.simulation.traffic.bird_spec import BirdSpec
 from groundstation.simulation.traffic.traffic_spec import CarKind, CarSpec, RoadSpec
-from tests.simulation.small_site import AWAY, QUIET, ball, grey, small_station, straight
+from tests.simulation.small_site import AWAY, QUIET, around, ball, grey, small_station, straight
 
 TARGET = np.array([4.0, 200.0, 20.0])
 STATION = small_station()
 EYE = STATION.geometry().camera_pose(0.0, 0.0).position_runway_m
-SURROUNDINGS = surroundings_of(Scenery(), EYE, 1600.0, grey=True)
 
 
 def look_at(point: np.ndarray) -> tuple[float, float]:
@@ -28,7 +26,7 @@ def look_at(point: np.ndarray) -> tuple[float, float]:
 def camera(bodies: tuple[Body, ...], target: np.ndarray = TARGET) -> RenderedCamera:
     x, y, z = target
     scene = RenderedScene(trajectory=straight((x, y, z), (0.0, -1.0, 0.0)), airframe=ball(1.0), traffic=bodies)
-    return RenderedCamera(scene, STATION, QUIET, around=SURROUNDINGS)
+    return RenderedCamera(scene, STATION, QUIET, around=around(without_colour=True))
 
 
 def bird(share: float, **changes: object) -> tuple[Body, ...]:
