@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from groundstation.bank.result_store import JobResult, ResultStore
 from groundstation.cli.number_arguments import count
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import GroundstationError, MissingExtraError
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 ItemT = TypeVar("ItemT")
 SeedT = TypeVar("SeedT")
@@ -98,8 +95,8 @@ def add_study_arguments(parser: argparse.ArgumentParser, name: str, *, out: bool
         parser.add_argument("--out", type=Path, default=STUDIES / name, help="where finished jobs are kept")
 
 
-def as_json(record: "DataclassInstance") -> Any:
-    """Return a record as JSON has it: fields by name, arrays as lists."""
+def as_json(record: Any) -> Any:
+    """Return a dataclass's record as JSON has it: fields by name, arrays as lists."""
     return json.loads(json.dumps(asdict(record), default=_as_list))
 
 
