@@ -84,6 +84,8 @@ def row_of(spec: CompositeSpec, judged: Iterable[JudgedFrame]) -> dict[str, Any]
     hits, wrong = (sum(each.verdict is kind for each in visible) for kind in (FrameVerdict.HIT, FrameVerdict.WRONG))
     width = float(np.median([each.frame.width_px for each in visible])) if visible else 0.0
     sky = float(np.mean([each.frame.over_sky for each in visible])) if visible else 0.0
+    size = "small" if width < _MEDIUM_PX else "medium" if width < _LARGE_PX else "large"
+    background = "sky" if sky >= _MOSTLY else "ground" if sky <= 1.0 - _MOSTLY else "both"
     return {
         "seed": spec.seed,
         "clip": spec.clip,
@@ -92,8 +94,8 @@ def row_of(spec: CompositeSpec, judged: Iterable[JudgedFrame]) -> dict[str, Any]
         "family": str(spec.airframe.family),
         "birds": len(spec.birds),
         "width_px": width,
-        "size": "small" if width < _MEDIUM_PX else "medium" if width < _LARGE_PX else "large",
-        "background": "sky" if sky >= _MOSTLY else "ground" if sky <= 1.0 - _MOSTLY else "both",
+        "size": size if visible else "none",
+        "background": background if visible else "none",
         "snr": float(np.median([each.frame.snr for each in visible])) if visible else 0.0,
         "frames": spec.last - spec.first + 1,
         "visible_frames": count,

@@ -29,10 +29,12 @@ class CompositeSight:
     Attributes
     ----------
     size_px : (w, h) of the pictures.
+    horizon_row : of the first picture; None without ground.
     """
 
     def __init__(self, camera: CompositeCamera, view: StretchView, airframe: AirframeSpec) -> None:
         self.camera, self.airframe, self.size_px = camera, airframe, view.size_px
+        self.horizon_row = view.horizon_row
         self._middle = 0.5 * (np.array(view.size_px) - 1.0)
         geometry = camera.station(view.size_px).geometry()
         poses = [geometry.camera_pose(head.pan_rad, head.tilt_rad) for head in camera.heads(view.shifts_px)]

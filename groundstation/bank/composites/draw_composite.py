@@ -36,6 +36,8 @@ LEAST_FRAMES, MOST_FRAMES = 45, 150
 _LEAST_WIDTH_PX, _MOST_WIDTH = 11.0, 0.25
 # where it is then, as a share of the picture's size
 _INNER = (0.06, 0.94)
+# where a clip shows ground, so many are then around the horizon, so far below it in heights of the picture
+_LOW, _AROUND_HORIZON = 0.5, (-0.1, 0.2)
 _FOCAL_WIDTHS = (2.0, 5.5)
 _TILT_DEG, _EXPOSURE_S = (8.0, 35.0), (0.0005, 0.006)
 # of aircraft that come, that go, and that cross
@@ -127,6 +129,8 @@ def _drawn(generator: np.random.Generator, sight: CompositeSight, middle: int) -
     span_m, size = sight.airframe.span_m, sight.size_px
     width = math.exp(float(generator.uniform(math.log(_LEAST_WIDTH_PX), math.log(_MOST_WIDTH * size[0]))))
     pixel = generator.uniform(*_INNER, 2) * np.array(size)
+    if sight.horizon_row is not None and generator.random() < _LOW:
+        pixel[1] = sight.horizon_row + float(generator.uniform(*_AROUND_HORIZON)) * size[1]
     place = sight.point(middle, pixel, sight.camera.focal_px * span_m / width)
     speed = float(generator.uniform(*_SPEED_M_S)) * math.sqrt(span_m / _AT_SPAN_M)
     kind = int(generator.choice(3, p=_SHARES))

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from groundstation.bank.composites.composite_row import composite_row
+from groundstation.bank.composites.composite_row import composite_row, row_of
 from groundstation.bank.composites.composite_sight import CLEAR_PX
 from groundstation.bank.composites.composite_spec import CompositeSpec
 from groundstation.bank.composites.draw_composite import LEAST_FRAMES, draw_composite
@@ -129,3 +129,9 @@ def test_a_row_counts_hits_and_wrong_points_over_visible_frames(
     assert 0 <= row["hit"] + row["wrong"] <= visible
     assert row["hit_share"] == pytest.approx(row["hit"] / visible)
     assert row["hit_share"] > 0.5
+
+
+def test_a_composite_without_a_visible_frame_has_no_shares(spec: CompositeSpec) -> None:
+    row = row_of(spec, [])
+    assert (row["visible_frames"], row["hit_share"], row["wrong_share"]) == (0, None, None)
+    assert row["size"] == row["background"] == "none"
