@@ -53,18 +53,24 @@ class GearSpec:
     kind : wheels, skids or nothing.
     clearance_per_span : of all else above the ground.
     track_per_span : between the main wheels, or the skids.
-    wheel_per_span : radius of a main wheel.
+    wheel_per_span, leg_per_span : radius of a main wheel and of its leg.
     """
 
     kind: GearKind = GearKind.TRICYCLE
     clearance_per_span: float = 0.03
     track_per_span: float = 0.2
     wheel_per_span: float = 0.02
+    leg_per_span: float = 0.005
 
     def __post_init__(self) -> None:
         require_within(
             self,
-            {"clearance_per_span": (0.0, 0.2), "track_per_span": (0.02, 0.6), "wheel_per_span": (0.003, 0.06)},
+            {
+                "clearance_per_span": (0.0, 0.2),
+                "track_per_span": (0.02, 0.6),
+                "wheel_per_span": (0.003, 0.06),
+                "leg_per_span": (0.001, 0.03),
+            },
         )
 
 

@@ -11,7 +11,7 @@ from groundstation.simulation.airframes.surfaces import wing_root_up
 
 _LEG_BGR: Colour = (80.0, 80.0, 82.0)
 _TYRE_BGR: Colour = (26.0, 26.0, 26.0)
-_LEG, _SKID = 0.005, 0.0045
+_SKID = 0.0045
 # of a main wheel
 _NOSE_WHEEL, _TAIL_WHEEL = 0.85, 0.5
 # a wheel is this much wider than high
@@ -79,7 +79,7 @@ def _leg_with_wheel(
     radius = size * spec.gear.wheel_per_span
     foot = np.array([behind, right, ground + radius])
     tyre = wheel(foot, radius, _WHEEL_WIDTH * radius)
-    return [part(rod(top, foot, _LEG), _LEG_BGR), part(tyre, _TYRE_BGR)]
+    return [part(rod(top, foot, spec.gear.leg_per_span), _LEG_BGR), part(tyre, _TYRE_BGR)]
 
 
 def _tail_wheel(spec: AirframeSpec, hull: Hull) -> list[MeshPart]:
@@ -87,7 +87,10 @@ def _tail_wheel(spec: AirframeSpec, hull: Hull) -> list[MeshPart]:
     behind = hull.at(0.94)
     foot = np.array([behind + 0.01, 0.0, hull.up(behind, -1.0) - 1.3 * radius])
     top = np.array([behind, 0.0, hull.up(behind, -0.5)])
-    return [part(rod(top, foot, 0.6 * _LEG), _LEG_BGR), part(wheel(foot, radius, _WHEEL_WIDTH * radius), _TYRE_BGR)]
+    return [
+        part(rod(top, foot, 0.6 * spec.gear.leg_per_span), _LEG_BGR),
+        part(wheel(foot, radius, _WHEEL_WIDTH * radius), _TYRE_BGR),
+    ]
 
 
 def _skids(spec: AirframeSpec, hull: Hull, ground: float) -> list[MeshPart]:
@@ -100,5 +103,5 @@ def _skids(spec: AirframeSpec, hull: Hull, ground: float) -> list[MeshPart]:
     bodies = [round_body(middles, [_SKID] * 4, count=6)]
     for behind in (begin + 0.03, min(end - 0.03, hull.at(0.93))):
         top = _in_belly(hull, behind, 0.6)
-        bodies.append(rod(top, np.array([behind, half, ground + _SKID]), 0.8 * _LEG))
+        bodies.append(rod(top, np.array([behind, half, ground + _SKID]), 0.8 * spec.gear.leg_per_span))
     return [part(b, _LEG_BGR) for body in bodies for b in (body, mirrored(body))]
