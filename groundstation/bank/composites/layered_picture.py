@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from groundstation.arrays import Float32Array, ImageArray, MaskArray
+from groundstation.arrays import Float32Array, ImageArray, IntArray
 from groundstation.bank.composites.body_layer import BodyLayer
 from groundstation.bank.composites.linear_light import levels_of, light_of
 from groundstation.bank.composites.picture_noise import PictureNoise
@@ -69,13 +69,13 @@ def layered(
 
 def _blocks(covered: Float32Array) -> tuple[slice, slice]:
     """Return the rows and columns of the whole blocks that hold all covered pixels."""
-    return _whole(np.asarray(covered.any(axis=1))), _whole(np.asarray(covered.any(axis=0)))
+    rows, columns = np.nonzero(covered)
+    return _whole(rows), _whole(columns)
 
 
-def _whole(touched: MaskArray) -> slice:
-    """Return the span of whole blocks around the set ones of (n,) rows or columns."""
-    set_ones = np.flatnonzero(touched)
-    return slice(int(set_ones[0]) // BLOCK_PX * BLOCK_PX, (int(set_ones[-1]) // BLOCK_PX + 1) * BLOCK_PX)
+def _whole(places: IntArray) -> slice:
+    """Return the span of whole blocks around rows or columns (n,)."""
+    return slice(int(places.min()) // BLOCK_PX * BLOCK_PX, (int(places.max()) // BLOCK_PX + 1) * BLOCK_PX)
 
 
 def _coded(mixed: ImageArray, image: ImageArray) -> ImageArray:

@@ -10,7 +10,7 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box, clip, expand
 
 # of the clips of *train* that show enough edges, the median (benchmarks/composites.py --measures)
-USUAL_BLUR_PX = 0.5
+USUAL_BLUR_PX = 0.47
 _LEAST_SLOPE, _LEAST_EDGES = 12.0, 60
 _MOST_PIXELS = 30_000
 # the two sides of an edge are looked at up to so far from it, px
