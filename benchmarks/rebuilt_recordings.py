@@ -1,10 +1,10 @@
-"""Two recordings of other renderers beside the worlds that were built from what they show: hit shares and pictures.
+"""Two recordings of other renderers and the worlds that were built from what they show: hit shares and pictures.
 
     python benchmarks/rebuilt_recordings.py [--out DIR] [NAME …]
 
 Each world of benchmarks/worlds is rendered and replayed; so is the recording of that name, where $GROUNDSTATION_DATA
 has it. A frame is hit by a pixel that is at most 6 px outside the box around the silhouette, by the rule that was used
-when the recordings were first looked at; the bank's own stricter rule stands beside it. DIR has the sessions, and for
+when the recordings were first looked at; the bank's own stricter rule stands next to it. DIR has the sessions, and for
 each recording a picture: the recording left, the rebuilt one right, at equal times of flight, the aircraft enlarged.
 """
 
