@@ -36,6 +36,7 @@ class LiverySpec:
     second_bgr : of wing tips, nose and tail, where these are painted.
     third_bgr : of stripe and bands.
     underside_bgr : of what looks down; None has it like the top.
+    boom_bgr : of booms, struts and nacelles; None has them like the rest.
     tip_share : of the half span, from the wing tip inwards, in the second colour; 0 has none.
     nose_share : of the fuselage's length, from the nose backwards, in the second colour.
     painted_tail, painted_fin : whether tailplane and fins have the second colour.
@@ -48,6 +49,7 @@ class LiverySpec:
     second_bgr: Colour = (44.0, 36.0, 150.0)
     third_bgr: Colour = (80.0, 80.0, 82.0)
     underside_bgr: Colour | None = None
+    boom_bgr: Colour | None = None
     tip_share: float = 0.0
     nose_share: float = 0.0
     painted_tail: bool = False
@@ -57,7 +59,7 @@ class LiverySpec:
     glass_bgr: Colour = (62.0, 54.0, 48.0)
 
     def __post_init__(self) -> None:
-        for name in ("base_bgr", "second_bgr", "third_bgr", "underside_bgr", "glass_bgr"):
+        for name in ("base_bgr", "second_bgr", "third_bgr", "underside_bgr", "boom_bgr", "glass_bgr"):
             colour = getattr(self, name)
             if colour is not None:
                 fits = len(colour) == 3 and all(0.0 <= c <= 255.0 for c in colour)
@@ -88,6 +90,8 @@ def painted(livery: LiverySpec, area: PaintedArea, triangles: FloatArray, length
     up = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-15)
     if livery.underside_bgr is not None and area is not PaintedArea.FIN:
         colours[up < _DOWNWARD] = livery.underside_bgr
+    if area is PaintedArea.BOOM and livery.boom_bgr is not None:
+        colours[:] = livery.boom_bgr
     if area is PaintedArea.HULL:
         if livery.stripe:
             colours[np.abs(up) < _STRIPE] = livery.third_bgr
