@@ -1,6 +1,7 @@
 """How many faults the tests find: `make mutants`; the faults are listed in benchmarks/mutants/list.jsonl.
 
 usage: python benchmarks/mutation_score.py [run] [--workers N] [--seconds S] [--again KEY|survived ...] [--only PACKAGE]
+                                          [--tests FOLDER]
        python benchmarks/mutation_score.py map | score | resolve
        python benchmarks/mutation_score.py draw [--number N] [--seed N]
 
@@ -39,6 +40,7 @@ def main() -> int:
     parser.add_argument("--map-seconds", type=float, default=60.0, help="processor time of a test file when mapped")
     parser.add_argument("--again", nargs="+", default=[], help="keys, or 'survived': try these once more")
     parser.add_argument("--only", nargs="+", help="faults of these packages alone")
+    parser.add_argument("--tests", nargs="+", type=Path, metavar="FOLDER", help="only tests below these folders")
     parser.add_argument("--number", type=int, default=320, help="faults on the list")
     parser.add_argument("--seed", type=int, default=22)
     parser.add_argument("--write", action="store_true", help="score: results are written into the list")
@@ -78,7 +80,7 @@ def resolve(options: argparse.Namespace) -> int:
 def map_tests(options: argparse.Namespace) -> int:
     from mutants.coverage import is_known, keep, mark_all
 
-    files = [file for file in test_files() if not is_known(MAP, ROOT, file)]
+    files = [file for file in test_files(options.tests) if not is_known(MAP, ROOT, file)]
     if not files:
         return 0
     if "MUTANTS_HITS" not in os.environ:
@@ -102,15 +104,22 @@ def map_tests(options: argparse.Namespace) -> int:
     return 0 if code == pytest.ExitCode.NO_TESTS_COLLECTED else code
 
 
-def test_files() -> list[Path]:
-    """All test files but those left out."""
+def test_files(folders: list[Path] | None) -> list[Path]:
+    """All test files but those left out, or those of them below some folders."""
     out = tuple(ROOT / path for path in LEFT_OUT)
     files = sorted((ROOT / "tests").rglob("test_*.py"))
-    return [file for file in files if not any(file.is_relative_to(path) for path in out)]
+    within = tuple(folder.resolve() for folder in folders or [ROOT])
+    return [
+        file
+        for file in files
+        if any(file.is_relative_to(path) for path in within) and not any(file.is_relative_to(path) for path in out)
+    ]
 
 
 def run(options: argparse.Namespace) -> int:
     mapping = [sys.executable, __file__, "map", f"--workers={options.workers}", f"--map-seconds={options.map_seconds}"]
+    if options.tests is not None:
+        mapping += ["--tests", *map(str, options.tests)]
     if subprocess.run(mapping, check=False).returncode:
         return 1
     import pytest
@@ -153,7 +162,9 @@ def run(options: argparse.Namespace) -> int:
 
     if wanted and (
         code := int(
-            pytest.main([*map(str, test_files()), *QUIET], plugins=[ForkingSession(jobs, workers=options.workers)])
+            pytest.main(
+                [*map(str, test_files(options.tests)), *QUIET], plugins=[ForkingSession(jobs, workers=options.workers)]
+            )
         )
     ):
         return code
