@@ -52,6 +52,7 @@ def open_cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
             yield client
         return
     with (
+        _same_environment(),
         dask.config.set(_LOCAL_CONFIG),
         LocalCluster(
             n_workers=workers,
@@ -63,3 +64,15 @@ def open_cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
         Client(cluster, timeout=_CONNECT_S, set_as_default=False) as client,
     ):
         yield client
+
+
+@contextmanager
+def _same_environment() -> Iterator[None]:
+    """Restore the environment variables: Dask sets some for its workers in this process, also the allocator's."""
+    before = dict(os.environ)
+    try:
+        yield
+    finally:
+        for name in os.environ.keys() - before.keys():
+            del os.environ[name]
+        os.environ.update(before)

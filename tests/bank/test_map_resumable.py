@@ -41,9 +41,12 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[MapOutcome, Path, l
     once = f"killed once:{folder / 'mark'}"
     items = {"a": "a", "raises": "raise", "crashes": "crash", "hangs": "hang", "odd": "unreadable", "once": once}
     told: list[int] = []
+    before = dict(os.environ)
     found = map_resumable(
         fake_jobs.misbehave, items, folder / "out", 2, limit_s=LIMIT_S, progress=lambda done, total: told.append(done)
     )
+    # Dask sets variables of its workers here, MALLOC_TRIM_THRESHOLD_ among them
+    assert dict(os.environ) == before
     return found, folder / "out", told
 
 

@@ -38,6 +38,9 @@ NOT_RUN = {
         "calibration.md runs the same line"
     ),
     ("airstrip.md", "groundstation live field.toml --web"): "wants cameras and units; live.md runs it with simulated",
+    ("bank.md", "groundstation bank validate.toml --out out/validate"): (
+        "renders and replays for hours; tests/bank/test_bank_command.py"
+    ),
     ("cameras.md", "groundstation cameras show"): "wants a camera at an address; the page runs it on a video",
     ("first-flight.md", ". .venv/bin/activate"): "changes the shell that it is typed into",
     ("rerun.md", "python - out/session.rrd 22.9 rerun.png <<'EOF'"): "wants a Vulkan driver and 12 s; compiled below",

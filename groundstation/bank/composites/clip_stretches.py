@@ -11,6 +11,7 @@ from groundstation.bank.composites.clip_sets import set_of_clip
 from groundstation.box import Box, box_of_size
 from groundstation.errors import SessionError
 from groundstation.files.csv_table import CsvTable
+from groundstation.files.output_names import below
 from groundstation.simulation.world.world_sets import WorldSet
 from groundstation.sources.video_file import VideoFile
 
@@ -56,7 +57,7 @@ def read_stretches(folder: Path, world_set: WorldSet) -> tuple[ClipStretch, ...]
         own = boxes.get(clip, {})
         stretch = ClipStretch(
             clip=clip,
-            path=folder / f"{clip}.mp4",
+            path=below(folder, f"{clip}.mp4"),
             first=first,
             last=last,
             boxes=tuple(own.get(k) for k in range(first, last + 1)),
