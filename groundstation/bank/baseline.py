@@ -28,8 +28,11 @@ from groundstation.messages import Frame, PtuSample
 from groundstation.rig.rig import Station
 from groundstation.session import Truth, load_truth
 from groundstation.sources.folder_source import FolderSource
+from groundstation.sources.true_silhouettes import TrueSilhouette
 
 PIXEL_SIGMA_PX = 1.0
+# OpenCV 4's CSRT ends with an error in boxes of a few rows, as of a wing seen from ahead
+LEAST_BOX_PX = 8.0
 COAST_S = 1.0
 ACCELERATION_PSD_M2_S3 = (1.0, 1.0, 1.0)
 _START_SPEED_SIGMA_M_S = 30.0
@@ -116,15 +119,23 @@ class _StationTracker:
             return None if box is None else np.array([box.x0, box.y0]) + self._part * np.array(box.size)
         if there is None or not there.visible:
             return None
-        rows, columns = np.nonzero(there.silhouette.mask)
-        x, y = there.silhouette.x + columns, there.silhouette.y + rows
-        start = Box(float(x.min()), float(y.min()), float(x.max() + 1), float(y.max() + 1))
+        start = start_box(there.silhouette)
         self._csrt.start(image, start)
         self._begun = True
         corner, size = np.array([start.x0, start.y0]), np.array(start.size)
         if nose_px is not None:
             self._part = (nose_px - corner) / size
         return corner + self._part * size
+
+
+def start_box(silhouette: TrueSilhouette) -> Box[float]:
+    """Return the box of a silhouette, px, in each direction at least `LEAST_BOX_PX` about its middle."""
+    rows, columns = np.nonzero(silhouette.mask)
+    low = np.array([silhouette.x + columns.min(), silhouette.y + rows.min()], dtype=np.float64)
+    high = np.array([silhouette.x + columns.max() + 1, silhouette.y + rows.max() + 1], dtype=np.float64)
+    grown = np.maximum(0.5 * (LEAST_BOX_PX - (high - low)), 0.0)
+    (x0, y0), (x1, y1) = (low - grown).tolist(), (high + grown).tolist()
+    return Box(x0, y0, x1, y1)
 
 
 def _nose_pixel(exact: Truth, station: str, t_s: float) -> FloatArray | None:
