@@ -1,0 +1,34 @@
+"""The pages' tables on drawn worlds are those of the committed summary."""
+
+import json
+
+import bank_notes
+import pytest
+
+from tests.docs.pages import text_of
+
+
+def test_the_pages_hold_what_the_committed_summary_gives() -> None:
+    """Expected: `python benchmarks/bank_notes.py` changes nothing."""
+    summary = json.loads(bank_notes.SUMMARY.read_text(encoding="utf-8"))
+    assert text_of(bank_notes.NOTES) == bank_notes.notes_page(summary)
+    page = text_of(bank_notes.RESULTS)
+    assert bank_notes.results_part(summary) in page
+    assert bank_notes.with_part(page, bank_notes.results_part(summary)) == page
+
+
+def test_small_classes_are_not_ranked_and_every_interval_is_shown() -> None:
+    share = {
+        "factor": "sky", "kind": "dusk", "sessions": 5, "frames": 500, "hit": 0.5, "low": 0.25, "high": 0.75,
+        "wrong": 0.004, "excluded": None, "harm": 0.125,
+    }  # fmt: skip
+    table = bank_notes.factor_table({"factors": [share, share | {"kind": "clear", "sessions": 4}]})
+    assert table.splitlines()[2:] == ["| sky | dusk | 5 | 500 | 50.0 % | 25.0 % … 75.0 % | 0.400 % | – | +12.5 |"]
+
+
+@pytest.mark.parametrize(
+    ("title", "shown"), [("ANEES while tracking", "51.6 | 40 … 60"), ("visible hit", "5160.0 % |")]
+)
+def test_shares_are_in_per_cent_and_statistics_are_not(title: str, shown: str) -> None:
+    row = bank_notes.pooled_row({"title": title, "value": 51.6, "low": 40.0, "high": 60.0, "sessions": 3})
+    assert row.startswith(f"| {title} | {shown}")
