@@ -28,7 +28,9 @@ def pooled_row(figure: dict[str, Any]) -> str:
     percent = not figure["title"].startswith(_PLAIN)
     value = share_text(figure["value"]) if percent else f"{figure['value']:.3g}"
     interval = interval_text(figure["low"], figure["high"], percent)
-    return f"| {figure['title']} | {value} | {interval} | {figure['sessions']} |"
+    # the two are about different things, and neither is quoted without the other
+    title = f"{figure['title']}; NIS is in the next row" if figure["title"].startswith("ANEES") else figure["title"]
+    return f"| {title} | {value} | {interval} | {figure['sessions']} |"
 
 
 def pooled_table(summary: dict[str, Any]) -> str:
