@@ -95,7 +95,7 @@ def _track(truth: SessionTruth, exact: Truth, python: Path) -> _TrackedSession:
             if isinstance(event, PtuSample):
                 angles[event.station].append((event.t_s, event.pan_rad, event.tilt_rad))
             elif isinstance(event, Frame):
-                nose = _nose_pixel(exact, event.station, event.t_s)
+                nose = nose_pixel(exact, event.station, event.t_s)
                 point = trackers[event.station].point(event, truth.frame(event.station, event.epoch), nose)
                 if point is not None:
                     u, v = point.tolist()
@@ -138,7 +138,7 @@ def start_box(silhouette: TrueSilhouette) -> Box[float]:
     return Box(x0, y0, x1, y1)
 
 
-def _nose_pixel(exact: Truth, station: str, t_s: float) -> FloatArray | None:
+def nose_pixel(exact: Truth, station: str, t_s: float) -> FloatArray | None:
     """Return where the nose is in the frame of this time, (2,) px; None where it is not in view."""
     row = int(np.abs(exact.t_s - t_s).argmin())
     return exact.pixels_px[station][row] if exact.visible[station][row] else None

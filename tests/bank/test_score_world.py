@@ -61,6 +61,7 @@ def test_a_row_has_factors_figures_and_the_baseline(scored: dict[str, Any]) -> N
     assert row["hit"] + row["wrong_visible"] <= row["visible_frames"]
     # a box that does not move contains the aircraft at first and not at the end, or always: its share is above 0
     assert 0.0 < row["baseline_hit_share"] <= 1.0
+    assert 0.0 < row["baseline_coverage"] <= 1.0
     assert all(value is None or np.isfinite(value) for value in row.values() if not isinstance(value, str))
 
 
