@@ -117,7 +117,7 @@ PLACES: dict[str, tuple[str, ...]] = {
     "live: error over a replay's, the same flight": ("| all | _ | _ | #/#/# |",),
     "killed while recording: lost at most": ("of the flight ~ s lost (median), # s at most",),
     "a process lost: heads stand after; state right after, at most": (
-        "| ptus | KILL, STOP, TERM | ~ | ~ | # s | # s |",
+        "| ptu-guard | KILL, STOP, TERM | ~ | # s | # s |",
     ),
     "replay over decoding alone: without Rerun; with it": (
         _SPEED.format("replay without Rerun") + "~; # | ~–~;",
@@ -128,7 +128,7 @@ PLACES: dict[str, tuple[str, ...]] = {
         "| videos above 250 MB go into Rerun picture by picture | _ | _ | _ | # |",
     ),
     "seeded faults found by the tests": ("~ found (# %; wanted",),
-    "fuzz: inputs of each reader; recordings": ("49 readers, # inputs of each,", "; # recordings of mutated structure"),
+    "fuzz: inputs of each reader; recordings": ("53 readers, # inputs of each,", "; # recordings of mutated structure"),
     "runway edges from the nose, RMSE; worst approach": (
         _APPROACH.format("0.3 | _ | _ | _ | _ | _ | #"),
         "| each approach, px | _ | _ | _ | _ | #, 1.0, 0.8 |",
