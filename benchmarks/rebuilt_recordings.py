@@ -1,17 +1,20 @@
 """Two recordings of other renderers and the worlds that were built from what they show: hit shares and pictures.
 
-    python benchmarks/rebuilt_recordings.py [--out DIR] [NAME …]
+    python benchmarks/rebuilt_recordings.py [--out DIR] [--draws N] [NAME …]
 
-Each world of benchmarks/worlds is rendered and replayed; so is the recording of that name, where $GROUNDSTATION_DATA
-has it. A frame is hit by a pixel that is at most 6 px outside the box around the silhouette, by the rule that was used
-when the recordings were first looked at; the bank's own stricter rule stands next to it. DIR has the sessions, and for
-each recording a picture: the recording left, the rebuilt one right, at equal times of flight, the aircraft enlarged.
+Each world of benchmarks/worlds is rendered and replayed N times, each time with other noise, encoder errors and lags of
+the heads; so is the recording of that name, once, where $GROUNDSTATION_DATA has it. A recording is one draw; what is
+compared with it is the mean of N. A frame is hit by a pixel that is at most 6 px outside the box around the silhouette,
+by the rule that was used when the recordings were first looked at; the bank's own stricter rule stands next to it. DIR
+has the sessions, and for each recording a picture: the recording left, the rebuilt one right, at equal times of flight,
+the aircraft enlarged.
 """
 
 import argparse
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -33,7 +36,10 @@ DATA = Path(os.environ.get("GROUNDSTATION_DATA", ROOT.parent / "shared" / "data"
 NAMES = ("landing-clutter", "takeoff-away")
 BOX_MARGIN_PX = 6.0
 _SHOWN = 6
+_SEEDS_APART = 100
 _TILE_PX = (480, 360)
+# frames with the aircraft, shares hit and wrong by the box, share hit by the bank's rule
+Shares = tuple[int, float, float, float]
 
 
 def outside_box_px(silhouette: TrueSilhouette, pixel_px: np.ndarray) -> float:
@@ -44,8 +50,8 @@ def outside_box_px(silhouette: TrueSilhouette, pixel_px: np.ndarray) -> float:
     return float(np.hypot(*np.maximum(np.maximum(low - pixel_px, pixel_px - high), 0.0)))
 
 
-def shares(truth: SessionTruth, outcomes: Sequence[FrameOutcome]) -> dict[str, tuple[int, float, float, float]]:
-    """Return by station: frames with the aircraft, shares hit and wrong by the box, share hit by the bank's rule."""
+def shares(truth: SessionTruth, outcomes: Sequence[FrameOutcome]) -> dict[str, Shares]:
+    """Return the shares by station."""
     found = {}
     for station in truth.session.rig.names:
         own = [o for o in outcomes if o.station == station and o.present]
@@ -61,7 +67,7 @@ def shares(truth: SessionTruth, outcomes: Sequence[FrameOutcome]) -> dict[str, t
     return found
 
 
-def replayed(folder: Path, out: Path) -> dict[str, tuple[int, float, float, float]]:
+def replayed(folder: Path, out: Path) -> dict[str, Shares]:
     """Replay a session and return its shares."""
     shutil.rmtree(out, ignore_errors=True)
     result = replay(ReplayRequest(session=folder, out=out, rerun=False, report=False))
@@ -71,11 +77,12 @@ def replayed(folder: Path, out: Path) -> dict[str, tuple[int, float, float, floa
     return shares(truth, frame_outcomes(truth, result.evaluation))
 
 
-def rendered(name: str, out: Path) -> Path:
-    """Render a world and return its session's folder."""
-    folder = out / f"{name}-rebuilt"
+def rendered(name: str, draw: int, out: Path) -> Path:
+    """Render a world and return its session's folder; draw 0 is the file's own seed."""
+    folder = out / f"{name}-rebuilt-{draw}"
     shutil.rmtree(folder, ignore_errors=True)
-    render_world(load_world(WORLDS / f"{name}.toml"), folder)
+    world = load_world(WORLDS / f"{name}.toml")
+    render_world(replace(world, seed=world.seed + _SEEDS_APART * draw), folder)
     return folder
 
 
@@ -123,17 +130,36 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}; default: all")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "rebuilt")
+    parser.add_argument("--draws", type=int, default=3, metavar="N", help="default: 3")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     print(f"{'session':28}{'station':>9}{'frames':>8}{'hit':>8}{'wrong':>8}{'hit, bank':>11}")
     for name in arguments.names or NAMES:
-        folders = {"recording": DATA / name} if (DATA / name).is_dir() else {}
-        folders["rebuilt"] = rendered(name, arguments.out)
-        for kind, folder in folders.items():
-            for station, row in replayed(folder, arguments.out / f"{name}-{kind}-result").items():
-                figures = f"{row[0]:8d}{row[1]:8.3f}{row[2]:8.3f}{row[3]:11.3f}"
-                print(f"{name + ', ' + kind:28}{station:>9}{figures}", flush=True)
-        sheet(folders, arguments.out / f"{name}.png")
+        if (DATA / name).is_dir():
+            show(f"{name}, recording", replayed(DATA / name, arguments.out / f"{name}-result"))
+        draws = []
+        for draw in range(arguments.draws):
+            folder = rendered(name, draw, arguments.out)
+            draws.append(replayed(folder, arguments.out / f"{name}-rebuilt-{draw}-result"))
+            show(f"{name}, rebuilt, {draw}", draws[-1])
+        show(f"{name}, rebuilt, mean", mean_of(draws))
+        folders = {"recording": DATA / name, "rebuilt": arguments.out / f"{name}-rebuilt-0"}
+        sheet({kind: folder for kind, folder in folders.items() if folder.is_dir()}, arguments.out / f"{name}.png")
+
+
+def mean_of(draws: Sequence[Mapping[str, Shares]]) -> dict[str, Shares]:
+    """Return each station's means over the draws."""
+    found = {}
+    for station in draws[0]:
+        frames, *rows = np.mean([draw[station] for draw in draws], axis=0).tolist()
+        found[station] = (round(frames), rows[0], rows[1], rows[2])
+    return found
+
+
+def show(words: str, rows: Mapping[str, Shares]) -> None:
+    """Print the shares of a session's stations."""
+    for station, row in rows.items():
+        print(f"{words:28}{station:>9}{row[0]:8d}{row[1]:8.3f}{row[2]:8.3f}{row[3]:11.3f}", flush=True)
 
 
 if __name__ == "__main__":
