@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from drawn_pointing import GROUPS, PointingErrors, looks_of
+from drawn_pointing import GROUPS, PointingErrors, pointing_errors
 from drawn_rigs import CLOCK_S, draw, errors, loops, pointing_deviation, unit_of
 from parallel_study import StudyRun, add_study_arguments, as_json
 from scipy.stats import chi2
@@ -68,7 +68,7 @@ _CLOCKS = "\n[clocks]\ndgps = {{ offset_s = 0.0 }}\ndetections = {{ offset_s = 0
 class RigErrors:
     """One rig's p errors after calibration, their stated sigmas (p,), bounds (p,) on request; 1 sigma each.
 
-    ``together`` is eᵀC⁻¹e of all of them; ``looks`` the cameras' directions, by the included parameters.
+    ``together`` is eᵀC⁻¹e of all of them; ``pointing`` the cameras' directions, by the included parameters.
     """
 
     names: tuple[str, ...]
@@ -76,7 +76,7 @@ class RigErrors:
     sigma: np.ndarray
     bound: np.ndarray | None
     together: float
-    looks: dict[str, PointingErrors]
+    pointing: dict[str, PointingErrors]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +88,7 @@ class Sample:
     sigma: np.ndarray
     bound: np.ndarray | None
     together: np.ndarray
-    looks: tuple[dict[str, PointingErrors], ...]
+    pointing: tuple[dict[str, PointingErrors], ...]
 
     def normalised(self) -> np.ndarray:
         """Return the mean square of error over claimed sigma, (p,)."""
@@ -124,7 +124,7 @@ def pooled(found: Sequence[RigErrors]) -> Sample:
         sigma=np.array([f.sigma for f in found]),
         bound=np.array(bounds) if bounds else None,
         together=np.array([f.together for f in found]),
-        looks=tuple(f.looks for f in found),
+        pointing=tuple(f.pointing for f in found),
     )
 
 
@@ -137,8 +137,8 @@ def rig_as_json(job: tuple[str, int, bool]) -> Any:
 def rig_from_json(value: dict[str, Any]) -> RigErrors:
     """Return a rig's errors from what `rig_as_json` returns."""
     arrays = {key: np.array(value[key]) for key in ("error", "sigma", "bound") if value[key] is not None}
-    looks = {k: PointingErrors(**{n: np.array(a) for n, a in own.items()}) for k, own in value["looks"].items()}
-    return RigErrors(**value | arrays | {"names": tuple(value["names"]), "looks": looks})
+    pointing = {k: PointingErrors(**{n: np.array(a) for n, a in own.items()}) for k, own in value["pointing"].items()}
+    return RigErrors(**value | arrays | {"names": tuple(value["names"]), "pointing": pointing})
 
 
 def one_rig(case: str, seed: int, *, bounded: bool = True) -> RigErrors:
@@ -170,7 +170,7 @@ def one_rig(case: str, seed: int, *, bounded: bool = True) -> RigErrors:
         sigma=found.fit.sigma,
         bound=None if exact is None else _bound(found.fit, exact, error + found.fit.change),
         together=float(error @ np.linalg.solve(found.fit.covariance, error)),
-        looks=looks_of(found.fit, found.rig, error, _PLACES_M.get(case, _PLACES_M["approach"])),
+        pointing=pointing_errors(found.fit, found.rig, error, _PLACES_M.get(case, _PLACES_M["approach"])),
     )
 
 
@@ -201,7 +201,7 @@ def without_noise(scenario: Scenario) -> Scenario:
 def bounding(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> PathResiduals:
     """Return the residuals of the given noise, with the derivatives of the flight without noise."""
     track = exact.track.pointed(fit.problem.antenna_m(true_change))
-    problem = replace(fit.problem, looks=exact.looks, track=track)
+    problem = replace(fit.problem, observations=exact.observations, track=track)
     parts = tuple(
         replace(
             noisy,
@@ -212,8 +212,8 @@ def bounding(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> Path
         )
         for noisy, quiet in zip(fit.parts, path_samples(problem), strict=True)
     )
-    usable = {name: problem.predict(name, true_change).usable for name in exact.looks}
-    factors = {name: _noise_put_in(problem, name, true_change) for name in exact.looks}
+    usable = {name: problem.predict(name, true_change).usable for name in exact.observations}
+    factors = {name: _noise_put_in(problem, name, true_change) for name in exact.observations}
     return PathResiduals(problem, factors, usable, true_change, parts)
 
 
@@ -225,7 +225,7 @@ def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.nda
 
 def _noise_put_in(problem: FlightProblem, name: str, change: np.ndarray) -> float:
     """Return a station's noise over assumed: of its pixels, and of the angles that no path absorbs."""
-    assumed = float(np.mean(problem.looks[name].sigma_px ** 2))
+    assumed = float(np.mean(problem.observations[name].sigma_px ** 2))
     whole = float(np.median(np.einsum("nii->n", problem.predict(name, change).own_px2))) / 2.0
     return float(np.sqrt((whole - assumed + PIXEL_PX**2) / whole))
 
@@ -259,17 +259,17 @@ def show(case: str, found: Sample) -> None:
     tilt = np.concatenate([found.degrees(f"{name}.runway_from_base.x") for name in ("left", "right")])
     for label, values in (("relative pan", pan), ("tilt", tilt)):
         print(f"  {label}: rms {np.sqrt(np.mean(values**2)):.5f}, worst {np.abs(values).max():.5f} deg", flush=True)
-    show_looks(found)
+    show_pointing(found)
 
 
-def show_looks(found: Sample) -> None:
+def show_pointing(found: Sample) -> None:
     """Print the cameras' errors of direction at places of the flight, relative to each other and in tilt."""
-    n = len(found.looks)
+    n = len(found.pointing)
     for group in GROUPS:
-        own = [looks[group] for looks in found.looks]
-        off = np.degrees([looks.error for looks in own])
-        sigma = np.degrees(np.sqrt([np.einsum("pii->pi", looks.covariance) for looks in own]))
-        square = np.mean([looks.together() for looks in own])
+        own = [pointing[group] for pointing in found.pointing]
+        off = np.degrees([pointing.error for pointing in own])
+        sigma = np.degrees(np.sqrt([np.einsum("pii->pi", pointing.covariance) for pointing in own]))
+        square = np.mean([pointing.together() for pointing in own])
         low, high = chi2.ppf([0.5 * CHANCE, 1.0 - 0.5 * CHANCE], 2 * n) / n
         print(f"  where they look, {group}: relative pan and tilt eᵀC⁻¹e {square:.2f} of 2, {low:.2f} to {high:.2f}")
         for label, columns in (("relative pan", [0]), ("relative tilt", [1]), ("tilt", [2, 3])):

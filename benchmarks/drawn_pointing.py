@@ -39,7 +39,7 @@ class PointingErrors:
         return float(off @ np.linalg.solve(self.covariance[k, :2, :2], off))
 
 
-def looks_of(fit: FlightFit, rig: Rig, error: np.ndarray, points_m: np.ndarray) -> dict[str, PointingErrors]:
+def pointing_errors(fit: FlightFit, rig: Rig, error: np.ndarray, points_m: np.ndarray) -> dict[str, PointingErrors]:
     """Return, by group of parameters, the pointing error of a rig's first two cameras at points (p, 3).
 
     ``error`` (q,) is that of the fit's parameters, small enough for first derivatives.

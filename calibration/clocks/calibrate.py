@@ -146,7 +146,7 @@ def _by_flight(session: Session, request: TimingRequest) -> FlightFit:
     antenna = session.target.antenna_in_body_m
     problem = FlightProblem(
         stations={s.name: s for s in session.rig.stations},
-        looks=data.looks,
+        observations=data.observations,
         track=data.track,
         antenna_in_body_m=np.zeros(3) if antenna is None else antenna,
         names=tuple(chosen.names[k] for k in keep),

@@ -126,7 +126,7 @@ def _problem(session: Session, data: FlightData, free: FreeParameters) -> Flight
     antenna = session.target.antenna_in_body_m
     return FlightProblem(
         stations={s.name: s for s in session.rig.stations},
-        looks=data.looks,
+        observations=data.observations,
         track=data.track,
         antenna_in_body_m=np.zeros(3) if antenna is None else antenna,
         names=free.names,

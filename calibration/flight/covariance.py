@@ -61,7 +61,7 @@ def with_covariance(solution: FlightSolution, point_sigma_m: float = 0.0) -> Fli
 def _about_solution(problem: FlightProblem, change: FloatArray) -> FloatArray:
     """Return T (p, p) from rotation vectors added to the rig's to small rotations about the solution."""
     turned = np.eye(len(change))
-    for name in problem.looks:
+    for name in problem.observations:
         station = problem.station_change(change, name)
         for group, part in _ROTATIONS:
             places = [k for k, n in enumerate(problem.names) if n.startswith(f"{name}.{group}.")]

@@ -138,7 +138,7 @@ class _RobustFlightRounds:
     def weighted_at(self, change: FloatArray) -> FitProblem:
         """Return the problem with the noise of each observation as it is at a change (p,)."""
         problem = self.problem = with_antenna_of(self.problem, change)
-        predicted = {name: problem.predict(name, change) for name in problem.looks}
+        predicted = {name: problem.predict(name, change) for name in problem.observations}
         self.stations = {
             name: _station_fit(problem, name, seen, without_outliers=False) for name, seen in predicted.items()
         }
@@ -151,8 +151,8 @@ class _RobustFlightRounds:
         def evaluate(at: FloatArray) -> Linearisation:
             return stacked(
                 [
-                    pixel_linearisation(problem.predict(name, at), looks.pixel_px, whitening[name], kept[name])
-                    for name, looks in problem.looks.items()
+                    pixel_linearisation(problem.predict(name, at), observed.pixel_px, whitening[name], kept[name])
+                    for name, observed in problem.observations.items()
                 ]
             )
 
@@ -176,7 +176,7 @@ class _PathRounds:
         self.problem = with_antenna_of(self.problem, change)
         self.stations = {
             name: _station_fit(self.problem, name, self.problem.predict(name, change), without_outliers=True)
-            for name in self.problem.looks
+            for name in self.problem.observations
         }
         _require_enough(self.problem, self.stations)
         self._joint = self.joint_at(change)
@@ -187,7 +187,7 @@ class _PathRounds:
         if self._joint is None:
             return
         for name, found in self._joint.noise(change).items():
-            least = 1.0 if self.problem.looks[name].sigma_given else _LEAST_NOISE_FACTOR
+            least = 1.0 if self.problem.observations[name].sigma_given else _LEAST_NOISE_FACTOR
             self.factors[name] = max(found, least)
         self.parts = self._joint.loosened(change)
 
@@ -206,17 +206,17 @@ def _station_fit(
     problem: FlightProblem, name: str, predicted: PixelPredictions, *, without_outliers: bool
 ) -> StationFit:
     """Return how one station's observations fit at a prediction."""
-    looks, usable = problem.looks[name], predicted.usable
-    off = predicted.pixel_px - looks.pixel_px
+    observed, usable = problem.observations[name], predicted.usable
+    off = predicted.pixel_px - observed.pixel_px
     length = whitened_length(off, predicted.covariance_px2)
-    factor = noise_factor(length[usable], 1.0 if looks.sigma_given else _LEAST_NOISE_FACTOR)
+    factor = noise_factor(length[usable], 1.0 if observed.sigma_given else _LEAST_NOISE_FACTOR)
     kept = usable & (length <= OUTLIER_SIGMA * factor) if without_outliers else usable
     return StationFit(residual_px=off, usable=usable, kept=kept, noise_factor=factor)
 
 
 def _require_enough(problem: FlightProblem, stations: Mapping[str, StationFit]) -> None:
     for name, fit in stations.items():
-        count, total = int(fit.kept.sum()), len(problem.looks[name])
+        count, total = int(fit.kept.sum()), len(problem.observations[name])
         if count < MIN_OBSERVATIONS:
             got = f"{count} of {total} pixels with angle, reference and a fit"
             raise FlightFitError(f"station {name}: got {got}; wanted at least {MIN_OBSERVATIONS}")

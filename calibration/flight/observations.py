@@ -40,10 +40,10 @@ _OWN_S = 1e-4
 class FlightData:
     """Data of a session for the calibration.
 
-    ``looks`` by station; ``track`` the antenna's path in the DGPS clock; ``excluded`` the omissions, in words.
+    ``observations`` by station; ``track`` the antenna's path in the DGPS clock; ``excluded`` the omissions, in words.
     """
 
-    looks: dict[str, StationObservations]
+    observations: dict[str, StationObservations]
     track: ReferenceTrack
     excluded: tuple[str, ...]
 
@@ -77,8 +77,10 @@ def gather_flight(session: Session, detections: Path | None, from_s: float | Non
     stamps = np.concatenate([found.rows[:, 0] for found in pixels.values()])
     _require_overlap(session, stamps, track)
     readings = read_angles(session, float(stamps.min()), float(stamps.max()))
-    looks = {s.name: _looks(s, pixels[s.name], readings.get(s.name)) for s in session.rig.stations}
-    return FlightData(looks=looks, track=track, excluded=tuple(excluded))
+    observations = {
+        s.name: _station_observations(s, pixels[s.name], readings.get(s.name)) for s in session.rig.stations
+    }
+    return FlightData(observations=observations, track=track, excluded=tuple(excluded))
 
 
 def _labelled(session: Session) -> dict[str, _Pixels]:
@@ -169,7 +171,7 @@ def read_angles(session: Session, from_s: float, to_s: float) -> dict[str, Float
     return {name: np.array(values, dtype=np.float64).reshape(-1, 3) for name, values in rows.items()}
 
 
-def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> StationObservations:
+def _station_observations(station: Station, found: _Pixels, readings: FloatArray | None) -> StationObservations:
     if readings is None:
         readings = np.zeros((0, 3))
     elif len(readings) < 2:

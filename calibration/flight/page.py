@@ -103,7 +103,7 @@ def _parameters(content: FlightPage) -> str:
 def _stations(fit: FlightFit) -> str:
     rows = []
     for name, station in fit.stations.items():
-        usable, kept, looks = int(station.usable.sum()), int(station.kept.sum()), len(station.usable)
-        numbers = [f"{station.rms_px:.2f}", str(kept), str(usable - kept), str(looks - usable)]
+        usable, kept, count = int(station.usable.sum()), int(station.kept.sum()), len(station.usable)
+        numbers = [f"{station.rms_px:.2f}", str(kept), str(usable - kept), str(count - usable)]
         rows.append([name, *numbers, gross_times(fit, name).strip(" ()")])
     return text_table(["station", "rms, px", "pixels", "gross", "without angle or DGPS", "when"], rows)

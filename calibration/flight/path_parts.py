@@ -77,11 +77,11 @@ def path_samples(problem: FlightProblem) -> list[PathSamples]:
         PathSamples(station=None, t_s=fixes.t_s, samples=fixes.position_m, sigma=fixes.sigma_m, step_s=step_s)
         for fixes in problem.track.stretches
     ]
-    for name, looks in problem.looks.items():
+    for name, observed in problem.observations.items():
         sigma = problem.stations[name].angle_sigma_rad
         for curve in problem.curves(name) if sigma > 0 else ():
-            inside = (looks.readings_s >= curve.from_s) & (looks.readings_s <= curve.to_s)
-            t, angles = looks.readings_s[inside], looks.readings_rad[inside]
+            inside = (observed.readings_s >= curve.from_s) & (observed.readings_s <= curve.to_s)
+            t, angles = observed.readings_s[inside], observed.readings_rad[inside]
             found.append(
                 PathSamples(
                     station=name,

@@ -85,7 +85,7 @@ class PathResiduals:
         self._normal = (self._known.T @ self._known).tocsc()
         self._alone = np.asarray(splu(self._normal).solve(self._known.T @ self._data))
         along = self._along(self._alone)
-        for name in along.looks:
+        for name in along.observations:
             own = along.predict(name, self.at).own_px2[self.kept[name]] * self.factors[name] ** 2
             self._white[name] = whitening_of(own)
 
@@ -195,7 +195,7 @@ class PathResiduals:
     def _along(self, theta: FloatArray) -> FlightProblem:
         """Return the problem with the paths of these coefficients."""
         tracks = []
-        curves: dict[str, list[AngleCurve]] = {name: [] for name in self.problem.looks}
+        curves: dict[str, list[AngleCurve]] = {name: [] for name in self.problem.observations}
         for part in self.parts:
             found = [part.basis.spline(c) for c in part.coefficients(theta)]
             if part.station is None:
@@ -205,8 +205,10 @@ class PathResiduals:
                 curves[part.station].append(
                     AngleCurve(from_s=part.basis.from_s, to_s=part.basis.to_s, axes=(pan, tilt))
                 )
-        looks = {name: replace(seen, curves=tuple(curves[name])) for name, seen in self.problem.looks.items()}
-        return replace(self.problem, looks=looks, track=self.problem.track.along(tracks))
+        observations = {
+            name: replace(seen, curves=tuple(curves[name])) for name, seen in self.problem.observations.items()
+        }
+        return replace(self.problem, observations=observations, track=self.problem.track.along(tracks))
 
     def _solve(self, change: FloatArray) -> _Solved:
         if self._last is not None and change.tobytes() == self._done:
@@ -231,12 +233,12 @@ class PathResiduals:
     def _linearised(self, theta: FloatArray, change: FloatArray) -> _Linear:
         along = self._along(theta)
         predicted, residuals, by_path, by_change = {}, [], [], []
-        for name, looks in along.looks.items():
+        for name, observed in along.observations.items():
             seen, kept = along.predict(name, change), self.kept[name]
             predicted[name] = seen
             # an observation that lost its reference meanwhile has no weight
             white = self._white[name] * seen.usable[kept][:, None, None]
-            off = (seen.pixel_px - looks.pixel_px)[kept]
+            off = (seen.pixel_px - observed.pixel_px)[kept]
             residuals.append(np.einsum("nij,nj->ni", white, off).ravel())
             by_change.append((white @ seen.jacobian[kept]).reshape(-1, len(change)))
             blocks = [self._by_part(part, name, seen, kept, white) for part in self.parts]

@@ -137,10 +137,10 @@ class PixelPredictions:
     reading_s: FloatArray
 
 
-def angles_at(looks: StationObservations, t_s: FloatArray) -> AnglesAtObservations:
+def angles_at(observed: StationObservations, t_s: FloatArray) -> AnglesAtObservations:
     """Return a station's angles at instants (n,), by its curves, otherwise between readings; zero if fixed."""
     n = len(t_s)
-    t, angles = looks.readings_s, looks.readings_rad
+    t, angles = observed.readings_s, observed.readings_rad
     if len(t) < 2:
         nothing, there = np.zeros((n, 2)), np.full(n, len(t) == 0)
         return AnglesAtObservations(
@@ -156,7 +156,7 @@ def angles_at(looks: StationObservations, t_s: FloatArray) -> AnglesAtObservatio
     rates = (angles[right] - angles[right - 1]) / gap[:, None]
     found = angles[right - 1] + (t_s - t[right - 1])[:, None] * rates
     curved = np.zeros(n, dtype=np.bool_)
-    for curve in looks.curves:
+    for curve in observed.curves:
         inside = (t_s >= curve.from_s) & (t_s <= curve.to_s)
         curved |= inside
         for axis, spline in enumerate(curve.axes):
@@ -165,7 +165,7 @@ def angles_at(looks: StationObservations, t_s: FloatArray) -> AnglesAtObservatio
         angles_rad=found,
         rates_rad_s=rates,
         variance_share=np.clip((1.0 - share) ** 2 + share**2, 0.5, 1.0),
-        usable=(share >= -1e-9) & (share <= 1.0 + 1e-9) & (gap <= looks.max_gap_s + 1e-9),
+        usable=(share >= -1e-9) & (share <= 1.0 + 1e-9) & (gap <= observed.max_gap_s + 1e-9),
         curved=curved,
     )
 
@@ -181,7 +181,7 @@ class FlightProblem:
     """
 
     stations: Mapping[str, Station]
-    looks: Mapping[str, StationObservations]
+    observations: Mapping[str, StationObservations]
     track: ReferenceTrack
     antenna_in_body_m: FloatArray
     names: tuple[str, ...]
@@ -201,9 +201,11 @@ class FlightProblem:
 
     def curves(self, station: str) -> tuple[AngleCurve, ...]:
         """Return a head's curves; none where it takes none to know its angles at exposures."""
-        looks = self.looks[station]
+        observed = self.observations[station]
         timed = any(f"{station}.{name}" in self.names for name in _TIMES)
-        return () if looks.own_readings and not timed and self.stations[station].readout_s == 0.0 else looks.curves
+        return (
+            () if observed.own_readings and not timed and self.stations[station].readout_s == 0.0 else observed.curves
+        )
 
     def value(self, change: FloatArray, name: str) -> float:
         """Return one parameter of a change (p,); 0 where it is not free."""
@@ -223,24 +225,24 @@ class FlightProblem:
 
     def middle_s(self, station: str) -> float:
         """Return the time about which a station's clock drifts."""
-        t = self.looks[station].t_s
+        t = self.observations[station].t_s
         return float(0.5 * (t[0] + t[-1])) if len(t) else 0.0
 
     def predict(self, station: str, change: FloatArray) -> PixelPredictions:
         """Predict one station's pixels with a change (p,) of the parameters."""
-        looks, rig = self.looks[station], self.stations[station]
-        from_middle = looks.t_s - self.middle_s(station)
-        exposed = looks.t_s + self.value(change, f"{station}.camera_clock.offset")
+        observed, rig = self.observations[station], self.stations[station]
+        from_middle = observed.t_s - self.middle_s(station)
+        exposed = observed.t_s + self.value(change, f"{station}.camera_clock.offset")
         exposed = exposed + self.value(change, f"{station}.camera_clock.drift") * from_middle
-        exposed = exposed + looks.row_share * (rig.readout_s + self.value(change, f"{station}.readout"))
+        exposed = exposed + observed.row_share * (rig.readout_s + self.value(change, f"{station}.readout"))
         by_unit = exposed - self.value(change, f"{station}.ptu_clock.offset")
-        angles = angles_at(replace(looks, curves=self.curves(station)), by_unit)
+        angles = angles_at(replace(observed, curves=self.curves(station)), by_unit)
         by_log = exposed + self.value(change, DGPS_OFFSET)
         track = self.track.at(by_log)
         antenna = self.antenna_m(change)
         points = track.nose_m(antenna)
 
-        n = len(looks)
+        n = len(observed)
         turn = self.station_change(change, station)
         pixel, by_state, by_rig = np.zeros((n, 2)), np.zeros((n, 2, 5)), np.zeros((n, 2, CALIBRATION_SIZE))
         depth = np.zeros(n)
@@ -288,7 +290,7 @@ class FlightProblem:
             "camera_clock.offset": later,
             "camera_clock.drift": later * from_middle[:, None],
             "ptu_clock.offset": -by_turning,
-            "readout": later * self.looks[station].row_share[:, None],
+            "readout": later * self.observations[station].row_share[:, None],
         }
         jacobian = np.zeros((len(later), 2, len(self.names)))
         for place, short in self.own(station):
@@ -302,13 +304,13 @@ class FlightProblem:
         self, station: str, angles: AnglesAtObservations, by_angle: FloatArray, by_fix: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return each pixel's covariance (n, 2, 2) px² without and with the noise that paths share."""
-        looks, n = self.looks[station], len(self.looks[station])
-        noise = looks.sigma_px[:, :, None] ** 2 * np.eye(2)
+        observed, n = self.observations[station], len(self.observations[station])
+        noise = observed.sigma_px[:, :, None] ** 2 * np.eye(2)
         encoder = self.stations[station].angle_sigma_rad ** 2 * angles.variance_share
         by_readings = by_angle @ np.swapaxes(by_angle, 1, 2) * encoder[:, None, None]
         own = noise + np.where(angles.curved[:, None, None], 0.0, by_readings)
         # pixels between the same two fixes share these fixes' noise
-        crowd = max(1.0, self.track.step_s * (n - 1) / max(float(np.ptp(looks.t_s)), 1e-9)) if n > 1 else 1.0
+        crowd = max(1.0, self.track.step_s * (n - 1) / max(float(np.ptp(observed.t_s)), 1e-9)) if n > 1 else 1.0
         return own, noise + by_readings + crowd * by_fix @ np.swapaxes(by_fix, 1, 2)
 
 

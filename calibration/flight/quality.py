@@ -48,7 +48,7 @@ def range_qualities(after: Rig, fit: FlightFit) -> list[RangeQuality]:
     problem = fit.problem
     if len(problem.stations) < 2:
         return []
-    t = np.sort(np.concatenate([looks.t_s for looks in problem.looks.values()]))
+    t = np.sort(np.concatenate([observed.t_s for observed in problem.observations.values()]))
     middle = np.mean([s.ptu_position_m for s in after.stations], axis=0)
     instants = np.quantile(t, np.linspace(0.0, 1.0, 101)) + problem.value(fit.change, DGPS_OFFSET)
     points = problem.track.at(instants)
@@ -108,8 +108,8 @@ def _quality(after: Rig, fit: FlightFit, at: _FixPlace) -> RangeQuality | None:
                 columns[:, place] = seen.jacobian[:, :3] @ at.velocity_m_s
         by_angle = seen.jacobian[:, 3:]
         # a misfit is no noise: what does not fit makes no calibration good enough
-        usual = float(np.median(problem.looks[name].sigma_px))
-        pixel = usual * min(station.noise_factor, 1.0 if problem.looks[name].sigma_given else _LABELLED / usual)
+        usual = float(np.median(problem.observations[name].sigma_px))
+        pixel = usual * min(station.noise_factor, 1.0 if problem.observations[name].sigma_given else _LABELLED / usual)
         noise.append(pixel**2 * np.eye(2) + rig.angle_sigma_rad**2 * by_angle @ by_angle.T)
         by_point.append(seen.jacobian[:, :3])
         by_change.append(columns)

@@ -29,10 +29,10 @@ def format_flight_report(
         lines.append(f"{name:<34}{row.value:>14}{row.sigma:>12}{row.change:>14}  {row.unit}")
     lines.append("")
     for name, station in fit.stations.items():
-        usable, kept, looks = int(station.usable.sum()), int(station.kept.sum()), len(station.usable)
+        usable, kept, count = int(station.usable.sum()), int(station.kept.sum()), len(station.usable)
         lines.append(
             f"{name}: {station.rms_px:.2f} px rms over {kept} pixels; {usable - kept} gross, "
-            f"{looks - usable} without angle or DGPS{gross_times(fit, name)}"
+            f"{count - usable} without angle or DGPS{gross_times(fit, name)}"
         )
     if fit.point_sigma_m > 0.0:
         lines.append(
@@ -105,7 +105,7 @@ def parameter_row(before: Rig, after: Rig, fit: FlightFit, k: int, antenna_m: Fl
 def gross_times(fit: FlightFit, name: str) -> str:
     """Return when a station's pixels were left out, in brackets; empty if none was."""
     station = fit.stations[name]
-    t = fit.problem.looks[name].t_s[station.usable & ~station.kept]
+    t = fit.problem.observations[name].t_s[station.usable & ~station.kept]
     if not len(t):
         return ""
     more = ", …" if len(t) > _MOST_SPANS else ""

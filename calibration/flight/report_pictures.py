@@ -131,9 +131,11 @@ def _geometry(figure: Figure, content: _Content) -> None:
     path = np.where(whole.usable[:, None], whole.position_m, np.nan)
     for ax, vertical in ((above, 1), (side, 2)):
         ax.plot(path[:, 0], path[:, vertical], color=_SOFT, lw=1.2, zorder=1)
-        for colour, (name, looks) in zip(_cycle(len(problem.looks)), problem.looks.items(), strict=True):
+        for colour, (name, observed) in zip(
+            _cycle(len(problem.observations)), problem.observations.items(), strict=True
+        ):
             later_s = (problem.value(fit.change, clock) for clock in (f"{name}.camera_clock.offset", DGPS_OFFSET))
-            seen = problem.track.at(looks.t_s + sum(later_s))
+            seen = problem.track.at(observed.t_s + sum(later_s))
             shown = seen.position_m[seen.usable & fit.stations[name].kept]
             ax.plot(shown[:, 0], shown[:, vertical], ".", ms=2.5, color=colour, zorder=2)
             place = content.after[name].ptu_position_m
@@ -155,7 +157,7 @@ def _over_time(figure: Figure, content: _Content) -> None:
     fit = content.fit
     axes = np.atleast_1d(figure.subplots(len(fit.stations), 1, sharex=True))
     for ax, (name, station) in zip(axes, fit.stations.items(), strict=True):
-        t, off = fit.problem.looks[name].t_s, station.residual_px
+        t, off = fit.problem.observations[name].t_s, station.residual_px
         kept = station.kept
         limit = max(_SHOWN_SPREAD * float(np.std(off[kept])) if kept.any() else 1.0, 1e-3)
         for colour, axis, letter in ((_COLOURS[0], 0, "u"), (_COLOURS[1], 1, "v")):
@@ -178,7 +180,7 @@ def _over_image(figure: Figure, content: _Content) -> None:
     for ax in axes[count:]:
         ax.set_axis_off()
     for ax, (name, station) in zip(axes[:count], fit.stations.items(), strict=True):
-        _arrows(ax, fit.problem.looks[name].pixel_px[station.kept], station.residual_px[station.kept])
+        _arrows(ax, fit.problem.observations[name].pixel_px[station.kept], station.residual_px[station.kept])
         left, right, top, bottom = _seen_part(content, name)
         ax.set_xlim(left, right)
         ax.set_ylim(bottom, top)
@@ -191,7 +193,7 @@ def _over_image(figure: Figure, content: _Content) -> None:
 def _seen_part(content: _Content, name: str) -> tuple[float, float, float, float]:
     """Return left, right, top and bottom of the picture, or of the part of it in which all pixels are."""
     w, h = content.after[name].lens.image_size_px
-    pixel = content.fit.problem.looks[name].pixel_px[content.fit.stations[name].kept]
+    pixel = content.fit.problem.observations[name].pixel_px[content.fit.stations[name].kept]
     if not len(pixel) or float(np.ptp(pixel, axis=0).max()) > w / 3.0:
         return (-0.5, w - 0.5, -0.5, h - 0.5)
     u, v = 0.5 * (pixel.min(axis=0) + pixel.max(axis=0))

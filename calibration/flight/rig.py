@@ -129,7 +129,7 @@ def _drifted_s(fit: FlightFit, station: str) -> float:
     drift = f"{station}.camera_clock.drift"
     if drift not in fit.problem.names:
         return 0.0
-    t = fit.problem.looks[station].t_s
+    t = fit.problem.observations[station].t_s
     return 0.5 * float(t.max() - t.min()) * float(fit.sigma[fit.problem.names.index(drift)])
 
 

@@ -45,7 +45,7 @@ def find_start(problem: FlightProblem) -> StartingPoint:
     for name, station in problem.stations.items():
         if {"orientation", "position"} <= set(station.known):
             continue
-        started = _start(problem, station, problem.looks[name])
+        started = _start(problem, station, problem.observations[name])
         stations[name] = started.station
         offsets[name] = started.offset_s
     change = np.zeros(len(problem.names))
@@ -61,22 +61,22 @@ def find_start(problem: FlightProblem) -> StartingPoint:
     return StartingPoint(problem=replace(problem, stations=stations), change=change)
 
 
-def _start(problem: FlightProblem, station: Station, looks: StationObservations) -> _Started:
+def _start(problem: FlightProblem, station: Station, observed: StationObservations) -> _Started:
     """Scan the clock's offset; at each, the pose without an initial value."""
     name = station.name
-    if len(looks) < MIN_OBSERVATIONS:
-        raise FlightFitError(f"station {name}: got {len(looks)} pixels; wanted at least {MIN_OBSERVATIONS}")
-    chosen = np.unique(np.linspace(0, len(looks) - 1, _MOST_BEARINGS).astype(np.int64))
-    t, pixels = looks.t_s[chosen], looks.pixel_px[chosen]
+    if len(observed) < MIN_OBSERVATIONS:
+        raise FlightFitError(f"station {name}: got {len(observed)} pixels; wanted at least {MIN_OBSERVATIONS}")
+    chosen = np.unique(np.linspace(0, len(observed) - 1, _MOST_BEARINGS).astype(np.int64))
+    t, pixels = observed.t_s[chosen], observed.pixel_px[chosen]
     # a camera's own clock moves its exposures past the readings, the log's does not
     by_camera = f"{name}.camera_clock.offset" in problem.names
-    angles = angles_at(looks, t)
+    angles = angles_at(observed, t)
     bearings = bearings_in_base(station.geometry(), pixels, angles.angles_rad)
     best: PoseGuess | None = None
     best_s = 0.0
     for offset in _offsets(problem, name):
         if by_camera and not station.fixed:
-            angles = angles_at(looks, t + offset)
+            angles = angles_at(observed, t + offset)
             bearings = bearings_in_base(station.geometry(), pixels, angles.angles_rad)
         track = problem.track.at(t + offset)
         usable = angles.usable & track.usable & np.isfinite(bearings).all(axis=1)

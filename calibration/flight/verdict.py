@@ -137,9 +137,9 @@ def _of_shutters(after: Rig, fit: FlightFit) -> list[str]:
 def _of_slow_readings(fit: FlightFit) -> list[str]:
     """Return whose readings are so slow that a head's way between them is a matter of how smooth it is taken to be."""
     lines = []
-    for name, looks in fit.problem.looks.items():
-        if len(looks.readings_s) > 1 and fit.problem.curves(name):
-            step = float(np.median(np.diff(looks.readings_s)))
+    for name, observed in fit.problem.observations.items():
+        if len(observed.readings_s) > 1 and fit.problem.curves(name):
+            step = float(np.median(np.diff(observed.readings_s)))
             if step > SLOW_S:
                 lines.append(
                     f"the PTU of {name} was read every {1e3 * step:.0f} ms only: between readings its head is taken to"
@@ -159,7 +159,7 @@ def _misfits(fit: FlightFit) -> list[str]:
     """Return which stations' pixels fit far worse than pixels are found or labelled."""
     words = []
     for name, station in fit.stations.items():
-        given = fit.problem.looks[name].sigma_given
+        given = fit.problem.observations[name].sigma_given
         if station.noise_factor > _MOST_NOISE if given else station.rms_px > _WORST_LABELS_PX:
             words.append(f"the pixels of {name} fit to {station.rms_px:.1f} px only")
     return words

@@ -112,12 +112,12 @@ def solve_check(
     stations = {name: rig[name] for name in names}
     require_lens(stations, rig)
     today = [gather_observations(sightings, stations[name], places, today=True) for name in names]
-    for looks in today:
-        _require_two(looks, seen, stations[looks.station])
+    for observed in today:
+        _require_two(observed, seen, stations[observed.station])
     then = [gather_observations(reference, station, places) for station in stations.values()]
-    then = [looks for looks in then if len(looks)]
+    then = [observed for observed in then if len(observed)]
     # the rig's orientation may come from these very sightings: it is estimated from them again
-    free = [f"{looks.station}.runway_from_base.{axis}" for looks in then for axis in AXES]
+    free = [f"{observed.station}.runway_from_base.{axis}" for observed in then for axis in AXES]
     before = rig.calibration_covariance()
 
     def solve(slipped: frozenset[str]) -> LandmarkFit:
@@ -137,7 +137,7 @@ def solve_check(
             rig,
             fit,
             [Turn(station=m.station, names=m.names, change_rad=m.change_rad) for m in found],
-            {looks.station for looks in then},
+            {observed.station for observed in then},
         ),
         along_m={m.station: _along_m(rig, m) for m in movements},
     )
@@ -175,9 +175,9 @@ def _cost(fit: LandmarkFit) -> float:
     return float((np.minimum(fit.length, OUTLIER_SIGMA) ** 2).sum() + known @ known)
 
 
-def _require_two(looks: LandmarkObservations, landmarks: Sequence[Landmark], station: Station) -> None:
+def _require_two(observed: LandmarkObservations, landmarks: Sequence[Landmark], station: Station) -> None:
     """Raise `LandmarkFitError` for landmarks in less than two directions."""
-    numbers = np.unique(looks.landmark)
+    numbers = np.unique(observed.landmark)
     towards = []
     for k in numbers:
         place = landmarks[k].place
@@ -187,7 +187,7 @@ def _require_two(looks: LandmarkObservations, landmarks: Sequence[Landmark], sta
     apart = max((float(np.linalg.norm(np.cross(a, towards[0]))) for a in towards), default=0.0)
     if len(numbers) < 2 or apart < ONE_BEARING_RAD:
         got = "one landmark" if len(numbers) < 2 else f"{len(numbers)} landmarks along one bearing"
-        raise LandmarkFitError(f"station {looks.station}: got {got}; wanted two or more, in different directions")
+        raise LandmarkFitError(f"station {observed.station}: got {got}; wanted two or more, in different directions")
 
 
 def _require_fit(fit: LandmarkFit, names: Sequence[str]) -> None:
@@ -220,11 +220,11 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Station
         - across @ inverse_with_floor(fit.information[np.ix_(rest, rest)]) @ across.T
     )
     # the prior on the turn, which is no evidence, is removed again
-    by_looks = (marginal - np.eye(3)) / MOVED_SIGMA_RAD**2 / fit.raised**2
+    information = (marginal - np.eye(3)) / MOVED_SIGMA_RAD**2 / fit.raised**2
     slipped = station.name in problem.slipped
     # the base's own axes; the head's are those of its group already
     own = np.eye(3) if slipped else matrix_from_wxyz(station.runway_from_base_wxyz)
-    by_looks = own.T @ by_looks @ own
+    information = own.T @ information @ own
     turned = own.T @ fit.change[places]
     covariance = own.T @ fit.covariance[np.ix_(places, places)] @ own
     threshold = float(chi_square_quantile(1.0 - false_alarm, 3))
@@ -235,9 +235,9 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Station
         turned_rad=turned,
         sigma_rad=np.sqrt(np.diag(covariance)),
         change_rad=fit.change[places],
-        statistic=float(turned @ by_looks @ turned),
+        statistic=float(turned @ information @ turned),
         threshold=threshold,
-        detectable_rad=np.sqrt(distance / np.maximum(np.diag(by_looks), 1e-30)),
+        detectable_rad=np.sqrt(distance / np.maximum(np.diag(information), 1e-30)),
         landmarks=tuple(inlier_landmarks(fit, station.name)),
     )
 

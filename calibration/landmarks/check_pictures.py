@@ -27,21 +27,21 @@ _CAPTION = (
 def check_pictures(check: Check, alarm_deg: float) -> list[ReportPicture]:
     """Draw one picture for each observed station; needs no window system."""
     expected, first, pictures = expected_px(check), 0, []
-    for looks in check.fit.problem.looks:
-        rows = slice(first, first + len(looks))
-        first += len(looks)
-        if not looks.today:
+    for observed in check.fit.problem.observations:
+        rows = slice(first, first + len(observed))
+        first += len(observed)
+        if not observed.today:
             continue
-        off = _off_deg(check, looks, expected[rows])
+        off = _off_deg(check, observed, expected[rows])
         with mpl.rc_context(_STYLE):
             figure = Figure(figsize=(6.4, 5.4), layout="constrained")
-            _draw(figure.subplots(), check, looks.landmark, off, check.fit.kept[rows], alarm_deg)
+            _draw(figure.subplots(), check, observed.landmark, off, check.fit.kept[rows], alarm_deg)
             buffer = io.BytesIO()
             figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
         pictures.append(
             ReportPicture(
-                name=f"{looks.station}-landmarks",
-                title=f"{looks.station}: expected and seen",
+                name=f"{observed.station}-landmarks",
+                title=f"{observed.station}: expected and seen",
                 caption=_CAPTION.format(alarm=alarm_deg),
                 png=buffer.getvalue(),
             )
@@ -58,10 +58,10 @@ def expected_px(check: Check) -> FloatArray:
     return problem.evaluate(unknowns).pixel_px
 
 
-def _off_deg(check: Check, looks: LandmarkObservations, expected: FloatArray) -> FloatArray:
+def _off_deg(check: Check, observed: LandmarkObservations, expected: FloatArray) -> FloatArray:
     """Return seen − expected (m, 2) to the right and up, deg."""
-    focal = check.rig[looks.station].lens.focal_px
-    return np.asarray(np.degrees((looks.pixel_px - expected) / focal) * (1.0, -1.0))
+    focal = check.rig[observed.station].lens.focal_px
+    return np.asarray(np.degrees((observed.pixel_px - expected) / focal) * (1.0, -1.0))
 
 
 def _draw(

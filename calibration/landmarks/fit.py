@@ -71,7 +71,7 @@ def solve_landmarks(problem: LandmarkProblem, start: FloatArray | None = None) -
             if found.nothing:
                 break
             rejected.update(found.landmarks)
-            kept = kept & ~found.looks
+            kept = kept & ~found.omitted
             if not kept.any():
                 raise LandmarkFitError("sightings: got none that fits another; wanted landmarks at their coordinates")
     return _finished(problem, unknowns, kept, rejected)

@@ -54,7 +54,7 @@ class LandmarkProblem:
     """
 
     stations: Mapping[str, Station]
-    looks: tuple[LandmarkObservations, ...]
+    observations: tuple[LandmarkObservations, ...]
     landmarks: tuple[Landmark, ...]
     names: tuple[str, ...]
     spread: FloatArray
@@ -70,14 +70,14 @@ class LandmarkProblem:
     @property
     def pixel_px(self) -> FloatArray:
         """All observations' pixels (n, 2)."""
-        return np.concatenate([looks.pixel_px for looks in self.looks])
+        return np.concatenate([observed.pixel_px for observed in self.observations])
 
     @property
     def variances(self) -> tuple[FloatArray, FloatArray]:
         """All observations' variances (n,) of a pixel's axis, px², and of an angle, rad²."""
         return (
-            np.concatenate([looks.pixel_variance for looks in self.looks]),
-            np.concatenate([looks.angle_variance for looks in self.looks]),
+            np.concatenate([observed.pixel_variance for observed in self.observations]),
+            np.concatenate([observed.angle_variance for observed in self.observations]),
         )
 
     def places(self, group: str) -> list[int]:
@@ -118,7 +118,7 @@ class LandmarkProblem:
         return self._newest[at]
 
     def _evaluate(self, change: FloatArray) -> LinearisedSightings:
-        parts = [self._predict(looks, change) for looks in self.looks]
+        parts = [self._predict(observed, change) for observed in self.observations]
         return LinearisedSightings(
             pixel_px=np.concatenate([p.pixel_px for p in parts]),
             jacobian=np.concatenate([p.jacobian for p in parts]),
@@ -126,31 +126,31 @@ class LandmarkProblem:
             usable=np.concatenate([p.usable for p in parts]),
         )
 
-    def _predict(self, looks: LandmarkObservations, change: FloatArray) -> LinearisedSightings:
-        n = len(looks)
-        own = self.station_change(change, looks.station, today=looks.today)
-        packed = perturbed_packed(self._packed[looks.station], own)
+    def _predict(self, observed: LandmarkObservations, change: FloatArray) -> LinearisedSightings:
+        n = len(observed)
+        own = self.station_change(change, observed.station, today=observed.today)
+        packed = perturbed_packed(self._packed[observed.station], own)
         points, by_places = np.zeros((n, 3)), np.zeros((len(self.landmarks), 3, 3))
         far = np.zeros(n, dtype=np.bool_)
-        for k in np.unique(looks.landmark):
-            seen = looks.landmark == k
+        for k in np.unique(observed.landmark):
+            seen = observed.landmark == k
             points[seen], by_places[k] = self._point(int(k), change, packed[9:12])
             far[seen] = self.landmarks[k].kind == "direction"
         pixel, by_state = np.zeros((n, 2)), np.zeros((n, 2, 5))
         by_rig, depth = np.zeros((n, 2, CALIBRATION_SIZE)), np.zeros(n)
-        project_calibration_many(packed, points, looks.angles_rad, pixel, by_state, by_rig, depth)
+        project_calibration_many(packed, points, observed.angles_rad, pixel, by_state, by_rig, depth)
         by_rig[far, :, 3:6] = 0.0
         for part in _TURNS:
             by_rig[:, :, part] = by_rig[:, :, part] @ left_jacobian(own[part])
         jacobian = np.zeros((n, 2, len(self.names)))
-        for place, there in self.own(looks.station):
+        for place, there in self.own(observed.station):
             jacobian[:, :, place] = by_rig[:, :, there]
-        if looks.today:
-            first = self.moved_from(looks.station)
-            for axis, place in enumerate(self.places(f"{looks.station}.moved")):
+        if observed.today:
+            first = self.moved_from(observed.station)
+            for axis, place in enumerate(self.places(f"{observed.station}.moved")):
                 jacobian[:, :, place] = by_rig[:, :, first + axis]
-        for k in np.unique(looks.landmark):
-            seen = looks.landmark == k
+        for k in np.unique(observed.landmark):
+            seen = observed.landmark == k
             places = self.places(f"landmark {self.landmarks[k].name}")
             if places:
                 by_place = by_state[seen, :, :3] @ by_places[k]
@@ -177,7 +177,7 @@ class LandmarkProblem:
 
 def pose_problem(
     stations: Mapping[str, Station],
-    looks: Sequence[LandmarkObservations],
+    observed: Sequence[LandmarkObservations],
     landmarks: Sequence[Landmark],
     free: Sequence[str],
     before: ParameterCovariance,
@@ -217,7 +217,7 @@ def pose_problem(
         known += [is_known] * w
     return LandmarkProblem(
         stations=dict(stations),
-        looks=tuple(looks),
+        observations=tuple(observed),
         landmarks=tuple(landmarks),
         names=tuple(name for names, _, _ in blocks for name in names),
         spread=spread,

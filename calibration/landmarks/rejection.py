@@ -29,20 +29,20 @@ class LandmarkFitError(GroundstationError):
 class Rejection:
     """Observations (n,) to leave out, and landmarks with their errors in sigmas; empty where all fit."""
 
-    looks: MaskArray
+    omitted: MaskArray
     landmarks: dict[str, float]
 
     @property
     def nothing(self) -> bool:
         """Whether everything fits."""
-        return not self.looks.any()
+        return not self.omitted.any()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _ExclusionTrial:
     """One trial: the omission, its names, the fit of the rest, and whether no gross error remains."""
 
-    looks: MaskArray
+    omitted: MaskArray
     landmark: int
     whole: bool
     excess: float
@@ -69,10 +69,10 @@ def find_outlier(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray
 
     Raises `LandmarkFitError` where leaving out another one would explain it as well.
     """
-    nothing = Rejection(looks=np.zeros(len(kept), dtype=np.bool_), landmarks={})
+    nothing = Rejection(omitted=np.zeros(len(kept), dtype=np.bool_), landmarks={})
     if not _gross(problem, unknowns, kept):
         return nothing
-    tried = [_try(problem, unknowns, kept, k, looks, whole) for k, looks, whole in _parts(problem, unknowns, kept)]
+    tried = [_try(problem, unknowns, kept, k, omitted, whole) for k, omitted, whole in _parts(problem, unknowns, kept)]
     if not tried:
         raise LandmarkFitError(
             "landmarks: got two that contradict each other; wanted three or more to tell which is wrong"
@@ -81,7 +81,7 @@ def find_outlier(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray
     # the smaller part where it does as well
     best = min(
         (t for t in tried if t.landmark == best.landmark and t.excess <= best.excess + _CLEARLY),
-        key=lambda t: (int(t.looks.sum()), t.excess),
+        key=lambda t: (int(t.omitted.sum()), t.excess),
     )
     others = {t.landmark for t in tried if t.excess <= best.excess + _CLEARLY} - {best.landmark}
     if best.clean and others:
@@ -91,22 +91,22 @@ def find_outlier(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray
             f"landmarks: got {got}; wanted right coordinates, and more landmarks to tell which is wrong"
         )
     name = problem.landmarks[best.landmark].name
-    return Rejection(looks=best.looks, landmarks={name: _off(problem, unknowns, kept, best)} if best.whole else {})
+    return Rejection(omitted=best.omitted, landmarks={name: _off(problem, unknowns, kept, best)} if best.whole else {})
 
 
 def _groups(problem: LandmarkProblem) -> Iterator[MaskArray]:
     """Yield the observations (n,) of each station, day and landmark."""
-    total, start = sum(len(looks) for looks in problem.looks), 0
-    for looks in problem.looks:
-        for k in np.unique(looks.landmark):
+    total, start = sum(len(observed) for observed in problem.observations), 0
+    for observed in problem.observations:
+        for k in np.unique(observed.landmark):
             group = np.zeros(total, dtype=np.bool_)
-            group[start : start + len(looks)] = looks.landmark == k
+            group[start : start + len(observed)] = observed.landmark == k
             yield group
-        start += len(looks)
+        start += len(observed)
 
 
 def _landmark_numbers(problem: LandmarkProblem) -> FloatArray:
-    return np.concatenate([looks.landmark for looks in problem.looks])
+    return np.concatenate([observed.landmark for observed in problem.observations])
 
 
 def _lengths(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> tuple[FloatArray, FloatArray]:
@@ -147,13 +147,13 @@ def _parts(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> I
 
 
 def _try(
-    problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, landmark: int, looks: MaskArray, whole: bool
+    problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, landmark: int, omitted: MaskArray, whole: bool
 ) -> _ExclusionTrial:
-    rest = kept & ~looks
+    rest = kept & ~omitted
     solved = solve_kept(problem, unknowns, rest, robust=False)
     left = linearised(problem, solved, rest)
     return _ExclusionTrial(
-        looks=looks,
+        omitted=omitted,
         landmark=landmark,
         whole=whole,
         excess=left.chi_square - len(left.residual),
@@ -163,12 +163,12 @@ def _try(
 
 def _off(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, left: _ExclusionTrial) -> float:
     """Return a landmark's misfit in sigmas of one sighting and of its own coordinates, by the remaining sightings."""
-    solved = solve_kept(problem, unknowns, kept & ~left.looks, robust=False)
+    solved = solve_kept(problem, unknowns, kept & ~left.omitted, robust=False)
     seen = problem.evaluate(solved)
     by_pixel, by_angle = problem.variances
     places = problem.places(f"landmark {problem.landmarks[left.landmark].name}")
     worst = 0.0
-    for k in np.flatnonzero(left.looks & seen.usable):
+    for k in np.flatnonzero(left.omitted & seen.usable):
         noise = by_pixel[k] * np.eye(2) + by_angle[k] * seen.by_angle[k] @ seen.by_angle[k].T
         if places:
             by_place = seen.jacobian[k] @ problem.spread[places].T / problem.landmarks[left.landmark].sigma.clip(1e-9)

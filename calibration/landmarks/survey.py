@@ -70,9 +70,9 @@ def solve_survey(
     stations = {name: rig[name] for name in names}
     require_lens(stations, rig)
     places = {landmark.name: k for k, landmark in enumerate(seen)}
-    looks = [gather_observations(sightings, stations[name], places) for name in names]
+    observed = [gather_observations(sightings, stations[name], places) for name in names]
     before = prior_covariance(rig, names, words)
-    started = found_stations(stations, looks, seen, before)
+    started = found_stations(stations, observed, seen, before)
     free = [
         f"{name}.{group}.{axis}"
         for name in names
@@ -80,7 +80,7 @@ def solve_survey(
         for axis in AXES
         if part == "orientation" or part not in stations[name].known
     ]
-    fit = solve_landmarks(pose_problem(started, looks, seen, free, before))
+    fit = solve_landmarks(pose_problem(started, observed, seen, free, before))
     require_determined(fit, stations)
     found = _solved(rig, started, fit)
     unseen = [s.name for s in rig.stations if s.name not in names]
@@ -142,13 +142,13 @@ def prior_covariance(rig: Rig, names: Sequence[str], words: Sequence[str]) -> Pa
     return ParameterCovariance(names=(*found, *more), matrix=joint)
 
 
-def looks_of(fit: LandmarkFit, name: str) -> list[tuple[LandmarkObservations, NDArray[np.int64]]]:
+def station_observations(fit: LandmarkFit, name: str) -> list[tuple[LandmarkObservations, NDArray[np.int64]]]:
     """Return a station's observations with the numbers (n,) of their rows in the fit."""
     start, found = 0, []
-    for looks in fit.problem.looks:
-        if looks.station == name:
-            found.append((looks, np.arange(start, start + len(looks), dtype=np.int64)))
-        start += len(looks)
+    for observed in fit.problem.observations:
+        if observed.station == name:
+            found.append((observed, np.arange(start, start + len(observed), dtype=np.int64)))
+        start += len(observed)
     return found
 
 
@@ -156,8 +156,8 @@ def inlier_landmarks(fit: LandmarkFit, name: str) -> list[str]:
     """Return the names of the landmarks that one station saw and that fit."""
     numbers = {
         int(k)
-        for looks, rows in looks_of(fit, name)
-        for k, kept in zip(looks.landmark, fit.kept[rows], strict=True)
+        for observed, rows in station_observations(fit, name)
+        for k, kept in zip(observed.landmark, fit.kept[rows], strict=True)
         if kept
     }
     return [fit.problem.landmarks[k].name for k in sorted(numbers)]
@@ -165,7 +165,7 @@ def inlier_landmarks(fit: LandmarkFit, name: str) -> list[str]:
 
 def require_most_kept(fit: LandmarkFit, name: str) -> None:
     """Raise `LandmarkFitError` where more landmarks of a station do not fit than mistakes are likely."""
-    seen = {s.landmark for looks, _ in looks_of(fit, name) for s in looks.sightings}
+    seen = {s.landmark for observed, _ in station_observations(fit, name) for s in observed.sightings}
     out = sorted(seen - set(inlier_landmarks(fit, name)))
     if len(out) > max(1, len(seen) // 4):
         got = f"{len(out)} of {len(seen)} landmarks that contradict each other ({', '.join(out[:8])})"

@@ -71,7 +71,7 @@ def _geometry(survey: Survey) -> list[str]:
     """Return the directions that number and positions of landmarks leave undetermined."""
     steps = []
     for name in survey.rig.names:
-        if not any(looks.station == name for looks in survey.fit.problem.looks):
+        if not any(observed.station == name for observed in survey.fit.problem.observations):
             continue
         kept = inlier_landmarks(survey.fit, name)
         if "position" in survey.before[name].known:
@@ -122,9 +122,9 @@ def _remedies(survey: Survey) -> list[str]:
 
     surveyed = [k for k, name in enumerate(problem.names) if ".ptu_position." in name]
     placed = problem.spread[surveyed].T @ problem.spread[surveyed] / _SURVEYED_M**2
-    looks = information_with(problem, fit.unknowns, fit.kept, pixel=0.25, angle=0.25)
+    readings = information_with(problem, fit.unknowns, fit.kept, pixel=0.25, angle=0.25)
     remedies = [
-        (sigma(looks), "four times as many readings of each landmark"),
+        (sigma(readings), "four times as many readings of each landmark"),
         (scaled(lambda n: n.startswith("landmark ")), "landmark coordinates twice as good, or landmarks twice as far"),
         (
             scaled(lambda n: ".head_from_camera." in n or ".camera_in_head." in n),

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from calibration.landmarks.survey import Survey, inlier_landmarks, looks_of
+from calibration.landmarks.survey import Survey, inlier_landmarks, station_observations
 from calibration.rig_reach import reach_at
 
 _SIZE_IN = (6.4, 5.4)
@@ -80,7 +80,7 @@ def _map(ax: Axes, survey: Survey) -> None:
     for colour, (name, _) in zip(_cycle(), _seen(survey), strict=False):
         x, y = survey.rig[name].ptu_position_m[:2]
         kept = inlier_landmarks(survey.fit, name)
-        own = {s.landmark for looks, _ in looks_of(survey.fit, name) for s in looks.sightings}
+        own = {s.landmark for observed, _ in station_observations(survey.fit, name) for s in observed.sightings}
         for mark in points:
             if mark.name in own and mark.place is not None:
                 dashed = "-" if mark.name in kept else "--"
@@ -107,14 +107,14 @@ def _residuals(ax: Axes, survey: Survey) -> None:
     names = [m.name for m in survey.fit.problem.landmarks]
     seen = list(_seen(survey))
     for place, (colour, (name, _)) in enumerate(zip(_cycle(), seen, strict=False)):
-        for looks, rows in looks_of(survey.fit, name):
+        for observed, rows in station_observations(survey.fit, name):
             spread = np.linspace(-0.14, 0.14, len(rows)) + 0.36 * (place - 0.5 * (len(seen) - 1)) / max(
                 len(seen) - 1, 1
             )
             length = np.minimum(survey.fit.length[rows], 30.0)
             kept = survey.fit.kept[rows]
-            ax.plot((looks.landmark + spread)[kept], length[kept], ".", ms=6, color=colour, label=name)
-            ax.plot((looks.landmark + spread)[~kept], length[~kept], "o", ms=6, mfc="none", color=colour)
+            ax.plot((observed.landmark + spread)[kept], length[kept], ".", ms=6, color=colour, label=name)
+            ax.plot((observed.landmark + spread)[~kept], length[~kept], "o", ms=6, mfc="none", color=colour)
     ax.set_xticks(range(len(names)), names, rotation=30, ha="right")
     top = float(np.min([30.0, np.max([3.0, *survey.fit.length])]))
     ax.set_ylim(0.0, 1.15 * top)
@@ -146,7 +146,7 @@ def _reach(ax: Axes, survey: Survey) -> None:
 
 
 def _seen(survey: Survey) -> list[tuple[str, int]]:
-    return [(looks.station, len(looks)) for looks in survey.fit.problem.looks]
+    return [(observed.station, len(observed)) for observed in survey.fit.problem.observations]
 
 
 def _cycle() -> list[str]:

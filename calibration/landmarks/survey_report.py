@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.landmarks.fit import LandmarkFit
-from calibration.landmarks.survey import Survey, inlier_landmarks, looks_of
+from calibration.landmarks.survey import Survey, inlier_landmarks, station_observations
 from calibration.landmarks.survey_advice import TABLE_HEAD, SurveyAdvice, advise_survey
 from calibration.landmarks.survey_pictures import survey_pictures
 from calibration.robust_fit import OUTLIER_SIGMA
@@ -69,7 +69,7 @@ def fit_lines(survey: Survey) -> list[str]:
     """Return one line for each station: the fit of its observations, and their assumed noise."""
     lines = []
     for name in survey.rig.names:
-        for looks, rows in looks_of(survey.fit, name):
+        for observed, rows in station_observations(survey.fit, name):
             kept = survey.fit.kept[rows]
             rms = float(np.sqrt(np.mean(np.sum(survey.fit.residual_px[rows][kept] ** 2, axis=1))))
             station = survey.rig[name]
@@ -81,9 +81,9 @@ def fit_lines(survey: Survey) -> list[str]:
                     f"{np.degrees(station.ptu_resolution_rad):.4g}°"
                 )
             )
-            pixel = float(np.sqrt(np.median(looks.pixel_variance)))
+            pixel = float(np.sqrt(np.median(observed.pixel_variance)))
             lines.append(
-                f"{name}: {int(kept.sum())} of {len(looks)} sightings of {len(inlier_landmarks(survey.fit, name))} "
+                f"{name}: {int(kept.sum())} of {len(observed)} sightings of {len(inlier_landmarks(survey.fit, name))} "
                 f"landmarks, {rms:.2f} px rms; noise taken: {noise}, pixel {pixel:.2g} px"
             )
     lines.append(
@@ -101,15 +101,15 @@ def rejected(fit: LandmarkFit) -> list[str]:
     ]
     start = 0
     single = []
-    for looks in fit.problem.looks:
-        for k, sighting in enumerate(looks.sightings):
+    for observed in fit.problem.observations:
+        for k, sighting in enumerate(observed.sightings):
             if not fit.kept[start + k] and sighting.landmark not in fit.rejected_landmarks:
                 length = fit.length[start + k]
                 why = f"{length:.0f} sigma off" if np.isfinite(length) else "behind the camera"
                 single.append(
-                    f"line {sighting.line}, {looks.station} to {sighting.landmark}: {why}, {OUTLIER_SIGMA:g} allowed"
+                    f"line {sighting.line}, {observed.station} to {sighting.landmark}: {why}, {OUTLIER_SIGMA:g} allowed"
                 )
-        start += len(looks)
+        start += len(observed)
     more = [f"{len(single) - _MOST_REJECTED} more sightings"] if len(single) > _MOST_REJECTED else []
     return [*lines, *single[:_MOST_REJECTED], *more]
 

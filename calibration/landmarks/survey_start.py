@@ -48,16 +48,16 @@ class _Bearings:
 
 
 def find_station(
-    station: Station, looks: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
+    station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
 ) -> Station:
     """Return the station with an orientation, and a position if it has none, that agree with its observations.
 
     Raises `LandmarkFitError`, which states what is missing.
     """
     known = "position" in station.known
-    _require_enough(station, looks, landmarks, known)
+    _require_enough(station, observed, landmarks, known)
     # angles and pixels are bearings in the base's frame, independent of the rig's orientation
-    seen = _seen(station, looks, landmarks)
+    seen = _seen(station, observed, landmarks)
     if known:
         towards = np.where(seen.far[:, None], station.ptu_position_m + seen.points_m, seen.points_m)
         guesses = [find_orientation(seen.bearings, towards, station.ptu_position_m)]
@@ -70,12 +70,14 @@ def find_station(
         raise LandmarkFitError(f"station {station.name}: got {got}; wanted {wanted}")
     near = [g for g in guesses if g.median_rad <= max(10.0 * best, 2e-3)]
     moved = [_moved(station, g) for g in _different(sorted(near, key=lambda g: g.median_rad))[:_FOLLOWED]]
-    return _refined(moved, looks, landmarks, before)
+    return _refined(moved, observed, landmarks, before)
 
 
-def _require_enough(station: Station, looks: LandmarkObservations, landmarks: Sequence[Landmark], known: bool) -> None:
+def _require_enough(
+    station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark], known: bool
+) -> None:
     """Raise `LandmarkFitError` where fewer landmarks were seen than there are unknowns."""
-    numbers = np.unique(looks.landmark)
+    numbers = np.unique(observed.landmark)
     points = [k for k in numbers if landmarks[k].kind == "point"]
     name = station.name
     if known:
@@ -98,16 +100,16 @@ def _count(n: int) -> str:
     return "one landmark" if n == 1 else f"{n or 'no'} landmarks"
 
 
-def _seen(station: Station, looks: LandmarkObservations, landmarks: Sequence[Landmark]) -> _Bearings:
-    bearings = bearings_in_base(station.geometry(), looks.pixel_px, looks.angles_rad)
-    stops = stops_of(looks.sightings, station)
+def _seen(station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark]) -> _Bearings:
+    bearings = bearings_in_base(station.geometry(), observed.pixel_px, observed.angles_rad)
+    stops = stops_of(observed.sightings, station)
     means, numbers = [], []
     for stop in np.unique(stops):
         own = (stops == stop) & np.isfinite(bearings).all(axis=1)
         if own.any():
             mean = np.median(bearings[own], axis=0)
             means.append(mean / np.linalg.norm(mean))
-            numbers.append(int(looks.landmark[own][0]))
+            numbers.append(int(observed.landmark[own][0]))
     if len(set(numbers)) < 2:
         wanted = "pixels of two landmarks or more that the lens model has rays for"
         raise LandmarkFitError(f"station {station.name}: got {_count(len(set(numbers)))}; wanted {wanted}")
@@ -200,12 +202,15 @@ def _moved(station: Station, guess: PoseGuess) -> Station:
 
 
 def _refined(
-    candidates: list[Station], looks: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
+    candidates: list[Station],
+    observed: LandmarkObservations,
+    landmarks: Sequence[Landmark],
+    before: ParameterCovariance,
 ) -> Station:
     """Return the candidate with the best fit to its own observations; raises `LandmarkFitError` for an equal rival."""
     found: list[tuple[float, Station]] = []
     for station in candidates:
-        fit = _own_fit(station, looks, landmarks, before)
+        fit = _own_fit(station, observed, landmarks, before)
         cost = float((np.minimum(fit.length, 10.0) ** 2).sum())
         change = fit.problem.station_change(fit.change, station.name, today=False)
         # only the pose changes: the other parameters stay at their prior means
@@ -219,7 +224,7 @@ def _refined(
         return first
     level = [s for s in best if matrix_from_wxyz(s.runway_from_base_wxyz)[2, 2] > _LEVEL]
     if not level or any(not _same(level[0], s) for s in level[1:]):
-        got = f"{len(others) + 1} poses that fit its {len(np.unique(looks.landmark))} landmarks alike"
+        got = f"{len(others) + 1} poses that fit its {len(np.unique(observed.landmark))} landmarks alike"
         raise LandmarkFitError(f"station {first.name}: got {got}; wanted another landmark, or a surveyed position")
     return level[0]
 
@@ -231,18 +236,18 @@ def _same(a: Station, b: Station) -> bool:
 
 
 def _own_fit(
-    station: Station, looks: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
+    station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
 ) -> LandmarkFit:
     groups = ["runway_from_base", *([] if "position" in station.known else ["ptu_position"])]
     free = [f"{station.name}.{group}.{axis}" for group in groups for axis in "xyz"]
-    return solve_landmarks(pose_problem({station.name: station}, [looks], landmarks, free, before))
+    return solve_landmarks(pose_problem({station.name: station}, [observed], landmarks, free, before))
 
 
 def found_stations(
     stations: Mapping[str, Station],
-    looks: Sequence[LandmarkObservations],
+    observed: Sequence[LandmarkObservations],
     landmarks: Sequence[Landmark],
     before: ParameterCovariance,
 ) -> dict[str, Station]:
     """Return every station with a pose, each estimated by itself."""
-    return {own.station: find_station(stations[own.station], own, landmarks, before) for own in looks}
+    return {own.station: find_station(stations[own.station], own, landmarks, before) for own in observed}

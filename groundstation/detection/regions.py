@@ -123,12 +123,12 @@ def soft_silhouette(
 class Regions:
     """All connected regions of one level set: ``labels`` (h, w) int32, ``table`` one row per label.
 
-    ``looks`` caches the appearance features of its groups.
+    ``features`` caches the appearance features of its groups.
     """
 
     labels: LabelArray
     table: FloatArray
-    looks: dict[Group, FloatArray] = field(default_factory=dict)
+    features: dict[Group, FloatArray] = field(default_factory=dict)
 
 
 def find_regions(phi: NDArray[np.float32], contrast: NDArray[np.float32]) -> Regions:

@@ -129,8 +129,8 @@ def _distance(group: Group, place: Place) -> float:
 
 def features_of(group: Group, regions: Regions, working: WorkingImage) -> FloatArray:
     """Return the appearance features of a group, in full-image px, cached per group."""
-    seen = regions.looks.get(group)
+    seen = regions.features.get(group)
     if seen is None:
         seen = features_of_regions(working.image, regions.labels, group.members, group.box, group.area)
-        regions.looks[group] = seen
+        regions.features[group] = seen
     return seen

@@ -50,19 +50,19 @@ class _EpochScores:
 
 def local_offsets(aligner: ReferenceAligner, offset: TimeOffset, window_s: float, stretch: BoolArray) -> LocalOffsets:
     """Estimate the offset relative to ``offset`` in windows of the epochs in ``stretch`` (n,)."""
-    looks = _epoch_scores(aligner, offset, stretch)
-    t = looks.t_s
+    scores = _epoch_scores(aligner, offset, stretch)
+    t = scores.t_s
     lo = np.searchsorted(t, t - window_s / 2, side="left")
     hi = np.searchsorted(t, t + window_s / 2, side="right")
-    lag, sigma = _windowed(looks.score, looks.information, lo, hi, offset.inflation)
-    across_lag, across_sigma = _windowed(looks.across_score, looks.across_information, lo, hi, offset.inflation)
+    lag, sigma = _windowed(scores.score, scores.information, lo, hi, offset.inflation)
+    across_lag, across_sigma = _windowed(scores.across_score, scores.across_information, lo, hi, offset.inflation)
     return LocalOffsets(
         t_s=t,
         lag_s=lag,
         sigma_s=sigma,
         across_lag_s=across_lag,
         across_sigma_s=across_sigma,
-        explained=_explained(looks, lo, hi),
+        explained=_explained(scores, lo, hi),
     )
 
 
@@ -93,11 +93,11 @@ def _epoch_scores(aligner: ReferenceAligner, offset: TimeOffset, stretch: BoolAr
     )
 
 
-def _explained(looks: _EpochScores, lo: IndexArray, hi: IndexArray) -> FloatArray:
+def _explained(scores: _EpochScores, lo: IndexArray, hi: IndexArray) -> FloatArray:
     """Return the share (m,) of the squared Mahalanobis distance in each window that lag = c₀ + c₁·t takes away."""
-    score, information = looks.score, looks.information
-    t = looks.t_s - looks.t_s[0] if len(looks.t_s) else looks.t_s
-    terms = [looks.distance2, score, t * score, information, t * information, t * t * information]
+    score, information = scores.score, scores.information
+    t = scores.t_s - scores.t_s[0] if len(scores.t_s) else scores.t_s
+    terms = [scores.distance2, score, t * score, information, t * information, t * t * information]
     sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in terms]
     total, a0, a1, b0, b1, b2 = (s[hi] - s[lo] for s in sums)
     # centred on the information's own mean time, the two parameters are independent

@@ -176,13 +176,13 @@ class TruthSession:
 
     def events(self, pixels: dict[str, FloatArray]) -> Iterator[Event]:
         """Yield PTU readings, these pixels, and an epoch at each pixel of the first station, in order of time."""
-        looks = np.concatenate([rows[:, 0] for rows in pixels.values()])
+        stamps_s = np.concatenate([rows[:, 0] for rows in pixels.values()])
         readings = PtuReadings(self.session)
-        readings.start(float(looks.min()) - LEAD_S, float(looks.max()) + LEAD_S)
+        readings.start(float(stamps_s.min()) - LEAD_S, float(stamps_s.max()) + LEAD_S)
         for t_s, event in detection_events(pixels, self.session.rig.names[0]):
             yield from readings.until(t_s)
             yield event
-        yield from readings.until(float(looks.max()) + LEAD_S)
+        yield from readings.until(float(stamps_s.max()) + LEAD_S)
         if readings.fault is not None:
             raise readings.fault
 

@@ -68,15 +68,15 @@ def forecast(site: Site) -> Forecast:
     seen = np.zeros((n, 4))
     for row, y_m in enumerate(ranges_m):
         point = site.aircraft.position_m(float(y_m))
-        looks = observer.looks(point, site.aircraft.velocity_m_s(float(y_m)))
-        if looks:
+        observations = observer.observations(point, site.aircraft.velocity_m_s(float(y_m)))
+        if observations:
             seen[row] = (
-                len(looks),
-                min(s.silhouette_px for s in looks),
-                min(s.field_m for s in looks),
-                max(s.turn_rad_s for s in looks),
+                len(observations),
+                min(s.silhouette_px for s in observations),
+                min(s.field_m for s in observations),
+                max(s.turn_rad_s for s in observations),
             )
-        fix = fix_consider(observer.information(point, looks))
+        fix = fix_consider(observer.information(point, observations))
         if fix is None:
             continue
         frame = int(np.argmin(np.abs(track.y_m - y_m)))
@@ -89,7 +89,9 @@ def forecast(site: Site) -> Forecast:
             noise[kind][row] = np.sqrt(np.diag(bound.noise))
             total[kind][row] = np.sqrt(np.diag(bound.covariance(covariance)))
         best = bounds.get("track", fix)
-        share[row] = _shares(best, covariance, observer.sources.groups, groups, _pixel_part(point, looks, fix.noise))
+        share[row] = _shares(
+            best, covariance, observer.sources.groups, groups, _pixel_part(point, observations, fix.noise)
+        )
     return Forecast(
         range_m=ranges_m,
         fix_known=known["fix"],
@@ -116,8 +118,8 @@ def _track(observer: Observer) -> _Track:
     joint, fixed = [], []
     for y in y_m:
         point = site.aircraft.position_m(float(y))
-        looks = observer.looks(point, site.aircraft.velocity_m_s(float(y)))
-        wide = [s for s in looks if s.silhouette_px >= site.min_silhouette_px]
+        observations = observer.observations(point, site.aircraft.velocity_m_s(float(y)))
+        wide = [s for s in observations if s.silhouette_px >= site.min_silhouette_px]
         joint.append(observer.information(point, wide))
         fixed.append(len(wide) > 1)
     psd = np.array(site.aircraft.acceleration_psd_m2_s3)
@@ -125,10 +127,10 @@ def _track(observer: Observer) -> _Track:
     return _Track(bound=bound, y_m=y_m, began=np.logical_or.accumulate(fixed))
 
 
-def _pixel_part(point: FloatArray, looks: list[Observation], noise: FloatArray) -> FloatArray:
+def _pixel_part(point: FloatArray, observations: list[Observation], noise: FloatArray) -> FloatArray:
     """Return the part (3,) of a fix's noise variance that the pixels make; the encoders make the rest."""
     part = np.zeros((3, 3))
-    for s in looks:
+    for s in observations:
         projected = s.view.geometry.project(point, s.view.pan_rad, s.view.tilt_rad)
         if projected is None:
             continue
@@ -169,7 +171,7 @@ def site_map(site: Site, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         velocity = site.aircraft.velocity_m_s(float(y))
         for j, x in enumerate(x_m):
             point = site.aircraft.position_m(float(y), float(x))
-            bound = fix_consider(observer.information(point, observer.looks(point, velocity)))
+            bound = fix_consider(observer.information(point, observer.observations(point, velocity)))
             if bound is not None:
                 sigma[i, j] = np.sqrt(np.diag(bound.covariance(observer.sources.covariance)).max())
     return sigma

@@ -44,8 +44,8 @@ class Observer:
         self.sources = error_sources(site)
         self._geometries = tuple(station.geometry() for station in site.rig.stations)
 
-    def looks(self, point_runway_m: FloatArray, velocity_m_s: FloatArray) -> list[Observation]:
-        """Return the looks of those stations that have a nose at a point (3,), moving at (3,), in their picture."""
+    def observations(self, point_runway_m: FloatArray, velocity_m_s: FloatArray) -> list[Observation]:
+        """Return the observations of the stations whose picture contains a nose at a point (3,), moving at (3,)."""
         found = []
         for station, geometry in zip(self.site.rig.stations, self._geometries, strict=True):
             seen = self._look(station, geometry, point_runway_m, velocity_m_s)
@@ -53,11 +53,11 @@ class Observer:
                 found.append(seen)
         return found
 
-    def information(self, point_runway_m: FloatArray, looks: Sequence[Observation]) -> FloatArray:
-        """Return the information (3 + m, 3 + m) of several looks on the point and the sources together."""
-        if not looks:
+    def information(self, point_runway_m: FloatArray, observations: Sequence[Observation]) -> FloatArray:
+        """Return the information (3 + m, 3 + m) of several observations of the point and the sources together."""
+        if not observations:
             return np.zeros((3 + len(self.sources.names), 3 + len(self.sources.names)))
-        return joint_information(point_runway_m, [s.view for s in looks], [s.by_source for s in looks])
+        return joint_information(point_runway_m, [s.view for s in observations], [s.by_source for s in observations])
 
     def _look(
         self, station: Station, geometry: StationGeometry, point: FloatArray, velocity_m_s: FloatArray

@@ -15,7 +15,7 @@ from groundstation.simulation.optics import Optics
 from groundstation.simulation.render_primitives import ray_grid, smooth_mosaic
 from groundstation.simulation.scenery import Surroundings
 
-_MAX_LOOKS = 8
+_MAX_SAMPLES = 8
 
 
 class Backdrop:
@@ -38,17 +38,17 @@ class Backdrop:
         self._depths = _object_depths(around)
         self._rays = ray_grid(self._packed, station.lens.image_size_px)
         self._nodes = np.empty((*self._rays.shape[:2], 2))
-        self._moved, self._looks = np.zeros_like(self._nodes), 1
+        self._moved, self._samples = np.zeros_like(self._nodes), 1
 
     def face(self, t_s: float, head: HeadMotion) -> None:
-        """Set where the camera looks in the picture of a time, s, and how far it turns within the exposure."""
+        """Set the orientation of the camera at a time, s, and how far it turns within the exposure."""
         rows = self._row_times()
         render_kernels.directions(self._rays, self._turns(head, rows), self._nodes)
         exposure = self._optics.exposure_at(t_s)
         turn = math.hypot(head.pan_rate_rad_s * math.cos(head.tilt_rad), head.tilt_rate_rad_s) * exposure
-        self._looks = min(max(math.ceil(turn * self._focal), 1), _MAX_LOOKS)
+        self._samples = min(max(math.ceil(turn * self._focal), 1), _MAX_SAMPLES)
         self._moved[:] = 0.0
-        if self._looks > 1:
+        if self._samples > 1:
             early, late = np.empty_like(self._moved), np.empty_like(self._moved)
             render_kernels.directions(self._rays, self._turns(head, rows - 0.5 * exposure), early)
             render_kernels.directions(self._rays, self._turns(head, rows + 0.5 * exposure), late)
@@ -58,7 +58,9 @@ class Backdrop:
     def fill(self, light: np.ndarray) -> None:
         """Fill the light (h, w)."""
         around, channels = self._around, self._optics.channels
-        render_kernels.surroundings(self._nodes, self._moved, self._looks, around.fine, around.coarse, channels, light)
+        render_kernels.surroundings(
+            self._nodes, self._moved, self._samples, around.fine, around.coarse, channels, light
+        )
         if self._optics.defocus_px > 0.0:
             smooth_mosaic(light, self._optics.defocus_px, coloured=self._optics.pattern is not None)
 
@@ -68,7 +70,7 @@ class Backdrop:
             return None
         free = np.empty(shape[:2], np.float32)
         place = np.array(corner, dtype=np.float64)
-        hidden = unhidden(self._nodes, self._moved, self._looks, *self._depths, distance_m, place, free)
+        hidden = unhidden(self._nodes, self._moved, self._samples, *self._depths, distance_m, place, free)
         return free if hidden else None
 
     def _row_times(self) -> FloatArray:

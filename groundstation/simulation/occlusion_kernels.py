@@ -36,7 +36,7 @@ def _free(depth: np.ndarray, x: float, y: float, limit: int) -> float:
 def unhidden(
     nodes: FloatArray,
     moved: FloatArray,
-    looks: int,
+    samples: int,
     fine: ObjectDepth,
     coarse: ObjectDepth,
     distance_m: float,
@@ -83,10 +83,10 @@ def unhidden(
                     v = (1.0 - b) * ((1.0 - a) * corner[0, 1] + a * corner[1, 1])
                     v += b * ((1.0 - a) * corner[2, 1] + a * corner[3, 1])
                     total = 0.0
-                    for n in range(looks):
-                        part = (n + 0.5) / looks - 0.5
+                    for n in range(samples):
+                        part = (n + 0.5) / samples - 0.5
                         total += _free(panorama.depth, u + part * shift[0], v + part * shift[1], limit)
-                    out[y, x] = total / looks
+                    out[y, x] = total / samples
     return hidden
 
 

@@ -75,14 +75,14 @@ def _row(
 def _tile(
     corner: FloatArray,
     shift: FloatArray,
-    looks: int,
+    samples: int,
     panorama: ImageArray,
     channels: np.ndarray,
     light: np.ndarray,
     y0: int,
     x0: int,
 ) -> None:
-    """Fill one tile from panorama pixels at its four corners (4, 2), averaged over looks along a shift (2,) px."""
+    """Fill one tile from panorama pixels at its four corners (4, 2), averaged over samples along a shift (2,) px."""
     rows, columns = min(TILE, light.shape[0] - y0), min(TILE, light.shape[1] - x0)
     width = panorama.shape[1]
     flat = panorama.reshape(-1)
@@ -100,16 +100,16 @@ def _tile(
         step_x, step_y = int((right_x - left_x) / TILE * _ONE), int((right_y - left_y) / TILE * _ONE)
         even, odd = channels[(y0 + i) & 1, x0 & 1], channels[(y0 + i) & 1, (x0 + 1) & 1]
         line = light[y0 + i, x0 : x0 + columns]
-        if looks == 1:
+        if samples == 1:
             _row(flat, width, int(left_x * _ONE), int(left_y * _ONE), step_x, step_y, even, odd, line)
             continue
         line[:] = 0
-        for n in range(looks):
-            part = (n + 0.5) / looks - 0.5
+        for n in range(samples):
+            part = (n + 0.5) / samples - 0.5
             x, y = int((left_x + part * shift[0]) * _ONE), int((left_y + part * shift[1]) * _ONE)
             _row(flat, width, x, y, step_x, step_y, even, odd, room[:columns])
             for j in range(columns):
-                line[j] += room[j] // looks
+                line[j] += room[j] // samples
 
 
 @njit(cache=True, nogil=True)
@@ -214,7 +214,7 @@ def tile_corners(
 def surroundings(
     nodes: FloatArray,
     moved: FloatArray,
-    looks: int,
+    samples: int,
     fine: Panorama,
     coarse: Panorama,
     channels: np.ndarray,
@@ -239,7 +239,7 @@ def surroundings(
             if _is_flat(corner, panorama.flat):
                 _flat_tile(corner, panorama.image, channels, light, i * TILE, j * TILE)
             else:
-                _tile(corner, shift, looks, panorama.image, channels, light, i * TILE, j * TILE)
+                _tile(corner, shift, samples, panorama.image, channels, light, i * TILE, j * TILE)
 
 
 @njit(cache=True, nogil=True)

@@ -94,9 +94,9 @@ def simulate(scenario: Scenario) -> SimulatedFlight:
     start, end = scenario.trajectory.span_s
     pairs_s = start + np.arange(int(np.floor((end - start) * scenario.frame_hz + 1e-9)) + 1) / scenario.frame_hz
     histories = _histories(scenario)
-    looks = _looks(scenario, histories, pairs_s)
+    detections = _detections(scenario, histories, pairs_s)
     lead = (start - scenario.lead_s, end + scenario.lead_s)
-    arrivals = [*_readings(scenario, histories, lead), *_pixels_and_epochs(scenario, looks)]
+    arrivals = [*_readings(scenario, histories, lead), *_pixels_and_epochs(scenario, detections)]
     # sorted() is stable: what one unit sent stays in its order
     ordered = sorted(arrivals, key=lambda a: (a.t_s, a.rank))
     fixes = (
@@ -109,7 +109,7 @@ def simulate(scenario: Scenario) -> SimulatedFlight:
         arrival_s=np.array([a.t_s for a in ordered]),
         dgps=fixes,
         rig=scenario.rig,
-        truth=_truth(scenario, looks),
+        truth=_truth(scenario, detections),
         scenario=scenario,
     )
 
@@ -133,7 +133,7 @@ def _histories(scenario: Scenario) -> dict[str, PointingHistory]:
     }
 
 
-def _looks(
+def _detections(
     scenario: Scenario, histories: dict[str, PointingHistory], pairs_s: FloatArray
 ) -> dict[str, SimulatedDetections]:
     return {
@@ -159,11 +159,11 @@ def _readings(scenario: Scenario, histories: dict[str, PointingHistory], span_s:
     return arrivals
 
 
-def _pixels_and_epochs(scenario: Scenario, looks: dict[str, SimulatedDetections]) -> list[_Arrival]:
+def _pixels_and_epochs(scenario: Scenario, detections: dict[str, SimulatedDetections]) -> list[_Arrival]:
     """Return the reported pixels, and an epoch for each pair once its last frame is through, seen or not."""
     arrivals = []
     stamps, through = [], []
-    for name, seen in looks.items():
+    for name, seen in detections.items():
         true, believed = scenario.true_rig[name], scenario.rig[name]
         stamp = believed_times(seen.t_s, true.camera_clock, believed.camera_clock)
         arrival = seen.t_s + scenario.cameras[name].latency_s
@@ -173,15 +173,15 @@ def _pixels_and_epochs(scenario: Scenario, looks: dict[str, SimulatedDetections]
             u, v = seen.reported_px[k]
             pixel = PixelMeasurement(t_s=float(stamp[k]), station=name, epoch=k, u_px=float(u), v_px=float(v))
             arrivals.append(_Arrival(t_s=float(arrival[k]), rank=_PIXEL, event=pixel))
-    names = tuple(looks)
+    names = tuple(detections)
     for k, (mean, last) in enumerate(zip(np.mean(stamps, axis=0), np.max(through, axis=0), strict=True)):
         epoch = Epoch(t_s=float(mean), epoch=k, stations=names)
         arrivals.append(_Arrival(t_s=float(last), rank=_EPOCH, event=epoch))
     return arrivals
 
 
-def _truth(scenario: Scenario, looks: dict[str, SimulatedDetections]) -> FlightTruth:
-    t_s = np.mean([seen.t_s for seen in looks.values()], axis=0)
+def _truth(scenario: Scenario, detections: dict[str, SimulatedDetections]) -> FlightTruth:
+    t_s = np.mean([seen.t_s for seen in detections.values()], axis=0)
     return FlightTruth(
         t_s=t_s,
         position_runway_m=scenario.trajectory.position(t_s),
@@ -196,6 +196,6 @@ def _truth(scenario: Scenario, looks: dict[str, SimulatedDetections]) -> FlightT
                 angles_rad=seen.pointing.head_rad,
                 rates_rad_s=seen.pointing.head_rate_rad_s,
             )
-            for name, seen in looks.items()
+            for name, seen in detections.items()
         },
     )

@@ -27,7 +27,7 @@ _BEFORE = 4  # frames: so long before a change is noticed it may have begun
 _CALM_FRAMES = 3
 
 
-def looks_of(image: ImageArray, seen: Detection) -> FloatArray:
+def appearance_of(image: ImageArray, seen: Detection) -> FloatArray:
     """Return the features (6,) of a detection in its frame (h, w, 3) BGR."""
     w, h = seen.box.size
     length = math.log(max(w, h, 1.0))
@@ -85,18 +85,18 @@ class TargetAppearance:
     other_s: float = 0.0
     _known: deque[AppearanceSample] = field(default_factory=lambda: deque(maxlen=_BEFORE))
 
-    def unlikeness(self, looks: FloatArray) -> float:
+    def unlikeness(self, appearance: FloatArray) -> float:
         """Return the distance of a silhouette from the model in sigmas; 0 until enough frames are in the model."""
         if self.frames < _KNOWN_AFTER:
             return 0.0
         known = self._known[0 if self.doubt_s is not None else -1]
-        length = math.exp(0.5 * (looks[-1] + known.mean[-1]))
+        length = math.exp(0.5 * (appearance[-1] + known.mean[-1]))
         variance = ((1.0 + _SMALL_PX / length) * _TOLERANCE) ** 2 + known.variance
-        return math.sqrt(float(np.mean((looks - known.mean) ** 2 / variance)))
+        return math.sqrt(float(np.mean((appearance - known.mean) ** 2 / variance)))
 
     def learn(
         self,
-        looks: FloatArray,
+        appearance: FloatArray,
         motion: PixelMotion,
         size_px: tuple[float, float],
         whole_px: float | None,
@@ -104,11 +104,11 @@ class TargetAppearance:
     ) -> None:
         """Update the model with an unambiguous frame."""
         self.frames += 1
-        mean, variance = looks, np.zeros_like(looks)
+        mean, variance = appearance, np.zeros_like(appearance)
         if self._known:
             last = self._known[-1]
             gain = max(_RATE, 1.0 / self.frames)
-            error = looks - last.mean
+            error = appearance - last.mean
             mean, variance = last.mean + gain * error, (1.0 - gain) * (last.variance + gain * error**2)
         self._known.append(
             AppearanceSample(
@@ -121,14 +121,14 @@ class TargetAppearance:
         self.doubt_s, self.calm, self.other = t_s, 0, None
         return self._known[0]
 
-    def other_duration_s(self, looks: FloatArray, motion: PixelMotion, most: float, t_s: float) -> float:
+    def other_duration_s(self, appearance: FloatArray, motion: PixelMotion, most: float, t_s: float) -> float:
         """Add a differing frame; return the time in s since which such frames agree with each other.
 
         A bird changes its shape; a target after a turn or before another background keeps its new appearance.
         """
-        if self.other is None or self.other.unlikeness(looks) > most:
+        if self.other is None or self.other.unlikeness(appearance) > most:
             self.other, self.other_s = TargetAppearance(), t_s
-        self.other.learn(looks, motion, (0.0, 0.0), None, t_s)
+        self.other.learn(appearance, motion, (0.0, 0.0), None, t_s)
         return t_s - self.other_s
 
     def confirm(self, motion: PixelMotion, t_s: float) -> None:

@@ -15,7 +15,7 @@ from groundstation.detection.picture_shift import is_cut, small_copy
 from groundstation.detection.pixel_track import PixelTrack, in_full
 from groundstation.detection.target_confirmation import ConfirmedTarget, TargetConfirmation
 from groundstation.messages import Detection, Miss, MissReason, TrackStatus
-from groundstation.single_camera.pixel_identity import TargetAppearance, looks_of
+from groundstation.single_camera.pixel_identity import TargetAppearance, appearance_of
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_target import PixelTarget
 from groundstation.single_camera.pixel_tracker_config import PixelTrackerConfig
@@ -205,8 +205,8 @@ class PixelTracker:
         """
         identity, seen = target.identity, look[1]
         if isinstance(seen, Detection):
-            looks = looks_of(image, seen)
-            as_before = seen.cut or self._view.looks_as_before(target, seen, looks)
+            appearance = appearance_of(image, seen)
+            as_before = seen.cut or self._view.appears_as_before(target, seen, appearance)
             if identity.doubt_s is None:
                 if as_before:
                     aside = is_off_path(target, seen)
@@ -214,15 +214,15 @@ class PixelTracker:
                         # of two that look alike, the one that is where the path leads
                         other = self._view.on_its_path(target, image)
                         look, seen = (other, other[1]) if isinstance(other[1], Detection) else (look, seen)
-                        looks = looks_of(image, seen)
+                        appearance = appearance_of(image, seen)
                     self._saw(target, seen, t_s)
                     if aside:
                         target.span_px = seen.box.w
                     if not seen.cut:
-                        identity.learn(looks, target.motion, target.size_px, target.whole_px, t_s)
+                        identity.learn(appearance, target.motion, target.size_px, target.whole_px, t_s)
                     return look
                 target.go_back(t_s)
-                as_before = identity.unlikeness(looks) <= self._config.unlikeness
+                as_before = identity.unlikeness(appearance) <= self._config.unlikeness
             if as_before and on_path(target, seen):
                 self._saw(target, seen, t_s)
                 identity.confirm(target.motion, t_s)
@@ -241,8 +241,8 @@ class PixelTracker:
             return look
         if not in_place(target, seen):
             return look[0], Miss(reason=MissReason.AMBIGUOUS, detail="something else, away from the target's path")
-        looks = looks_of(image, seen)
-        if identity.other_duration_s(looks, target.motion, self._config.unlikeness, t_s) > self._config.accept_s:
+        appearance = appearance_of(image, seen)
+        if identity.other_duration_s(appearance, target.motion, self._config.unlikeness, t_s) > self._config.accept_s:
             target.identity = TargetAppearance()
             self._saw(target, seen, t_s)
         return look
@@ -277,7 +277,7 @@ class PixelTracker:
         """Return whether something that was found may be the target that is missed, by its looks."""
         if held is None or t_s - held.seen_s > self._config.another_after_s:
             return True
-        return held.identity.unlikeness(looks_of(image, seen)) <= self._config.unlikeness
+        return held.identity.unlikeness(appearance_of(image, seen)) <= self._config.unlikeness
 
     def _is_lost(self, target: PixelTarget, t_s: float) -> bool:
         return t_s - target.seen_s > self._config.lost_after_s and target.misses >= _LEAST_MISSES

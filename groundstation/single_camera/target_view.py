@@ -11,7 +11,7 @@ from groundstation.detection.picture_shift import picture_shift
 from groundstation.detection.roi import place_roi
 from groundstation.detection.window_search import CLEAR_SCORE, Blob, WindowSearch, alike, best_blob
 from groundstation.messages import Detection, Miss, MissReason
-from groundstation.single_camera.pixel_identity import looks_of
+from groundstation.single_camera.pixel_identity import appearance_of
 from groundstation.single_camera.pixel_target import PixelTarget
 from groundstation.single_camera.pixel_tracker_config import PixelTrackerConfig
 
@@ -180,14 +180,14 @@ class TargetView:
             seen = look[1]
             if not isinstance(seen, Detection) or not on_path(target, seen, wider):
                 continue
-            if self.looks_as_before(target, seen, looks_of(image, seen)):
+            if self.appears_as_before(target, seen, appearance_of(image, seen)):
                 return look
         return None, Miss(reason=MissReason.NO_REGION)
 
-    def looks_as_before(self, target: PixelTarget, seen: Detection, looks: FloatArray) -> bool:
+    def appears_as_before(self, target: PixelTarget, seen: Detection, appearance: FloatArray) -> bool:
         """Return whether something looks like the target; far from the path it has to look more like it."""
         most = self._config.unlikeness * (1.0 if on_path(target, seen) else _FAR_OFF)
-        return target.identity.unlikeness(looks) <= most
+        return target.identity.unlikeness(appearance) <= most
 
 
 def on_path(target: PixelTarget, seen: Detection, wider_px: float = 0.0) -> bool:

@@ -48,7 +48,7 @@ class FolderSource:
         self._table: FrameTable | None = None
         self._labels: dict[str, FloatArray] = {}
         # stamps of the first and the last picture or pixel; an epoch's own stamp is a mean
-        self._looks_s = (0.0, 0.0)
+        self._observed_span_s = (0.0, 0.0)
         if not self._from < self._to:
             raise SessionError(session.name, got=f"a part {self._asked()}", wanted="a start before the end")
 
@@ -58,7 +58,7 @@ class FolderSource:
             self._enter_frames()
         else:
             self._enter_labels()
-        self._readings.start(self._looks_s[0] - LEAD_S, self._looks_s[1] + LEAD_S)
+        self._readings.start(self._observed_span_s[0] - LEAD_S, self._observed_span_s[1] + LEAD_S)
         with ExitStack() as opened:
             if self._table is not None:
                 self._start_decoders(opened, self._table)
@@ -70,8 +70,8 @@ class FolderSource:
 
     def __iter__(self) -> Iterator[Event]:
         """Yield all events in order of session time, then raise the fault of the recording, if any."""
-        last = self._looks_s[0]
-        for t_s, event in self._looks():
+        last = self._observed_span_s[0]
+        for t_s, event in self._observation_events():
             yield from self._readings.until(t_s)
             if self._readings.ended_before(t_s):
                 # frames after the fault have no angles; those before it are usable
@@ -84,7 +84,7 @@ class FolderSource:
         if fault is not None:
             raise fault
 
-    def _looks(self) -> Iterator[tuple[float, Event]]:
+    def _observation_events(self) -> Iterator[tuple[float, Event]]:
         """Return the frames or pixels and the epochs, each with the time that orders it."""
         if self._table is not None:
             return self._frame_events(self._table)
@@ -109,7 +109,7 @@ class FolderSource:
         self.epoch_count = len(times)
         self.span_s = (float(times.min()), float(times.max()))
         stamps = np.array(list(table.stamps_s.values()))
-        self._looks_s = (float(np.nanmin(stamps)), float(np.nanmax(stamps)))
+        self._observed_span_s = (float(np.nanmin(stamps)), float(np.nanmax(stamps)))
 
     def _check_range(self, name: str, times: FloatArray) -> None:
         """Raise if the requested time span is empty."""
@@ -189,7 +189,7 @@ class FolderSource:
         times = self._labels[self._leader][:, 0]
         self.epoch_count = len(times)
         self.span_s = (float(times[0]), float(times[-1]))
-        self._looks_s = (
+        self._observed_span_s = (
             min(float(a[0, 0]) for a in self._labels.values()),
             max(float(a[-1, 0]) for a in self._labels.values()),
         )

@@ -10,9 +10,9 @@ from calibration.flight.report_pictures import _seen_part
 
 def part(pixel_px: list[tuple[float, float]]) -> tuple[float, float, float, float]:
     pixel = np.array(pixel_px, float).reshape(-1, 2)
-    looks = SimpleNamespace(pixel_px=pixel)
+    observed = SimpleNamespace(pixel_px=pixel)
     fit = SimpleNamespace(
-        problem=SimpleNamespace(looks={"left": looks}),
+        problem=SimpleNamespace(observations={"left": observed}),
         stations={"left": SimpleNamespace(kept=np.ones(len(pixel), dtype=bool))},
     )
     lens = SimpleNamespace(image_size_px=(640, 480))

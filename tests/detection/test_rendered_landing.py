@@ -52,7 +52,7 @@ def seen(landing_1: Path) -> tuple[int, list[Seen]]:
     detector = Detector(config, SIZE)
     video = cv2.VideoCapture(str(landing_1 / "left.mp4"))
     found: list[Seen] = []
-    looks, last = 0, None
+    attempts, last = 0, None
     for k in range(truth["t_s"].size):
         if k < FIRST:
             video.grab()
@@ -78,19 +78,19 @@ def seen(landing_1: Path) -> tuple[int, list[Seen]]:
         roi = place_roi(predicted, hint.predicted_covariance_px2, last, config, SIZE)
         assert roi is not None
         result = detector.detect(image, roi, hint)
-        looks += 1
+        attempts += 1
         if isinstance(result, Detection):
             last = result.box.size
             error = np.array([result.u_px, result.v_px]) - nose
             nis = float(error @ np.linalg.solve(result.covariance_px2, error))
             found.append(Seen(error=error, nis=nis, stated=result, epoch=k, span_px=SPAN_M * scale, ground=k >= GROUND))
     video.release()
-    return looks, found
+    return attempts, found
 
 
 def test_nearly_every_frame_gives_a_point(seen: tuple[int, list[Seen]]) -> None:
-    looks, found = seen
-    assert len(found) >= 0.97 * looks
+    attempts, found = seen
+    assert len(found) >= 0.97 * attempts
 
 
 def test_no_point_is_far_off(seen: tuple[int, list[Seen]]) -> None:

@@ -140,7 +140,7 @@ def test_a_region_unlike_the_target_is_refused(feature: int, sign: float) -> Non
     )
 
 
-def test_looks_decide_between_two_in_about_the_same_place() -> None:
+def test_appearance_decides_between_two_in_about_the_same_place() -> None:
     """Expected: the one with the target's appearance, though the other is nearer and neither is beyond a gate."""
     wing = (slice(38, 42), slice(55, 145), AIRCRAFT_CONTRAST)
     other = (slice(55, 59), slice(55, 145), AIRCRAFT_CONTRAST)

@@ -146,7 +146,7 @@ def _triangulate(
 
 
 def _report(t_s, epoch, cameras, ml, covariance, state, P, sigma_px, rng) -> StepReport:
-    looks = tuple(
+    reports = tuple(
         CameraReport(
             t_s=t,
             station=name,
@@ -187,7 +187,7 @@ def _report(t_s, epoch, cameras, ml, covariance, state, P, sigma_px, rng) -> Ste
         ),
         latency_s=0.02 + 0.001 * float(rng.random()),
     )
-    return StepReport(cameras=looks, estimates=(estimate,))
+    return StepReport(cameras=reports, estimates=(estimate,))
 
 
 def blind_report(t_s: float, epoch: int, station: str = "left") -> StepReport:

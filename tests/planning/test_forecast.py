@@ -115,7 +115,7 @@ def test_whose_clock_is_late(tmp_path: Path) -> None:
     point, velocity = np.array([0.0, 300.0, 12.0]), np.array([1.0, -25.0, -1.0])
     observer = Observer(replace(site, rig=rig))
     assert observer.sources.names[:2] == ("left.camera_clock", "left.ptu_clock")
-    left = observer.looks(point, velocity)[0]
+    left = observer.observations(point, velocity)[0]
     projected = left.view.geometry.project(point, left.view.pan_rad, left.view.tilt_rad)
     assert projected is not None
     moved = projected.jacobian[:, :3] @ velocity
@@ -125,12 +125,12 @@ def test_whose_clock_is_late(tmp_path: Path) -> None:
     still = Rig(stations=tuple(replace(s, fixed=True) for s in rig.stations))
     fixed = Observer(replace(site, rig=still))
     assert fixed.sources.names == ("left.camera_clock", "right.camera_clock")
-    left = fixed.looks(point, velocity)[0]
+    left = fixed.observations(point, velocity)[0]
     projected = left.view.geometry.project(point, 0.0, 0.0)
     assert projected is not None
     np.testing.assert_allclose(left.by_source[:, 0], projected.jacobian[:, :3] @ velocity)
     assert left.turn_rad_s == 0.0
-    assert fixed.looks(np.array([200.0, 300.0, 12.0]), velocity) == [], "outside the picture of a fixed camera"
+    assert fixed.observations(np.array([200.0, 300.0, 12.0]), velocity) == [], "outside the picture of a fixed camera"
 
 
 def test_shares_add_up(tmp_path: Path) -> None:

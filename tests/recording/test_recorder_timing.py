@@ -28,13 +28,13 @@ class Disk:
     path: Path
     now_s: float = 100.0
     synced: list[int] = field(default_factory=list)
-    looks: int = 0
+    clock_reads: int = 0
 
     def recorder(self, config: RecorderConfig) -> Recorder:
         return Recorder(self.path, small_rig(), header(), config, free_bytes=lambda: 10**12, clock=self.clock)
 
     def clock(self) -> float:
-        self.looks += 1
+        self.clock_reads += 1
         return self.now_s
 
     def fdatasync(self, descriptor: int) -> None:
@@ -122,8 +122,8 @@ def test_what_is_written_is_brought_onto_the_disk_itself(disk: Disk) -> None:
     disk.now_s += 0.21
     assert until(lambda: disk.synced == [disk.path.stat().st_size])
     disk.now_s += 10.0
-    seen = disk.looks
-    assert until(lambda: disk.looks > seen + 6)
+    seen = disk.clock_reads
+    assert until(lambda: disk.clock_reads > seen + 6)
     assert len(disk.synced) == 1
     recorder.take(reading(1))
     assert taken_by_the_writer(recorder)

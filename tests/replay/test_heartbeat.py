@@ -340,8 +340,8 @@ def test_while_pairs_are_processed_heartbeats_change_nothing(
     assert len(beats.states) == 60
     assert beats.pipeline.counts == plain.pipeline.counts
     assert [(e.t_s, e.text) for e in beats.events] == [(e.t_s, e.text) for e in plain.events]
-    looks, others = ([c for r in run.reports for c in r.cameras] for run in (plain, beats))
-    assert [(c.t_s, c.station, c.status) for c in looks] == [(c.t_s, c.station, c.status) for c in others]
+    plain_reports, others = ([c for r in run.reports for c in r.cameras] for run in (plain, beats))
+    assert [(c.t_s, c.station, c.status) for c in plain_reports] == [(c.t_s, c.station, c.status) for c in others]
     for one, other in zip(plain.estimates, beats.estimates, strict=True):
         assert (one.t_s, one.status, one.kinematics is None) == (other.t_s, other.status, other.kinematics is None)
         if one.kinematics is not None:

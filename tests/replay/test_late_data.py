@@ -228,7 +228,7 @@ def test_late_pictures_are_processed_without_a_disturbance() -> None:
     and the cameras miss nothing more than without them."""
     session = load_session(RECORDING, None)
 
-    def looks(late: bool) -> list[CameraReport]:
+    def camera_reports(late: bool) -> list[CameraReport]:
         cameras: list[CameraReport] = []
         held: list[Frame] = []
         with FolderSource(session, 22.0, 27.0) as source:
@@ -243,7 +243,7 @@ def test_late_pictures_are_processed_without_a_disturbance() -> None:
             cameras += pipeline.finish().cameras
         return [c for c in cameras if c.t_s > 25]
 
-    without, with_them = looks(False), looks(True)
+    without, with_them = camera_reports(False), camera_reports(True)
     came = [c for c in with_them if c.station == "right" and c.epoch % 3 == 0]
     assert len(came) >= 4
     assert sum(c.status is DetectionStatus.LATE for c in came) >= len(came) - 1

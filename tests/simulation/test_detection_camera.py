@@ -17,7 +17,7 @@ from groundstation.simulation.trajectory import Trajectory
 STATION = standard_station("left", -5.385)
 
 
-def looks(
+def detections(
     model: CameraModel,
     *,
     count: int = 4000,
@@ -34,7 +34,7 @@ def looks(
 
 def test_pixel_noise_has_its_covariance() -> None:
     covariance = np.array([[0.5, 0.3], [0.3, 1.2]])
-    seen = looks(CameraModel(pixel_covariance_px2=covariance))
+    seen = detections(CameraModel(pixel_covariance_px2=covariance))
     errors = seen.reported_px - seen.pixel_px
     nees = np.einsum("ni,ij,nj->", errors, np.linalg.inv(covariance), errors)
     low, high = chi2.ppf([0.001, 0.999], errors.size)
@@ -44,20 +44,20 @@ def test_pixel_noise_has_its_covariance() -> None:
 
 
 def test_misses_have_their_share() -> None:
-    seen = looks(CameraModel(miss_probability=0.2))
+    seen = detections(CameraModel(miss_probability=0.2))
     low, high = binom.ppf([0.001, 0.999], seen.reported.size, 0.8)
     assert low < seen.reported.sum() < high
 
 
 def test_misses_come_in_stretches_of_time_and_place() -> None:
     windows = (FlightWindow(from_s=2.0, to_s=3.0), FlightWindow(max_y_m=100.0))
-    seen = looks(CameraModel(miss_windows=windows))
+    seen = detections(CameraModel(miss_windows=windows))
     y = weaving_approach().position(seen.t_s)[:, 1]
     assert np.array_equal(seen.reported, ~(((seen.t_s >= 2.0) & (seen.t_s <= 3.0)) | (y <= 100.0)))
 
 
 def test_outliers_have_their_share_and_are_uniform() -> None:
-    seen = looks(CameraModel(outlier_probability=0.1, outlier_range_px=80.0))
+    seen = detections(CameraModel(outlier_probability=0.1, outlier_range_px=80.0))
     low, high = binom.ppf([0.001, 0.999], seen.outlier.size, 0.1)
     assert low < seen.outlier.sum() < high
     off = (seen.reported_px - seen.pixel_px)[seen.outlier]
@@ -67,14 +67,16 @@ def test_outliers_have_their_share_and_are_uniform() -> None:
 
 
 def test_one_parameter_does_not_redraw_the_others() -> None:
-    plain, missing = looks(CameraModel()), looks(CameraModel(miss_probability=0.3))
+    plain, missing = detections(CameraModel()), detections(CameraModel(miss_probability=0.3))
     assert np.array_equal(plain.reported_px, missing.reported_px)
 
 
 def test_a_target_outside_the_image_gives_no_pixel() -> None:
     """A head that stands still sees it pass through, and never a pixel that is not in the image."""
     track = GlideApproach(start_y_m=200.0, end_y_m=10.0, slope_rad=0.0, aim_y_m=0.0)
-    seen = looks(CameraModel(pixel_covariance_px2=isotropic(5.0)), pointing=FixedPointing(pan_rad=-0.06), track=track)
+    seen = detections(
+        CameraModel(pixel_covariance_px2=isotropic(5.0)), pointing=FixedPointing(pan_rad=-0.06), track=track
+    )
     inside = np.all((seen.pixel_px >= -0.5) & (seen.pixel_px <= [1279.5, 959.5]), axis=1)
     assert 0.1 < inside.mean() < 0.9
     assert np.array_equal(seen.visible, inside)
@@ -84,7 +86,7 @@ def test_a_target_outside_the_image_gives_no_pixel() -> None:
 
 def test_a_target_behind_the_camera_gives_no_pixel() -> None:
     track = GlideApproach(start_y_m=-20.0, end_y_m=-50.0, slope_rad=0.0)
-    seen = looks(CameraModel(), pointing=FixedPointing(), track=track)
+    seen = detections(CameraModel(), pointing=FixedPointing(), track=track)
     assert not np.any(seen.visible)
     assert np.all(seen.pixel_px == 0.0)
 
@@ -93,7 +95,7 @@ def test_a_rolling_shutter_exposes_each_row_at_its_time() -> None:
     """The pixel is where the target is seen at the instant of the pixel's own row."""
     track = GlideApproach(start_y_m=120.0, end_y_m=60.0)
     tilt = np.radians(1.0)
-    rolled = looks(
+    rolled = detections(
         CameraModel(), pointing=FixedPointing(pan_rad=-0.05, tilt_rad=tilt), track=track, readout_s=0.03, count=50
     )
     geometry = STATION.geometry()
@@ -103,7 +105,7 @@ def test_a_rolling_shutter_exposes_each_row_at_its_time() -> None:
         projection = geometry.project(there, -0.05, tilt)
         assert projection is not None
         assert projection.pixel == pytest.approx(rolled.pixel_px[k], abs=1e-6)
-    still = looks(CameraModel(), pointing=FixedPointing(pan_rad=-0.05, tilt_rad=tilt), track=track, count=50)
+    still = detections(CameraModel(), pointing=FixedPointing(pan_rad=-0.05, tilt_rad=tilt), track=track, count=50)
     assert np.abs(still.pixel_px - rolled.pixel_px)[rolled.visible].max() > 1.0
 
 

@@ -34,7 +34,7 @@ def test_clock() -> None:
     assert bound_glide().position((t - 0.3) / 1.001) == pytest.approx(place)
 
 
-def test_antenna_is_where_the_evaluation_looks_for_it() -> None:
+def test_antenna_is_where_the_evaluation_expects_it() -> None:
     antenna = np.array([-0.8, 0.1, -0.15])
     model = DgpsModel(sigma_m=np.zeros(3), antenna_in_body_m=antenna)
     taken = take_fixes(model, bound_glide(), SPAN, np.random.default_rng(8))

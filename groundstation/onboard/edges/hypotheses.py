@@ -182,9 +182,9 @@ def begin_search(camera: TrackerCamera, image: ImageArray, pose: NoseCameraPose,
     return search
 
 
-def continue_search(camera: TrackerCamera, search: PairSearch, looks: int) -> None:
+def continue_search(camera: TrackerCamera, search: PairSearch, most: int) -> None:
     """Measure this number of queued pairs, if there are as many, and keep the results."""
-    for _ in range(min(looks, len(search.waiting))):
+    for _ in range(min(most, len(search.waiting))):
         crossings = search.waiting.pop(0)
         if crossings is search.middle:
             near = _announced(camera, search.image, search.rows, search.pose)

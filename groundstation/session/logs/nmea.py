@@ -275,6 +275,6 @@ def _gst(message: Any) -> tuple[float, float, float] | None:
         return None
 
 
-def looks_like_nmea(head: bytes) -> bool:
+def is_nmea(head: bytes) -> bool:
     """Return whether the first bytes of a file hold the beginning of a sentence."""
     return re.search(rb"\$[A-Z]{2}(GGA|RMC|ZDA|GSA|GSV|VTG|GLL|GST|TXT),", head) is not None

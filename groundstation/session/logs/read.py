@@ -14,7 +14,7 @@ from groundstation.geometry.geodesy import ecef_from_geodetic
 from groundstation.session.logs.dataflash import read_dataflash
 from groundstation.session.logs.fixes import DEFAULT_SIGMA_M, FixQuality, LogFix, LogOptions, ReadingNotes, check_count
 from groundstation.session.logs.gps_time import DAYS_OF_ERA, date_of, gps_from_civil, utc_day
-from groundstation.session.logs.nmea import looks_like_nmea, read_nmea
+from groundstation.session.logs.nmea import is_nmea, read_nmea
 from groundstation.session.logs.positions_table import read_positions
 from groundstation.session.logs.rtklib import read_pos
 from groundstation.session.logs.text_lines import check_file
@@ -91,7 +91,7 @@ def _reader(path: Path) -> Reader:
     if suffix not in (".tlog", ".csv", ".pos", ".ulg"):
         if b"\xb5\x62\x01" in head and suffix != ".nmea":
             return read_ubx
-        if looks_like_nmea(head):
+        if is_nmea(head):
             return read_nmea
         if head.lstrip().startswith(b"%"):
             return read_pos

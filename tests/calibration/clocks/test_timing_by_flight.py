@@ -57,10 +57,10 @@ def test_a_path_between_slow_readings_is_estimated_only_where_needed(tmp_path: P
     write_session_folder(tmp_path / "session", simulate(flown), name="simulated")
     session = load_session(tmp_path / "session")
     data = gather_flight(session, None, None, None)
-    assert all(looks.own_readings and looks.curves for looks in data.looks.values())
+    assert all(observed.own_readings and observed.curves for observed in data.observations.values())
     held = FlightProblem(
         stations={s.name: s for s in session.rig.stations},
-        looks=data.looks,
+        observations=data.observations,
         track=data.track,
         antenna_in_body_m=np.zeros(3),
         names=("left.runway_from_base.x", "right.camera_clock.offset"),
@@ -68,9 +68,9 @@ def test_a_path_between_slow_readings_is_estimated_only_where_needed(tmp_path: P
     )
     assert not held.curves("left")
     assert held.curves("right")
-    looks = data.looks["left"]
+    observed = data.observations["left"]
     np.testing.assert_allclose(
-        angles_at(replace(looks, curves=held.curves("left")), looks.t_s).angles_rad,
-        looks.readings_rad[np.searchsorted(looks.readings_s, looks.t_s - 1e-4)],
+        angles_at(replace(observed, curves=held.curves("left")), observed.t_s).angles_rad,
+        observed.readings_rad[np.searchsorted(observed.readings_s, observed.t_s - 1e-4)],
         atol=1e-9,
     )

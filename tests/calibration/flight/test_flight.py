@@ -154,7 +154,7 @@ def test_the_jacobian_is_the_numeric_one(rng: np.random.Generator) -> None:
     seen = np.arange(1.013, 10.0, 0.5)
     stamps = np.arange(0.0, 12.0, 0.25)
     readings = np.column_stack([0.02 * np.sin(stamps), 0.05 + 0.01 * stamps])
-    looks = StationObservations(
+    observed = StationObservations(
         t_s=seen,
         pixel_px=np.zeros((len(seen), 2)),
         sigma_px=np.ones((len(seen), 2)),
@@ -170,7 +170,7 @@ def test_the_jacobian_is_the_numeric_one(rng: np.random.Generator) -> None:
     names = (*own, DGPS_OFFSET, *ANTENNA)
     problem = FlightProblem(
         stations={"left": station},
-        looks={"left": looks},
+        observations={"left": observed},
         track=ReferenceTrack(reference, 0.5),
         antenna_in_body_m=np.array([-0.4, 0.0, -0.1]),
         names=names,

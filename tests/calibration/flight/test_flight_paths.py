@@ -94,14 +94,14 @@ def test_the_gradient_is_that_of_the_cost_with_the_paths_following(tmp_path: Pat
     data = gather_flight(session, None, None, 6.0)
     problem = FlightProblem(
         stations={s.name: s for s in rig.stations},
-        looks=data.looks,
+        observations=data.observations,
         track=data.track,
         antenna_in_body_m=np.zeros(3),
         names=free.names,
         prior_sigma=free.prior_sigma,
     )
     at = np.zeros(len(free.names))
-    kept = {name: problem.predict(name, at).usable for name in problem.looks}
+    kept = {name: problem.predict(name, at).usable for name in problem.observations}
     joint = PathResiduals(problem, dict.fromkeys(kept, 0.5), kept, at)
     fit_problem = joint.fit_problem()
     linearised = fit_problem.linearise(at)

@@ -182,7 +182,7 @@ def test_a_cameras_sigma_covers_the_drift_of_its_clock_over_the_flight(tmp_path:
         offset, drift = (
             float(fit.sigma[fit.problem.names.index(f"{name}.camera_clock.{part}")]) for part in ("offset", "drift")
         )
-        t = fit.problem.looks[name].t_s
+        t = fit.problem.observations[name].t_s
         clock = again[name].camera_clock
         assert clock is not None
         assert clock.sigma_s == pytest.approx(np.hypot(offset, 0.5 * (t.max() - t.min()) * drift), rel=1e-6)

@@ -46,7 +46,7 @@ def test_parameters_that_are_mixed_up_and_those_untaught_are_both_not_alone(monk
 def test_a_station_with_a_known_pose_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[str] = []
 
-    def start(problem: object, station: SimpleNamespace, looks: object) -> SimpleNamespace:
+    def start(problem: object, station: SimpleNamespace, observed: object) -> SimpleNamespace:
         started.append(station.name)
         return SimpleNamespace(station=station, offset_s=0.5)
 
@@ -55,7 +55,7 @@ def test_a_station_with_a_known_pose_keeps_it(monkeypatch: pytest.MonkeyPatch) -
     known = {"left": ("orientation", "position"), "right": ("position",), "third": ("lens", "orientation", "position")}
     stations = {name: SimpleNamespace(name=name, known=parts) for name, parts in known.items()}
     problem = SimpleNamespace(
-        stations=stations, looks=dict.fromkeys(stations), names=("right.camera_clock.offset", "x")
+        stations=stations, observations=dict.fromkeys(stations), names=("right.camera_clock.offset", "x")
     )
     found = find_start(problem)
     assert started == ["right"]

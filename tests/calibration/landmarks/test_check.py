@@ -124,11 +124,11 @@ def test_the_picture_has_landmarks_where_the_rig_expects_them(rng: np.random.Gen
         rig, look(knocked(day.true, "left", 2, 3 * KNOCK_RAD), day.stands, rng, READINGS), day.table, first
     )
     expected, start = expected_px(found), 0
-    for looks in found.fit.problem.looks:
-        off = (looks.pixel_px - expected[start : start + len(looks)]) / rig[looks.station].lens.focal_px
-        start += len(looks)
+    for observed in found.fit.problem.observations:
+        off = (observed.pixel_px - expected[start : start + len(observed)]) / rig[observed.station].lens.focal_px
+        start += len(observed)
         aside = abs(float(np.degrees(off[:, 0].mean())))
-        assert aside == pytest.approx(0.03 if looks.today and looks.station == "left" else 0.0, abs=0.004)
+        assert aside == pytest.approx(0.03 if observed.today and observed.station == "left" else 0.0, abs=0.004)
         assert abs(float(np.degrees(off[:, 1].mean()))) < 0.004
 
 

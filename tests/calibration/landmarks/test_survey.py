@@ -70,9 +70,9 @@ def test_a_jacobian_is_the_slope_of_its_pixels(rng: np.random.Generator) -> None
     places = {m.name: k for k, m in enumerate(marks)}
     seen = look(day.true, {m.name: m for m in marks}, rng, 1)
     stations = {s.name: s for s in day.true.stations}
-    looks = [gather_observations(seen, s, places, today=t) for s in stations.values() for t in (True, False)]
+    observed = [gather_observations(seen, s, places, today=t) for s in stations.values() for t in (True, False)]
     free = [f"{n}.{g}.{a}" for n in stations for g in ("runway_from_base", "ptu_position") for a in "xyz"]
-    problem = pose_problem(stations, looks, marks, free, day.believed.calibration_covariance(), moved=list(stations))
+    problem = pose_problem(stations, observed, marks, free, day.believed.calibration_covariance(), moved=list(stations))
     at = rng.normal(0.0, 1.0, len(problem.known))
     jacobian = problem.evaluate(at).jacobian
     step = 1e-4
@@ -257,7 +257,7 @@ def test_single_slips_and_one_stations_mistake_are_left_out(rng: np.random.Gener
         for s in seen
     ]
     survey = solve_survey(day.believed, seen, day.table)
-    out = [seen_in_fit for looks in survey.fit.problem.looks for seen_in_fit in looks.sightings]
+    out = [seen_in_fit for observed in survey.fit.problem.observations for seen_in_fit in observed.sightings]
     gone = {(s.station, s.landmark) for s, kept in zip(out, survey.fit.kept, strict=True) if not kept}
     assert gone == {("left", "m1"), ("right", "m0")}
     assert survey.fit.rejected_landmarks == {}

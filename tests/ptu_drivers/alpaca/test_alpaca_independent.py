@@ -105,8 +105,8 @@ def until(unit: PanTiltUnit, pan_deg: float, tilt_deg: float) -> None:
 
 def test_positions_and_halt(serve: Serve) -> None:
     url, log, _ = serve()
-    looks_west = UnitSettings(pan=AxisSettings(zero_rad=math.radians(-270.0)), reply_timeout_s=2.0)
-    with opened(url, looks_west) as unit:
+    facing_west = UnitSettings(pan=AxisSettings(zero_rad=math.radians(-270.0)), reply_timeout_s=2.0)
+    with opened(url, facing_west) as unit:
         unit.move_to(pan_rad=math.radians(10.0), tilt_rad=math.radians(50.0))
         until(unit, 10.0, 50.0)
     with opened(url) as north:
