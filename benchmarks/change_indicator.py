@@ -3,7 +3,7 @@
     python benchmarks/change_indicator.py             print them with the committed ones
     python benchmarks/change_indicator.py --update    and commit to the new ones
 
-`tests/replay/test_change_indicator.py` compares within the tolerances given here.
+`tests/replay/test_rendered_sessions.py` compares within the tolerances given here.
 """
 
 import argparse

@@ -72,13 +72,14 @@ def make_session(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
-def run(session: Path, tmp_path: Path, tuning: str = "") -> dict:
+def run(session: Path, tmp_path: Path, tuning: str = "", *, pages: bool = False) -> dict:
+    """Replay a session; ``pages``: with its report and its Rerun recording, which have no part in the figures."""
     config = None
     if tuning:
         config = tmp_path / "tuning.toml"
         config.write_text(tuning)
     out = tmp_path / "out"
-    result = replay(ReplayRequest(session=session, out=out, config=config))
+    result = replay(ReplayRequest(session=session, out=out, config=config, rerun=pages, report=pages))
     assert result.fault is None
     for path in result.files:
         assert path.stat().st_size > 0, path
@@ -87,7 +88,7 @@ def run(session: Path, tmp_path: Path, tuning: str = "") -> dict:
 
 def test_two_stations(make_session: Callable[..., Path], tmp_path: Path) -> None:
     """Acquired by itself, tracked to the end, every file written, the DGPS clock found."""
-    summary = run(make_session(), tmp_path)
+    summary = run(make_session(), tmp_path, pages=True)
     assert summary["counts"]["track"]["tracking"] > 100
     offset = summary["reference"]["time_offset"]
     assert offset["offset_s"] == pytest.approx(DGPS_LATE_S, abs=0.03)
@@ -110,12 +111,12 @@ def test_smoothed_over_the_flight(make_session: Callable[..., Path], tmp_path: P
     assert table["epochs"] > 90
     assert table["rmse_m"][1] < 0.8 * table["ekf_rmse_m"][1]
     assert "smoothed over the flight: RMSE" in format_accuracy_table(result.evaluation.summary)
-    replay(ReplayRequest(session=session, out=out, rerun=False))
+    replay(ReplayRequest(session=session, out=out, rerun=False, report=False))
     assert not (out / "smoothed.csv").exists()
 
 
 def test_three_stations_pin_the_range(make_session: Callable[..., Path], tmp_path: Path) -> None:
-    summary = run(make_session(("left", "right", "third")), tmp_path)
+    summary = run(make_session(("left", "right", "third")), tmp_path, pages=True)
     assert summary["accuracy"]["dgps"]["total"]["ekf"]["rmse_m"][1] < 0.4
     assert set(summary["counts"]["detection"]) == {"left", "right", "third"}
 
