@@ -189,16 +189,16 @@ def positions(data: Path, work: Path) -> None:
 def spoilt(data: Path, work: Path) -> None:
     for k, split in enumerate(splits(data)):
         session, name = split.session, split.session.name
-        believed, found = work / f"{name}-believed.toml", work / f"{name}-{k}-found.toml"
-        believed.write_text(rig_to_toml(spoilt_rig(split)))
+        assumed, found = work / f"{name}-assumed.toml", work / f"{name}-{k}-found.toml"
+        assumed.write_text(rig_to_toml(spoilt_rig(split)))
         seen = work / f"{name}-before"
         if not seen.exists():
-            replayed_as(session, seen, believed)
+            replayed_as(session, seen, assumed)
         (taught, until), (first, last) = split.taught_s, split.judged_s
         fit = calibrate_flight(
             FlightRequest(
                 session=session,
-                rig=believed,
+                rig=assumed,
                 out=found,
                 detections=seen / "detections.csv",
                 from_s=taught,
@@ -210,7 +210,7 @@ def spoilt(data: Path, work: Path) -> None:
         for parameter, change, sigma in zip(fit.problem.names, fit.change, fit.sigma, strict=True):
             unit, scale = unit_of(parameter)
             print(f"  {parameter}: {scale * change:+.4f} ± {scale * sigma:.4f} {unit}")
-        for label, rig in (("true rig", None), ("spoilt", believed), ("found", found)):
+        for label, rig in (("true rig", None), ("spoilt", assumed), ("found", found)):
             out = replayed_as(session, work / f"{name}-{k}-{label[0]}", rig, from_s=first, to_s=last)
             print(f"  {label}: EKF {'/'.join(f'{v:.3f}' for v in truth_rmse(session, out))} m", flush=True)
 

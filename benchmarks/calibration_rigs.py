@@ -146,7 +146,7 @@ def one_rig(case: str, seed: int, *, bounded: bool = True) -> RigErrors:
     scenario = _scenario(case, seed)
     drawn = draw(scenario.rig, case, np.random.default_rng([_DRAWS, seed]))
     dgps = DgpsModel(clock_offset_s=drawn.late_s, antenna_in_body_m=drawn.antenna_m)
-    scenario = replace(scenario, rig=drawn.believed, true_rig=drawn.true, dgps=dgps)
+    scenario = replace(scenario, rig=drawn.stated, true_rig=drawn.true, dgps=dgps)
     with tempfile.TemporaryDirectory() as folder:
         session, quiet = Path(folder) / "session", Path(folder) / "quiet"
         flights = ((session, scenario), (quiet, without_noise(scenario)))

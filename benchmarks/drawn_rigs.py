@@ -42,10 +42,10 @@ _BESIDE_RAD = ((0.0, 0.06, 7.0, 0.0), (0.0, 0.045, 5.3, 0.0), (0.0, 0.0, 1.0, 0.
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigRealisation:
-    """A rig as ``true`` and as ``believed``, the antenna's position (3,) m from the nose and the log's clock, s."""
+    """A rig as ``true`` and as ``stated``, the antenna's position (3,) m from the nose and the log's clock, s."""
 
     true: Rig
-    believed: Rig
+    stated: Rig
     antenna_m: np.ndarray
     late_s: float
 
@@ -75,11 +75,11 @@ def waves(axes: tuple[tuple[float, float, float, float], ...], longer_s: float) 
 def draw(rig: Rig, case: str, generator: np.random.Generator) -> RigRealisation:
     """Draw a true rig about an assumed one, whose files state that spread; both have the case's stations."""
     clocks_s = 0.0 if case == "mounts" else CLOCK_S
-    believed = tuple(_admitting(s, case, clocks_s) for s in rig.stations)
-    true = tuple(_drawn(s, case, clocks_s, generator) for s in believed)
+    stated = tuple(_admitting(s, case, clocks_s) for s in rig.stations)
+    true = tuple(_drawn(s, case, clocks_s, generator) for s in stated)
     return RigRealisation(
         true=replace(rig, stations=true),
-        believed=replace(rig, stations=believed),
+        stated=replace(rig, stations=stated),
         antenna_m=KNOWN_ANTENNA_M * generator.normal(size=3) if case == "all" else np.zeros(3),
         late_s=DGPS_CLOCK_S * float(generator.normal()) if case == "mounts" else 0.0,
     )
@@ -149,14 +149,14 @@ def _of_geometry(found: Station, true: Station, short: str) -> float:
 
 def _of_times(fit: FlightFit, drawn: RigRealisation, name: str, short: str) -> float:
     """Return the difference of a time of the true station from the assumed one, a clock at the flight's middle."""
-    true, believed = drawn.true[name], drawn.believed[name]
+    true, stated = drawn.true[name], drawn.stated[name]
     camera = true.camera_clock or ClockModel()
     at_middle = camera.offset_s + 1e-6 * camera.drift_ppm * fit.problem.middle_s(name)
     return {
         "camera_clock.offset": at_middle,
         "camera_clock.drift": 1e-6 * camera.drift_ppm,
         "ptu_clock.offset": true.ptu_clock.offset_s,
-        "readout": true.readout_s - believed.readout_s,
+        "readout": true.readout_s - stated.readout_s,
     }[short]
 
 

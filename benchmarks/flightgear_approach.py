@@ -175,7 +175,7 @@ def fly(out: Path, frames: int) -> None:
     found = np.isfinite(off).all(axis=1)
     print(f"thresholds at {ground_m:.2f} and {far_m:.2f} m; corners found in {found.sum()} of {frames} pictures")
     if found.any():
-        print("median |measured - told| by corner, px:", np.round(np.median(np.abs(off[found]), axis=0), 2).tolist())
+        print("median |measured - expected| by corner:", np.round(np.median(np.abs(off[found]), axis=0), 2).tolist())
 
 
 def elevation(game: FlightGear, place: tuple[float, float]) -> float:
@@ -205,9 +205,9 @@ def geodetic(origin: tuple[float, float], place: np.ndarray, heading: float) -> 
 
 def check(image: np.ndarray, pose: NoseCameraPose, corners_m: np.ndarray, lens: Lens) -> list[float]:
     """Return the distances of the measured corners from their projection (8), and the pose from them (3) m."""
-    told = pixels_from_points(pose, intrinsic_matrix(lens), corners_m)
+    expected = pixels_from_points(pose, intrinsic_matrix(lens), corners_m)
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float64)
-    found = refine_corners(grey, told, 5.0) if np.isfinite(told).all() else None
+    found = refine_corners(grey, expected, 5.0) if np.isfinite(expected).all() else None
     if found is None:
         return [math.nan] * 11
     seen = PointCorrespondences(
@@ -215,7 +215,7 @@ def check(image: np.ndarray, pose: NoseCameraPose, corners_m: np.ndarray, lens: 
     )
     solved = solve_pose(seen)
     by_corners = [math.nan] * 3 if solved is None else (solved.position_m - pose.camera_threshold_m).tolist()
-    return [*(found.pixels - told).ravel().tolist(), *by_corners]
+    return [*(found.pixels - expected).ravel().tolist(), *by_corners]
 
 
 def write(path: Path, columns: tuple[str, ...], rows: list) -> None:

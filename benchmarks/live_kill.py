@@ -175,11 +175,12 @@ class NoiseRange(AttachedSimulator):
 
 def operate(folder: Path, run: Path) -> NoReturn:
     """Operate until asked to stop, as `groundstation live` does; each status is a line of a file."""
-    told = (run / "told.jsonl").open("w", buffering=1, encoding="utf-8")
+    status_file = (run / "status.jsonl").open("w", buffering=1, encoding="utf-8")
 
     def tell(status: LiveStatus) -> None:
         print(
-            json.dumps([time.monotonic(), status.t_s, [d.note for d in status.devices], list(status.lines)]), file=told
+            json.dumps([time.monotonic(), status.t_s, [d.note for d in status.devices], list(status.lines)]),
+            file=status_file,
         )
 
     def force_exit(line: str) -> None:
@@ -254,9 +255,9 @@ class Run:
                 command, cwd=ROOT, stdout=reported, stderr=reported, start_new_session=True, env=environment()
             )
 
-    def told(self) -> list[Any]:
+    def statuses(self) -> list[Any]:
         """Return the lines of the status so far: host's time, session time, notes of the devices, lines."""
-        path = self.run / "told.jsonl"
+        path = self.run / "status.jsonl"
         lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         return [json.loads(line) for line in lines if line.endswith("]]")]
 
@@ -266,20 +267,20 @@ class Run:
 
     def ready(self, after_s: float) -> float:
         """Return when both heads were first reported ready, all well, after an instant; infinite if not yet."""
-        heads = [(t, [n for n in notes if n.startswith("ready")]) for t, _, notes, _ in self.told() if t > after_s]
+        heads = [(t, [n for n in notes if n.startswith("ready")]) for t, _, notes, _ in self.statuses() if t > after_s]
         return next((t for t, ready in heads if len(ready) == 2), math.inf)
 
     def unready(self, after_s: float) -> float:
         """Return when a status first did not call both heads ready after an instant; infinite if not yet."""
-        for t, _, notes, _ in self.told():
+        for t, _, notes, _ in self.statuses():
             if t > after_s and sum(n.startswith("ready") for n in notes) < 2:
                 return float(t)
         return math.inf
 
-    def told_since(self, from_s: float) -> bool:
+    def has_status_since(self, from_s: float) -> bool:
         """Return whether a status was written from an instant on."""
-        told = self.told()
-        return bool(told) and told[-1][0] >= from_s
+        statuses = self.statuses()
+        return bool(statuses) and statuses[-1][0] >= from_s
 
     def pids(self) -> dict[str, int]:
         """Return the station's processes by name."""
@@ -373,7 +374,7 @@ def recovered(run: Run, units: Units, who: str, deed: str) -> Moment:
 def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
     """Act in a way that ends the station: on its pipeline, or Ctrl-C right after another action."""
     pid = run.pids().get("pipeline" if who == "pipeline" else who, run.process.pid)
-    newest = run.told()[-1]
+    newest = run.statuses()[-1]
     began_s = time.monotonic()
     do(deed, pid)
     status = math.nan
@@ -396,7 +397,7 @@ def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
     now_s = time.monotonic()
     # SIGTERM asks the pipeline to end as Ctrl-C does: heads are parked, and stand when they are; so it is after Ctrl-C
     # where a process had allocated all its memory before
-    well = run.told_since(asked_s - STATUS_S) and run.unready(began_s) > asked_s
+    well = run.has_status_since(asked_s - STATUS_S) and run.unready(began_s) > asked_s
     parks = (who == "pipeline" and deed == "TERM") or (deed == "memory" and well)
     stood = math.nan if parks else max(units.stood(began_s, now_s).values()) - began_s
     still = max(units.turned(now_s - 0.4, now_s).values())
@@ -485,12 +486,12 @@ def table(found: list[Moment]) -> str:
                 f"  {', '.join([*codes, *notes])}"
             )
     stopped = [m.stood_s for m in found if m.who in MOVERS and not math.isnan(m.stood_s)]
-    told = [m.status_s for m in found if m.who in MOVERS and not math.isnan(m.status_s)]
+    statuses = [m.status_s for m in found if m.who in MOVERS and not math.isnan(m.status_s)]
     ended = [m.ended_s for m in found if not math.isnan(m.ended_s)]
     lost = [m.lost_s for m in found if not math.isnan(m.lost_s)]
     for what, values, within in (
         ("heads stood within 1 s", stopped, 1.0),
-        ("status true within 0.5 s", told, 0.5),
+        ("status true within 0.5 s", statuses, 0.5),
         ("ended within 3 s", ended, 3.0),
         ("recording lacks less than 1 s", lost, 1.0),
     ):

@@ -151,7 +151,7 @@ def fly(case: Case, folder: Path, rate_hz: float, lent: AttachedSimulator | None
     if case.disk_full:
         resource.setrlimit(resource.RLIMIT_FSIZE, (DISK_BYTES, DISK_BYTES))
     sys.stderr = sys.stdout = (folder / "said.txt").open("w", buffering=1, encoding="utf-8")
-    told = (folder / "told.jsonl").open("w", buffering=1, encoding="utf-8")
+    status_file = (folder / "status.jsonl").open("w", buffering=1, encoding="utf-8")
     seconds = TWO_LAPS_S if case.killed else lasts_until(case) + AFTER_S
     request = LiveRequest(station=None, out=folder / "live", seconds=seconds)
     own = SimulatedStation(
@@ -167,7 +167,7 @@ def fly(case: Case, folder: Path, rate_hz: float, lent: AttachedSimulator | None
 
     def tell(s: LiveStatus) -> None:
         tracks.append(s.track)
-        print(json.dumps([s.t_s, time.monotonic(), s.track.value, list(s.lines)]), file=told)
+        print(json.dumps([s.t_s, time.monotonic(), s.track.value, list(s.lines)]), file=status_file)
 
     result = live(
         request,
@@ -205,13 +205,13 @@ def run(case: Case, rate_hz: float) -> str:
         if child.is_alive():
             os.killpg(child.pid or 0, signal.SIGKILL)
             return f"{case.name:32s} did not end"
-        told = told_by(folder)
+        statuses = statuses_of(folder)
         # a full disk accepts no more data, which is reported: data from before must be in the file
-        ended = [t_s for t_s, _, _, reported in told if any("not recording" in w for w in reported)]
-        last_s = ended[0] if case.disk_full and ended else told[-1][0]
+        ended = [t_s for t_s, _, _, reported in statuses if any("not recording" in w for w in reported)]
+        last_s = ended[0] if case.disk_full and ended else statuses[-1][0]
         lost_s = max(last_s - recorded_until(folder / "live" / "flight.mcap"), 0.0)
         result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-        return line_of(case, told, result, lost_s)
+        return line_of(case, statuses, result, lost_s)
 
 
 def begun(case: Case, folder: Path, rate_hz: float, lent: AttachedSimulator | None = None) -> "mp.process.BaseProcess":
@@ -222,9 +222,9 @@ def begun(case: Case, folder: Path, rate_hz: float, lent: AttachedSimulator | No
     return child
 
 
-def told_by(folder: Path) -> list[Any]:
+def statuses_of(folder: Path) -> list[Any]:
     """Return the lines of the status: session time, host's time, track, words."""
-    path = folder / "told.jsonl"
+    path = folder / "status.jsonl"
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
     return [json.loads(line) for line in lines if line.endswith("]")]
 
@@ -239,7 +239,7 @@ def killed(case: Case, folder: Path, rate_hz: float) -> str:
         begin_s = lender.begin(time.monotonic() + BEGINS_S)
         lent = AttachedSimulator(lender, file, begin_s)
         child = begun(case, folder / "first", rate_hz, lent)
-        wait_until(lambda: sum(track == "tracking" for _, _, track, _ in told_by(folder / "first")) > 3)
+        wait_until(lambda: sum(track == "tracking" for _, _, track, _ in statuses_of(folder / "first")) > 3)
         os.killpg(child.pid or 0, signal.SIGKILL)
         killed_s = time.monotonic()
         child.join()
@@ -247,20 +247,20 @@ def killed(case: Case, folder: Path, rate_hz: float) -> str:
         left = path.read_bytes()
         again = begun(case, folder / "second", rate_hz, lent)
         again.join(150.0)
-    told = told_by(folder / "second")
-    tracking = [host_s - killed_s for _, host_s, track, _ in told if track == "tracking"]
+    statuses = statuses_of(folder / "second")
+    tracking = [host_s - killed_s for _, host_s, track, _ in statuses if track == "tracking"]
     done = recover(path)
     result = json.loads((folder / "second" / "result.json").read_text(encoding="utf-8"))
     count, anees = summed(result["rows"])
-    lost_s = told_by(folder / "first")[-1][0] - recorded_until(done.out or path)
+    lost_s = statuses_of(folder / "first")[-1][0] - recorded_until(done.out or path)
     return "\n".join(
         (
             f"{case.name} at {killed_s - begin_s:.1f} s of the flight: {max(lost_s, 0.0):.2f} s lost; recovered "
             f"{done.chunks} chunks, {done.skipped} skipped; the file is as it was left: {path.read_bytes() == left}",
-            f"begun again: opened {told[0][1] - killed_s:.1f} s after the kill, tracking after "
+            f"begun again: opened {statuses[0][1] - killed_s:.1f} s after the kill, tracking after "
             + (f"{tracking[0]:.1f} s; " if tracking else "never; ")
             + f"{count} answers, ANEES {anees:.2f}; its recording holds "
-            f"{recorded_until(folder / 'second' / 'live' / 'flight.mcap') - told[0][0]:.1f} s",
+            f"{recorded_until(folder / 'second' / 'live' / 'flight.mcap') - statuses[0][0]:.1f} s",
         )
     )
 
@@ -278,16 +278,18 @@ def summed(rows: list[Any]) -> tuple[int, float]:
     return count, sum(n * a for n, a in rows) / count if count else math.nan
 
 
-def line_of(case: Case, told: list[Any], result: dict[str, Any], lost_s: float) -> str:
+def line_of(case: Case, statuses: list[Any], result: dict[str, Any], lost_s: float) -> str:
     """Return a line: statuses during the fault, time to tracking after it, ANEES, losses."""
     begin_s, until_s = result["begin_s"], lasts_until(case)
-    during = Counter(track for t_s, _, track, _ in told if FROM_S + 0.2 <= t_s - begin_s < until_s)
+    during = Counter(track for t_s, _, track, _ in statuses if FROM_S + 0.2 <= t_s - begin_s < until_s)
     words = ", ".join(f"{n} {track}" for track, n in during.most_common())
-    again = [t_s - begin_s - until_s for t_s, _, track, _ in told if t_s - begin_s >= until_s and track == "tracking"]
+    again = [
+        t_s - begin_s - until_s for t_s, _, track, _ in statuses if t_s - begin_s >= until_s and track == "tracking"
+    ]
     _, anees = summed(result["rows"])
     back = f"{again[0]:.1f}" if again else "never"
     also = [
-        w for _, _, _, lines in told for w in lines if "gone since" in w or "not recording" in w or "ends here" in w
+        w for _, _, _, lines in statuses for w in lines if "gone since" in w or "not recording" in w or "ends here" in w
     ]
     note = f"  “{also[0][:60]}”" if also else ""
     return f"{case.name:32s} {until_s:8.1f} {words:>24s} {back:>7s} {anees:6.2f} {lost_s:6.2f}{note}"

@@ -46,7 +46,7 @@ MOST_S = 60.0
 MOST_BYTES = 8 << 30
 # so many videos are read by one process
 A_PROCESS = 1000
-TOLD = "input: "
+RESULT = "input: "
 
 
 def check(log: GnssLog) -> None:
@@ -169,15 +169,15 @@ def _apart(first: int, last: int, seed: int, names: list[str], folder: Path, cou
         text=True,
         check=False,
     )
-    told = [line for line in done.stdout.splitlines() if line.startswith(TOLD)]
-    for line in told:
-        what, kept = line.removeprefix(TOLD).split("\t")
+    results = [line for line in done.stdout.splitlines() if line.startswith(RESULT)]
+    for line in results:
+        what, kept = line.removeprefix(RESULT).split("\t")
         counts[what] += 1
         if kept:
             print(kept, file=sys.stderr)
-    if len(told) == last - first and done.returncode == 0:
+    if len(results) == last - first and done.returncode == 0:
         return last
-    read = first + len(told)
+    read = first + len(results)
     path = folder / names[read % len(names)]
     keep(path, f"input {read}", RuntimeError(f"the process ended, exit code {done.returncode}"), counts)
     return read + 1
@@ -199,7 +199,7 @@ def read_part(first: int, last: int, seed: int, folder: Path, names: list[str]) 
             what = f"{name} {outcome[-1]}"
         except Exception as error:  # noqa: BLE001 - counted, kept, and the run fails
             what, kept = FOREIGN, keep(folder / name, f"input {k}, {name}", error, collections.Counter())
-        print(f"{TOLD}{what}\t{kept}", flush=True)
+        print(f"{RESULT}{what}\t{kept}", flush=True)
         (folder / name).write_bytes(whole[name])
 
 

@@ -70,8 +70,8 @@ def filmed(folder: Path, span_s: float) -> int:
     approaches = round(span_s / EVERY_S)
     folder.mkdir(parents=True)
     shutil.copy(LANDING / "rig.toml", folder)
-    told = (LANDING / "session.toml").read_text(encoding="utf-8")
-    (folder / "session.toml").write_text(told[: told.index("[[phase]]")], encoding="utf-8")
+    text = (LANDING / "session.toml").read_text(encoding="utf-8")
+    (folder / "session.toml").write_text(text[: text.index("[[phase]]")], encoding="utf-8")
     for name in ("ptu", "dgps", "truth", "frames"):
         head, *rows = (LANDING / f"{name}.csv").read_text(encoding="utf-8").splitlines()
         frames = len(rows) if name == "frames" else 0

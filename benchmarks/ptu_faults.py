@@ -112,10 +112,10 @@ def run(seed: int) -> Outcome:
         name = rnd.choice(list(FAULTS))
         outcome.faults.append(name)
         line.at(start + rnd.uniform(0.5, 5.0), lambda name=name: strike(name))
-    told_s, back_s = float("-inf"), None
+    commanded_s, back_s = float("-inf"), None
     while True:
-        if line.now() - told_s > 0.7:
-            told_s = line.now()
+        if line.now() - commanded_s > 0.7:
+            commanded_s = line.now()
             drive(device, rnd)
         asked = line.now()
         got = device.read()

@@ -63,7 +63,7 @@ def surveyed(total_station: bool, readings: int, seeds: list[int]) -> list[tuple
     for seed in seeds:
         generator = np.random.default_rng([seed, int(total_station)])
         day = morning(generator, total_station=total_station)
-        survey = solve_survey(day.believed, look(day.true, day.stands, generator, readings), day.table)
+        survey = solve_survey(day.stated, look(day.true, day.stands, generator, readings), day.table)
         found.append((bool(survey.fit.raised > 1.0), pose_nees(survey, day), errors(survey, day)))
     return found
 
@@ -135,7 +135,7 @@ def checked(mornings: int, knocked_mornings: int, readings: int, seeds: list[int
         generator = np.random.default_rng([seed, 7])
         day = morning(generator)
         first = look(day.true, day.stands, generator, readings)
-        rig = solve_survey(day.believed, first, day.table).rig
+        rig = solve_survey(day.stated, first, day.table).rig
         for k in range(mornings):
             one_morning(with_reference, day, rig, first, readings, generator, k < knocked_mornings)
         one_morning(without, day, rig, [], readings, generator, True)

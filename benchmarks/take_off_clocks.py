@@ -59,11 +59,11 @@ class ClockErrors:
 
 
 @contextmanager
-def _flown(scenario: Scenario, told: Scenario) -> Iterator[tuple[FlightCalibration, FlightData]]:
+def _flown(scenario: Scenario, stated: Scenario) -> Iterator[tuple[FlightCalibration, FlightData]]:
     """Calibrate on a flight with unknown antenna position; return that flight and the same one without noise."""
     with tempfile.TemporaryDirectory() as folder:
         for name, flight in (("session", scenario), ("quiet", without_noise(scenario))):
-            seen = replace(simulate(flight), scenario=replace(flight, dgps=told.dgps))
+            seen = replace(simulate(flight), scenario=replace(flight, dgps=stated.dgps))
             write_session_folder(Path(folder) / name, seen, name="simulated")
         request = FlightRequest(
             session=Path(folder) / "session", out=Path(folder) / "rig.toml", free=FREE, point_sigma_m=POINT_M
@@ -84,7 +84,7 @@ def one_flight(seed: int) -> ClockErrors:
     drawn = replace(draw(plain.rig, "clocks", generator), late_s=LOG_S * float(generator.normal()))
     ahead_m = POINT_M * float(generator.normal())
     dgps = DgpsModel(clock_offset_s=drawn.late_s, antenna_in_body_m=np.array([-ahead_m, 0.0, 0.0]))
-    scenario = replace(plain, rig=drawn.believed, true_rig=drawn.true, dgps=dgps)
+    scenario = replace(plain, rig=drawn.stated, true_rig=drawn.true, dgps=dgps)
     with _flown(scenario, replace(scenario, dgps=DgpsModel())) as (found, exact):
         fit = found.fit
         error = errors(fit, found.rig, drawn)

@@ -104,11 +104,11 @@ class Browser:
     def complaints(self) -> list[str]:
         """Return what it has complained of since `show`: errors and warnings in its console, exceptions."""
         kinds = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
-        return [json.dumps(told) for method, told in self.events if method in kinds]
+        return [json.dumps(params) for method, params in self.events if method in kinds]
 
     def requests(self) -> list[str]:
         """Return the addresses requested since `show`."""
-        return [told["request"]["url"] for method, told in self.events if method == "Network.requestWillBeSent"]
+        return [params["request"]["url"] for method, params in self.events if method == "Network.requestWillBeSent"]
 
     def _messages(self) -> Iterator[dict[str, Any]]:
         while True:

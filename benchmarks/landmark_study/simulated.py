@@ -24,10 +24,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SurveyScene:
-    """The ``true`` rig, the assumed one (``believed``), the true landmarks and those of the table."""
+    """The ``true`` rig, the assumed one (``stated``), the true landmarks and those of the table."""
 
     true: Rig
-    believed: Rig
+    stated: Rig
     stands: Mapping[str, Landmark]
     table: Mapping[str, Landmark]
 
@@ -76,7 +76,7 @@ def morning(
         sigma |= {"head_from_camera": MOUNT_RAD, "focal": FOCAL_PX, "principal_point": CENTRE_PX}
     names = tuple(n for n in CALIBRATION_PARAMETERS if n.partition(".")[0] in sigma)
     sigmas = np.array([sigma[n.partition(".")[0]] for n in names])
-    true, believed = [], []
+    true, stated = [], []
     for name, x in (("left", -5.385), ("right", 5.385)):
         ideal = station(name, x)
         off = np.zeros(len(CALIBRATION_PARAMETERS))
@@ -88,15 +88,13 @@ def morning(
         true.append(turned.changed(pan))
         known = ("position", "lens") if total_station else ("lens",)
         unknown = ideal if total_station else replace(ideal, ptu_position_m=np.zeros(3))
-        believed.append(replace(unknown, known=known, covariance_parameters=names, covariance=np.diag(sigmas**2)))
+        stated.append(replace(unknown, known=known, covariance_parameters=names, covariance=np.diag(sigmas**2)))
     table = {
         f"m{k}": Landmark(name=f"m{k}", kind="point", place=np.array(p, dtype=np.float64), sigma=np.full(3, SIGMA_M))
         for k, p in enumerate(places_m)
     }
     stands = {n: replace(m, place=m.place + generator.normal(0.0, SIGMA_M, 3)) for n, m in table.items()}
-    return SurveyScene(
-        true=Rig(stations=tuple(true)), believed=Rig(stations=tuple(believed)), stands=stands, table=table
-    )
+    return SurveyScene(true=Rig(stations=tuple(true)), stated=Rig(stations=tuple(stated)), stands=stands, table=table)
 
 
 def look(

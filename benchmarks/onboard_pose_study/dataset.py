@@ -120,8 +120,8 @@ def attitude_study(folder: Path) -> dict[str, object]:
             known = None
             if sigma is not None:
                 turn = np.where(np.isfinite(sigma), sigma, 0.1) * noise
-                told = wxyz_from_matrix(rotation_from_vector(turn) @ R)
-                known = KnownAttitude(runway_from_camera_wxyz=told, sigma_rad=sigma)
+                measured = wxyz_from_matrix(rotation_from_vector(turn) @ R)
+                known = KnownAttitude(runway_from_camera_wxyz=measured, sigma_rad=sigma)
             errors[name].append(solve_pose(seen, known).range_m - case.pose.range_m)
     table = {name: by_bin(true, np.array(values)) for name, values in errors.items()}
     return {"rmse_m": {"opencv": by_bin(true, np.array(opencv)), **table}}

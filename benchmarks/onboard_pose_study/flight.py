@@ -42,7 +42,7 @@ class Run:
 
 def run(setup: ApproachSetup, approach: SimulatedApproach) -> Run:
     navigator = RunwayNavigator(setup.config, setup.mount)
-    rows, told, outcomes = [], [], {}
+    rows, innovations, outcomes = [], [], {}
     for k, sample in enumerate(approach.samples):
         navigator.process_imu(sample)
         if k in approach.seen:
@@ -51,7 +51,7 @@ def run(setup: ApproachSetup, approach: SimulatedApproach) -> Run:
             outcomes[word] = outcomes.get(word, 0) + 1
             if innovation is not None and innovation.outcome is UpdateOutcome.USED:
                 white = np.linalg.solve(np.linalg.cholesky(innovation.covariance), innovation.value)
-                told.append((sample.t_s, innovation.value, np.sqrt(np.diag(innovation.covariance)), white))
+                innovations.append((sample.t_s, innovation.value, np.sqrt(np.diag(innovation.covariance)), white))
         if k % EVERY == 0 and sample.t_s >= FROM_S:
             now = navigator.navigation
             turn = rotation_vector(approach.runway_from_body[k] @ matrix_from_wxyz(now.runway_from_body_wxyz).T)
@@ -70,7 +70,7 @@ def run(setup: ApproachSetup, approach: SimulatedApproach) -> Run:
                  e @ np.linalg.solve(now.P, e), now.position_m)
             )  # fmt: skip
     t, error, sigma, nees_pose, nees, estimate = (np.array(column) for column in zip(*rows, strict=True))
-    it, value, value_sigma, white = (np.array(column) for column in zip(*told, strict=True))
+    it, value, value_sigma, white = (np.array(column) for column in zip(*innovations, strict=True))
     return Run(
         t_s=t, error=error, sigma=sigma, nees_pose=nees_pose, nees=nees, innovation_t_s=it, innovation=value,
         innovation_sigma=value_sigma, white=white, outcomes=outcomes, estimate=estimate,

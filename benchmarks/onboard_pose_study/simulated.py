@@ -62,7 +62,7 @@ def horizon_study(count: int = 1500) -> dict[str, object]:
     """RMSE of range for a small UAV's camera (runway 900 m by 30 m, 0.5 px), the horizon known to so much."""
     setup = default_setup(0.5)
     rng = np.random.default_rng(21)
-    told_deg = (0.02, 0.1, 0.5)
+    sigmas_deg = (0.02, 0.1, 0.5)
     rows = []
     while len(rows) < count:
         position, body = somewhere(rng)
@@ -74,18 +74,18 @@ def horizon_study(count: int = 1500) -> dict[str, object]:
         range_m = float(np.linalg.norm(camera))
         errors = [solve_pose(seen).range_m - range_m]
         noise = rng.standard_normal(3)
-        for degrees in told_deg:
+        for degrees in sigmas_deg:
             sigma = np.radians([degrees, degrees, np.inf])
             turn = np.array([*(sigma[:2] * noise[:2]), 0.1 * noise[2]])
-            told = wxyz_from_matrix(rotation_from_vector(turn) @ R)
-            known = KnownAttitude(runway_from_camera_wxyz=told, sigma_rad=sigma)
+            measured = wxyz_from_matrix(rotation_from_vector(turn) @ R)
+            known = KnownAttitude(runway_from_camera_wxyz=measured, sigma_rad=sigma)
             errors.append(solve_pose(seen, known).range_m - range_m)
         rows.append([range_m, *errors])
     table = np.array(rows)
     out: dict[str, object] = {}
     for low, high in ((150, 500), (500, 1000), (1000, 1800)):
         part = table[(table[:, 0] >= low) & (table[:, 0] < high), 1:]
-        names = ("nothing", *(f"horizon {degrees} deg" for degrees in told_deg))
+        names = ("nothing", *(f"horizon {degrees} deg" for degrees in sigmas_deg))
         out[f"{low}-{high} m"] = dict(zip(names, np.sqrt((part**2).mean(axis=0)).round(2).tolist(), strict=True))
     return out
 

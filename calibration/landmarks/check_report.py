@@ -61,13 +61,13 @@ def notes(check: Check, alarm_deg: float) -> list[str]:
         found.append(
             f"residuals are {check.fit.raised:.1f} times what their noise allows: all sigmas are raised by that"
         )
-    silent = [s.name for s in check.rig.stations if not _says(check.rig, s.name)]
+    silent = [s.name for s in check.rig.stations if not _states_orientation(check.rig, s.name)]
     if silent:
         found.append(f"the rig does not say how well {', '.join(silent)} is oriented: taken as exact")
     return found
 
 
-def _says(rig: Rig, name: str) -> bool:
+def _states_orientation(rig: Rig, name: str) -> bool:
     return any(n.startswith(f"{name}.runway_from_base.") for n in rig.calibration_covariance().names)
 
 

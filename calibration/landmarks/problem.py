@@ -197,8 +197,8 @@ def pose_problem(
     for name in moved:
         blocks += [((f"{name}.moved.{axis}",), np.array([[MOVED_SIGMA_RAD]]), True) for axis in AXES]
     # landmarks stand still: the covariance of the clocks takes no part
-    told = {f"{station}.{short}" for station in stations for short in CALIBRATION_PARAMETERS}.difference(free)
-    rest = [k for k, name in enumerate(before.names) if name in told]
+    stated = {f"{station}.{short}" for station in stations for short in CALIBRATION_PARAMETERS}.difference(free)
+    rest = [k for k, name in enumerate(before.names) if name in stated]
     if rest:
         names = tuple(before.names[k] for k in rest)
         blocks.append((names, root_of(before.matrix[np.ix_(rest, rest)]), True))

@@ -131,7 +131,7 @@ def calibrate_station(
         raise MountFitError(f"station {station.name}: got {got}; wanted {wanted}")
     _require_signs(station, best)
     _require_senses(best)
-    _require_told(best, words)
+    _require_determined(best, words)
     return StationMount(before=station, after=solved_station(station, best), fit=best)
 
 
@@ -161,7 +161,7 @@ def _require_senses(fit: MountFit) -> None:
             raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
 
 
-def _require_told(fit: MountFit, words: Sequence[str]) -> None:
+def _require_determined(fit: MountFit, words: Sequence[str]) -> None:
     """Raise `MountFitError` where too few sightings determine the camera's orientation, with the number needed.
 
     A standstill gives two angles: with fewer standstills than unknowns of the mount hardly any redundancy would be left
@@ -172,16 +172,16 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     seen = fit.problem.sightings
     count, standing = len(seen), len(np.unique(fit.problem.stand[fit.kept]))
     unknowns = sum(not name.startswith(("mark ", *POSITION)) for name in fit.problem.names)
-    told = pointing_sigma(fit, told=True).worst_deg
+    determined_deg = pointing_sigma(fit, sightings_only=True).worst_deg
     # one board at an unknown position cannot determine it better, but is useful for the rest
     tied = any(mark.kind.known for mark in fit.problem.marks)
     if not tied:
-        _require_aimed(fit, told)
-    if standing >= unknowns and (told <= _WORST_DEG or not tied):
+        _require_aimed(fit, determined_deg)
+    if standing >= unknowns and (determined_deg <= _WORST_DEG or not tied):
         return
     got = f"{count} sightings at {standing} pairs of angles for {unknowns} unknowns, where the camera looks known to"
-    got += f" {told:.2g} deg"
-    needed = max(2 * unknowns, int(np.ceil(count * (told / USABLE_DEG) ** 2)))
+    got += f" {determined_deg:.2g} deg"
+    needed = max(2 * unknowns, int(np.ceil(count * (determined_deg / USABLE_DEG) ** 2)))
     # no patience makes up for marks in a line
     many = f"some {needed} sightings of" if needed <= _MOST_SIGHTINGS else "other"
     wanted = f"{USABLE_DEG:g} deg: {many} marks of known place, far apart in pan and 20 deg or more in"
@@ -189,18 +189,18 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
 
 
-def _require_aimed(fit: MountFit, told_deg: float) -> None:
+def _require_aimed(fit: MountFit, determined_deg: float) -> None:
     """Raise `MountFitError` where marks of unknown position give the boresight's pan and tilt worse than the prior.
 
     A point's own direction absorbs an error of pan and tilt; only the rotation and spread of its pixels with the
     angles remain, which are nearly zero near the horizon. A board's corners have directions to each other.
     """
     marks = fit.problem.marks
-    if told_deg <= _WORST_UNTIED_DEG or any(mark.kind is MarkKind.BOARD for mark in marks):
+    if determined_deg <= _WORST_UNTIED_DEG or any(mark.kind is MarkKind.BOARD for mark in marks):
         return
     count, what = len(marks), "one mark" if len(marks) == 1 else f"{len(marks)} marks"
     got = f"{len(fit.problem.sightings)} sightings of {what} of unknown place, which leave where the camera looks open"
-    got += f" by {told_deg:.2g} deg"
+    got += f" by {determined_deg:.2g} deg"
     place, other = ("its place", "a second mark") if count == 1 else ("their places", "another mark")
     wanted = f"{place} (--landmarks), {other} 40 deg or more above the horizon, or a board (--board)"
     raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")

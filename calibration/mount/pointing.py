@@ -28,13 +28,13 @@ class PointingSigma:
         return max(self.pan_deg, self.tilt_deg)
 
 
-def pointing_sigma(fit: MountFit, told: bool = False) -> PointingSigma:
+def pointing_sigma(fit: MountFit, sightings_only: bool = False) -> PointingSigma:
     """Return the uncertainty of the direction of a mark in the middle of the picture, given true readings.
 
-    Root mean square over pan −30 to 30° and tilt 0 to 15°; fixed parameters count with their assumed sigmas. ``told``
-    leaves out fixed lever arms and axes, which no number of such sightings would improve.
+    Root mean square over pan −30 to 30° and tilt 0 to 15°; fixed parameters count with their assumed sigmas.
+    ``sightings_only`` leaves out fixed lever arms and axes, which no number of such sightings would improve.
     """
-    covariance = _given_held(fit) if told else fit.joint_covariance
+    covariance = _given_held(fit) if sightings_only else fit.joint_covariance
     problem = replace(fit.problem, names=fit.joint_names, prior_sigma=np.zeros(len(fit.joint_names)))
     at = np.concatenate([fit.change, np.zeros(len(fit.joint_names) - len(fit.change))])
     station = problem.station_at(at)

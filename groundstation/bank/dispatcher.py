@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from groundstation.bank.program_version import program_digest
-from groundstation.bank.watched_job import last_place, run_job, says_timeout
+from groundstation.bank.watched_job import last_place, run_job, timed_out
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
 
@@ -186,7 +186,7 @@ class Dispatcher:
     def _died(self, running: _Running, overdue: bool = False) -> Iterator[JobFailure]:
         """Put the job of a dead worker back, or yield it as failed."""
         trace = self._trace(running.name)
-        place, late = last_place(trace), says_timeout(trace)
+        place, late = last_place(trace), timed_out(trace)
         trace.unlink(missing_ok=True)
         shown = f" ({place})" if place else ""
         if late is None:

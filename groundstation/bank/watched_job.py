@@ -67,7 +67,7 @@ def last_place(trace: Path) -> str:
     return printable("; ".join(part for part in (crash, place) if part))
 
 
-def says_timeout(trace: Path) -> bool | None:
+def timed_out(trace: Path) -> bool | None:
     """Return whether a worker ended because its time was over; None where its trace does not tell."""
     try:
         text = trace.read_text(encoding="utf-8", errors="replace")

@@ -96,7 +96,7 @@ class TrackInitiator:
         self._link(fixes, t_s)
         self._tracks = [t for t in self._tracks if t.misses <= self._config.max_misses]
         brightest = max((t.score / t.hits for t in self._tracks if t.hits >= 3), default=0.0)
-        confirmed = [t for t in self._tracks if self._believed(t, brightest)]
+        confirmed = [t for t in self._tracks if self._is_confirmed(t, brightest)]
         if not confirmed:
             return None
         best = max(confirmed, key=lambda t: t.score / t.hits)
@@ -302,7 +302,7 @@ class TrackInitiator:
         track.score += fix.score
         track.labelled = track.labelled and fix.labelled
 
-    def _believed(self, track: _Tentative, brightest: float) -> bool:
+    def _is_confirmed(self, track: _Tentative, brightest: float) -> bool:
         """Return whether a track is confirmed: enough hits, low residuals, high scores and a significant velocity."""
         c = self._config
         if track.hits < c.hits or track.misses > 0 or track.t_s - track.born_s < c.min_age_s:

@@ -71,7 +71,7 @@ def _seen_spans(seen_s: FloatArray, spans: list[_Span]) -> list[_Span]:
 
 def _row(name: str, flown: list[tuple[FlightErrors, _Span]]) -> list[Cell]:
     """Return one pass over all flights."""
-    error, inside, nees, steps, told, pictures = [], [], [], [], [], 0
+    error, inside, nees, steps, consistent, pictures = [], [], [], [], [], 0
     lost: list[list[float]] = []
     for one, (low, high) in flown:
         used = (one.t_s >= low + _BACK_S) & (one.t_s <= high)
@@ -80,7 +80,7 @@ def _row(name: str, flown: list[tuple[FlightErrors, _Span]]) -> list[Cell]:
         nees.append(one.nees[used])
         steps.append(one.steps[(one.steps[:, 0] >= low) & (one.steps[:, 0] <= high), 1])
         fed = (one.innovations[:, 0] >= low + _BACK_S) & (one.innovations[:, 0] <= high)
-        told.append(np.abs(one.innovations[fed, 1:]) < 2.0 * one.innovation_sigmas[fed])
+        consistent.append(np.abs(one.innovations[fed, 1:]) < 2.0 * one.innovation_sigmas[fed])
         pictures += int(((one.innovations[:, 0] >= low) & (one.innovations[:, 0] <= high)).sum())
         before = np.flatnonzero(one.t_s < low)
         earlier = one.innovations[one.innovations[:, 0] < low, 0]
@@ -100,7 +100,7 @@ def _row(name: str, flown: list[tuple[FlightErrors, _Span]]) -> list[Cell]:
         name, pictures, *(float(v) for v in rms[POSITION]), float(np.degrees(rms[ATTITUDE]).max()),
         100.0 * float(in_2[:, POSITION].mean()), 100.0 * float(in_2[:, ATTITUDE].mean()),
         float(np.concatenate(nees).mean()), float(np.median(count)), float(count.max()),
-        100.0 * float(np.concatenate(told).mean()), *gone,
+        100.0 * float(np.concatenate(consistent).mean()), *gone,
     ]  # fmt: skip
 
 

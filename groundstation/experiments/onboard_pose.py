@@ -161,7 +161,7 @@ def inertial(recorded: TruthSession) -> Findings:
 def follow(setup: ApproachSetup, approach: SimulatedApproach) -> FlightErrors:
     """Run the filter over a flight."""
     navigator = RunwayNavigator(setup.config, setup.mount)
-    rows, told, steps = [], [], []
+    rows, innovations, steps = [], [], []
     for k, sample in enumerate(approach.samples):
         navigator.process_imu(sample)
         if k in approach.seen:
@@ -170,7 +170,7 @@ def follow(setup: ApproachSetup, approach: SimulatedApproach) -> FlightErrors:
             if k % (5 * EVERY) == 0 and (paper := solve_coplanarity(seen, SIX_PAIRS)) is not None:
                 steps.append((sample.t_s, paper.steps))
             if innovation is not None and innovation.outcome is UpdateOutcome.USED:
-                told.append((sample.t_s, innovation.value, np.sqrt(np.diag(innovation.covariance))))
+                innovations.append((sample.t_s, innovation.value, np.sqrt(np.diag(innovation.covariance))))
         if k % EVERY == 0 and sample.t_s >= SETTLED_S:
             now = navigator.navigation
             turn = rotation_vector(approach.runway_from_body[k] @ matrix_from_wxyz(now.runway_from_body_wxyz).T)
@@ -181,7 +181,7 @@ def follow(setup: ApproachSetup, approach: SimulatedApproach) -> FlightErrors:
             nees = error[_POSE] @ np.linalg.solve(now.P[np.ix_(_POSE, _POSE)], error[_POSE])
             rows.append((sample.t_s, error, np.sqrt(np.diag(now.P)), nees, now.position_m))
     t, error, sigma, nees, estimate = (np.array(column) for column in zip(*rows, strict=True))
-    it, values, sigmas = (np.array(column) for column in zip(*told, strict=True))
+    it, values, sigmas = (np.array(column) for column in zip(*innovations, strict=True))
     return FlightErrors(
         approach=approach, t_s=t, error=error, sigma=sigma, nees=nees, estimate_m=estimate,
         innovations=np.column_stack([it, values]), innovation_sigmas=sigmas,

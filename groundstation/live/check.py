@@ -70,10 +70,10 @@ def _known(rig: Rig) -> CheckResult:
 
 def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, raw: dict[str, bool]) -> CheckResult:
     """Look at one camera for a while; notes in ``raw`` whether its pictures have one byte a pixel."""
-    name, told = f"{station.name} camera", list[CameraEvent]()
+    name, events = f"{station.name} camera", list[CameraEvent]()
     frames, stamps = [], []
     try:
-        with camera_of(station, time.monotonic, told.append, rate_hz=rate_hz) as camera:
+        with camera_of(station, time.monotonic, events.append, rate_hz=rate_hz) as camera:
             end_s = time.monotonic() + seconds
             while time.monotonic() < end_s and not camera.ended:
                 frame = camera.read(0.2)
@@ -93,7 +93,7 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, r
         text = f"{name}: got pictures of {got}; wanted {wanted[0]} × {wanted[1]} px as in the rig"
         return failed(text)
     if len(stamps) < 2:
-        why = told[-1].text if told else "nothing came"
+        why = events[-1].text if events else "nothing came"
         return failed(f"{name}: no pictures in {seconds:g} s: {why}; is it triggered, and allowed?")
     rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
     text = f"{name}: {rate:.1f} Hz, {wanted[0]} × {wanted[1]} px"

@@ -38,8 +38,8 @@ class KeepOutError(PtuError):
 
 def brakes_of(about: UnitDescription) -> FloatArray:
     """Return how fast the axes (2,) can be braked, rad/s²."""
-    told = np.array([about.pan.max_acceleration_rad_s2, about.tilt.max_acceleration_rad_s2])
-    return np.where(np.isfinite(told), told, UNKNOWN_BRAKES_RAD_S2)
+    stated = np.array([about.pan.max_acceleration_rad_s2, about.tilt.max_acceleration_rad_s2])
+    return np.where(np.isfinite(stated), stated, UNKNOWN_BRAKES_RAD_S2)
 
 
 def held_s(about: UnitDescription, lease_s: float) -> float:

@@ -47,7 +47,7 @@ class KeepOutPilot:
         self._held_s = lease_s + _LATE_S
         self._brakes = np.where(np.isfinite(brakes_rad_s2), brakes_rad_s2, _UNKNOWN_BRAKES_RAD_S2)
         self._ways = DetourPlanner(lows_rad, highs_rad, PLAN_MARGIN_RAD)
-        self._told = np.zeros(2)
+        self._commanded_rad_s = np.zeros(2)
 
     def zones(self, t_s: float) -> ClosedZones:
         """Return the closed zones at a session time."""
@@ -77,14 +77,16 @@ class KeepOutPilot:
         if zones.is_empty:
             return rates_rad_s
         for share in _SHARES:
-            ways = [self._told, share * rates_rad_s] if np.any(self._told) else [share * rates_rad_s]
+            ways = (
+                [self._commanded_rad_s, share * rates_rad_s] if np.any(self._commanded_rad_s) else [share * rates_rad_s]
+            )
             if rates_are_clear(zones, here_rad, ways, self._held_s, self._brakes, _RATE_MARGIN_RAD):
                 return share * rates_rad_s
         return np.zeros(2)
 
-    def told(self, rates_rad_s: FloatArray) -> None:
+    def set_commanded(self, rates_rad_s: FloatArray) -> None:
         """Note the rates (2,) that were commanded."""
-        self._told = rates_rad_s
+        self._commanded_rad_s = rates_rad_s
 
     def step_towards(self, t_s: float, here_rad: FloatArray, goal_rad: FloatArray) -> FloatArray:
         """Return angles (2,) on the way to others that a unit may be sent to, whichever axis is the faster."""

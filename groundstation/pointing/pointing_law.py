@@ -65,7 +65,7 @@ class AxisPilot:
     def __init__(self, limits: AxisLimits, config: PointingConfig) -> None:
         self._limits = limits
         self._config = config
-        self._told: deque[tuple[float, float]] = deque([(-math.inf, 0.0)])
+        self._commands: deque[tuple[float, float]] = deque([(-math.inf, 0.0)])
         self._reading: tuple[float, float] | None = None
 
     def read(self, t_s: float, angle_rad: float) -> None:
@@ -88,8 +88,8 @@ class AxisPilot:
             return None
         read_s, angle = self._reading
         # the rate at the reading's own time and the later ones; a replaced rate adds nothing
-        since = sum(1 for _ in takewhile(lambda told: told[0] + latency_s > read_s, reversed(self._told)))
-        held = list(islice(self._told, max(len(self._told) - 1 - since, 0), None))
+        since = sum(1 for _ in takewhile(lambda command: command[0] + latency_s > read_s, reversed(self._commands)))
+        held = list(islice(self._commands, max(len(self._commands) - 1 - since, 0), None))
         ends = [*(at + latency_s for at, _ in held[1:]), t_s]
         for (at, rate), end in zip(held, ends, strict=True):
             angle += rate * max(min(end, t_s) - max(at + latency_s, read_s), 0.0)
@@ -99,7 +99,7 @@ class AxisPilot:
         """Return the rate to command now to put the axis at ``wanted_rad``, with its rate, ``latency_s`` from now."""
         angle = self.expected(now_s + latency_s, latency_s)
         if angle is None or self.age_s(now_s) > self._config.stale_s:
-            return self._tell(now_s, 0.0)
+            return self._command_rate(now_s, 0.0)
         limits, config = self._limits, self._config
         # as the head counts: not through its back
         off = wanted_rad - angle
@@ -110,20 +110,20 @@ class AxisPilot:
         rate = wanted_rate_rad_s + math.copysign(back, off)
         fastest = config.rate_share * limits.fastest_rad_s
         rate = min(max(rate, -fastest), fastest)
-        last_s, last = self._told[-1]
+        last_s, last = self._commands[-1]
         if math.isfinite(brakes):
             step = brakes * min(max(now_s - last_s, 0.0), config.stale_s) if math.isfinite(last_s) else 0.0
             rate = min(max(rate, last - step), last + step)
-        return self._tell(now_s, self._kept_inside(angle, rate, brakes))
+        return self._command_rate(now_s, self._kept_inside(angle, rate, brakes))
 
-    def tell_instead(self, rate_rad_s: float, now_s: float, latency_s: float) -> float:
+    def replace_rate(self, rate_rad_s: float, now_s: float, latency_s: float) -> float:
         """Replace the last commanded rate by another, within the axis's limits; returns that."""
         angle = self.expected(now_s + latency_s, latency_s)
         fastest = self._config.rate_share * self._limits.fastest_rad_s
         brakes = self._config.acceleration_share * self._limits.acceleration_rad_s2
         rate = min(max(rate_rad_s, -fastest), fastest)
         rate = 0.0 if angle is None else self._kept_inside(angle, rate, brakes)
-        self._told[-1] = (self._told[-1][0], rate)
+        self._commands[-1] = (self._commands[-1][0], rate)
         return rate
 
     def clipped(self, angle_rad: float) -> float:
@@ -133,7 +133,7 @@ class AxisPilot:
 
     def stopped(self, now_s: float) -> None:
         """Note that the axis was halted."""
-        self._tell(now_s, 0.0)
+        self._command_rate(now_s, 0.0)
 
     def _kept_inside(self, angle_rad: float, rate: float, brakes: float) -> float:
         """Return a rate from which the axis can still stop before its limit, and that it can turn at."""
@@ -146,12 +146,12 @@ class AxisPilot:
             rate = math.copysign(slowest, rate) if abs(rate) > 0.5 * slowest else 0.0
         return rate
 
-    def _tell(self, now_s: float, rate: float) -> float:
-        self._told.append((now_s, rate))
+    def _command_rate(self, now_s: float, rate: float) -> float:
+        self._commands.append((now_s, rate))
         # rates before the newest reading are included in it
         oldest_s = now_s - 10.0 * self._config.stale_s
-        while len(self._told) > 2 and self._told[1][0] < oldest_s:
-            self._told.popleft()
+        while len(self._commands) > 2 and self._commands[1][0] < oldest_s:
+            self._commands.popleft()
         return rate
 
 
@@ -223,7 +223,7 @@ class HeadPilot:
             angles = (float(here[0]), float(here[1]))
             if not keep_out.allows(now_s + self.latency_s, angles):
                 return self._command(now_s, angles, (0.0, 0.0), Purpose.KEEP_OUT)
-            keep_out.told(np.zeros(2))
+            keep_out.set_commanded(np.zeros(2))
         pan, tilt = (axis.expected(now_s + self.latency_s, self.latency_s) for axis in (self._pan, self._tilt))
         for axis in (self._pan, self._tilt):
             axis.stopped(now_s)
@@ -269,7 +269,7 @@ class HeadPilot:
             step = self.keep_out.step_towards(now_s + self.latency_s, read, np.array([pan, tilt]))
             pan, tilt = float(step[0]), float(step[1])
             if self.keep_out.held and max(abs(pan_rate), abs(tilt_rate)) < _STANDS_RAD_S:
-                purpose, pan_rate, tilt_rate = Purpose.HOLD, *self._tell_instead(now_s, np.zeros(2))
+                purpose, pan_rate, tilt_rate = Purpose.HOLD, *self._replace_rates(now_s, np.zeros(2))
         return PointingCommand(
             t_s=now_s,
             station=self.geometry.name,
@@ -286,15 +286,15 @@ class HeadPilot:
         """Return rates that lead near no closed zone, and that the axes can turn at."""
         act_s = now_s + self.latency_s
         aside = keep_out.turned_aside(act_s, here, np.array(rates))
-        bounded = self._tell_instead(now_s, aside)
+        bounded = self._replace_rates(now_s, aside)
         slowed = keep_out.slowed(act_s, here, bounded)
-        told = bounded if np.array_equal(slowed, bounded) else self._tell_instead(now_s, slowed)
-        keep_out.told(told)
-        return float(told[0]), float(told[1])
+        commanded = bounded if np.array_equal(slowed, bounded) else self._replace_rates(now_s, slowed)
+        keep_out.set_commanded(commanded)
+        return float(commanded[0]), float(commanded[1])
 
-    def _tell_instead(self, now_s: float, rates: FloatArray) -> FloatArray:
+    def _replace_rates(self, now_s: float, rates: FloatArray) -> FloatArray:
         axes = (self._pan, self._tilt)
-        return np.array([a.tell_instead(float(v), now_s, self.latency_s) for a, v in zip(axes, rates, strict=True)])
+        return np.array([a.replace_rate(float(v), now_s, self.latency_s) for a, v in zip(axes, rates, strict=True)])
 
 
 def _keep_out_pilot(keep_out: KeepOut, limits: HeadLimits, config: PointingConfig) -> KeepOutPilot:

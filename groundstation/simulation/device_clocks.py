@@ -20,6 +20,6 @@ def session_from_device(clock: ClockModel | None, t_device_s: FloatArray) -> Flo
     return np.asarray(t_device_s + own.offset_s + own.drift_ppm * 1e-6 * t_device_s)
 
 
-def believed_times(t_s: FloatArray, true: ClockModel | None, believed: ClockModel | None) -> FloatArray:
+def stated_times(t_s: FloatArray, true: ClockModel | None, stated: ClockModel | None) -> FloatArray:
     """Return the session times (n,) that a user reads off the stamps taken at true times (n,), s."""
-    return session_from_device(believed, device_from_session(true, t_s))
+    return session_from_device(stated, device_from_session(true, t_s))

@@ -175,11 +175,11 @@ class SimulatedCameraDevice(CameraDevice):
     """One simulated camera with the interface of `groundstation.sources.cameras`."""
 
     def __init__(
-        self, name: str, memory: SharedMemory, pipe: Connection, size_px: tuple[int, int], told: NoseTruth
+        self, name: str, memory: SharedMemory, pipe: Connection, size_px: tuple[int, int], nose_truth: NoseTruth
     ) -> None:
         self._name = name
         self._pipe = pipe
-        self._told = told
+        self._nose_truth = nose_truth
         w, h = size_px
         self._slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
         self.read_back = SettingsReadBack(
@@ -194,7 +194,7 @@ class SimulatedCameraDevice(CameraDevice):
             slot, number, device_ns, t_s, u_px, v_px = self._pipe.recv()
         except (EOFError, OSError) as fault:
             raise CameraLostError(f"{self._name}: the simulated range has ended") from fault
-        self._told.add(t_s, u_px, v_px)
+        self._nose_truth.add(t_s, u_px, v_px)
         pixels = self._slots[slot].copy()
         return GrabbedFrame(
             frame_id=number, device_ns=device_ns, pixels=pixels, pattern=_PATTERN, payload_bytes=int(pixels.nbytes)
@@ -256,8 +256,8 @@ def serve_devices(
         thread.start()
     with short_gil_switch_interval(), contextlib.suppress(EOFError, OSError):
         control.send("ready")
-        while (told := control.recv()) != "stop":
-            flight.start_s = float(told)
+        while (message := control.recv()) != "stop":
+            flight.start_s = float(message)
             for number, s in enumerate(stations):
                 strike(s.server, config.timetable, s.name, flight.start_s, config.seed + number)
                 s.server.strike(config.ptu_faults, config.ptu_faults_per_minute)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.messages import DgpsFix, Event, PixelMeasurement, PtuSample
-from groundstation.simulation.device_clocks import believed_times
+from groundstation.simulation.device_clocks import stated_times
 from groundstation.simulation.parameter_checks import require, require_finite
 from groundstation.simulation.simulate import SimulatedFlight
 
@@ -112,8 +112,8 @@ def check_faults(flight: SimulatedFlight, faults: Sequence[Fault]) -> None:
 
 def delivered_frames(flight: SimulatedFlight, name: str, faults: Sequence[Fault] = ()) -> DeliveredFrames:
     """Return what the camera of a station delivers, whether the detector of the flight saw anything or not."""
-    true, believed = flight.scenario.true_rig[name], flight.rig[name]
-    t = believed_times(flight.truth.stations[name].t_s, true.camera_clock, believed.camera_clock)
+    true, stated = flight.scenario.true_rig[name], flight.rig[name]
+    t = stated_times(flight.truth.stations[name].t_s, true.camera_clock, stated.camera_clock)
     stamps, shown, there = t.copy(), np.arange(t.size), np.ones(t.size, dtype=bool)
     for fault in faults:
         if fault.station != name:

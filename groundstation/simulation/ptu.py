@@ -8,7 +8,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.messages import PtuSample
 from groundstation.rig.rig import Station
-from groundstation.simulation.device_clocks import believed_times
+from groundstation.simulation.device_clocks import stated_times
 from groundstation.simulation.parameter_checks import require, require_finite, require_not_negative, require_positive
 from groundstation.simulation.pointing import IdealPointing, PointingHistory, PointingModel
 
@@ -64,13 +64,13 @@ class SimulatedReadings:
 def read_ptu(
     model: PtuModel,
     true: Station,
-    believed: Station,
+    stated: Station,
     history: PointingHistory,
     span_s: tuple[float, float],
     generator: np.random.Generator,
 ) -> SimulatedReadings:
     """Sample a unit's encoders over a span of true session time, s; stamps are as the user's rig maps them."""
-    ideal = true.ptu_axes.is_ideal_apart_from_lean and believed.ptu_axes.is_ideal_apart_from_lean
+    ideal = true.ptu_axes.is_ideal_apart_from_lean and stated.ptu_axes.is_ideal_apart_from_lean
     what = f"station {true.name}: ptu_axes"
     require(ideal, what, got="an error of zero, scale or backlash", wanted="none: only a lean is simulated")
     first = np.ceil((span_s[0] - model.phase_s) * model.rate_hz - 1e-9)
@@ -85,7 +85,7 @@ def read_ptu(
     if model.delay_jitter_s:
         arrival = _in_line(arrival + generator.uniform(size=count) * model.delay_jitter_s)
     stamped = arrival if model.stamped is StampedAt.ARRIVAL else t
-    stamps = believed_times(stamped, true.ptu_clock, believed.ptu_clock)
+    stamps = stated_times(stamped, true.ptu_clock, stated.ptu_clock)
     samples = tuple(
         PtuSample(t_s=float(at), station=true.name, pan_rad=float(pan), tilt_rad=float(tilt))
         for at, (pan, tilt) in zip(stamps, angles, strict=True)

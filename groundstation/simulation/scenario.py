@@ -59,8 +59,8 @@ class Scenario:
         names = self.true_rig.names
         require(self.rig.names == names, "Scenario: rig", got=f"stations {self.rig.names}", wanted=f"{names}")
         fixed = tuple(s.name for s in self.true_rig.stations if s.fixed)
-        believed = tuple(s.name for s in self.rig.stations if s.fixed)
-        require(believed == fixed, "Scenario: rig", got=f"fixed stations {believed}", wanted=f"{fixed}")
+        stated = tuple(s.name for s in self.rig.stations if s.fixed)
+        require(stated == fixed, "Scenario: rig", got=f"fixed stations {stated}", wanted=f"{fixed}")
         turning = set(names) - set(fixed)
         require(set(self.ptus) == turning, "Scenario: ptus", got=sorted(self.ptus), wanted=f"{sorted(turning)}")
         require(
@@ -70,7 +70,7 @@ class Scenario:
     def without_noise(self) -> "Scenario":
         """Return the same flight with exact pixels, angles and fixes; calibration and clock errors stay.
 
-        The believed rig is unchanged, with its stated noise. So the two rigs differ, and an
+        The stated rig is unchanged, with its stated noise. So the two rigs differ, and an
         error of the truth is to be made from ``true_rig``.
         """
         stations = tuple(replace(s, ptu_sigma_rad=0.0, ptu_resolution_rad=0.0) for s in self.true_rig.stations)

@@ -9,7 +9,7 @@ from groundstation.arrays import FloatArray, MaskArray
 from groundstation.messages import DgpsFix, Epoch, Event, PixelMeasurement
 from groundstation.rig.rig import Rig
 from groundstation.simulation.detection_camera import SimulatedDetections, simulate_detections
-from groundstation.simulation.device_clocks import believed_times
+from groundstation.simulation.device_clocks import stated_times
 from groundstation.simulation.dgps import take_fixes
 from groundstation.simulation.pointing import FixedPointing, PointingHistory, pointing_history
 from groundstation.simulation.ptu import read_ptu
@@ -164,8 +164,8 @@ def _pixels_and_epochs(scenario: Scenario, detections: dict[str, SimulatedDetect
     arrivals = []
     stamps, through = [], []
     for name, seen in detections.items():
-        true, believed = scenario.true_rig[name], scenario.rig[name]
-        stamp = believed_times(seen.t_s, true.camera_clock, believed.camera_clock)
+        true, stated = scenario.true_rig[name], scenario.rig[name]
+        stamp = stated_times(seen.t_s, true.camera_clock, stated.camera_clock)
         arrival = seen.t_s + scenario.cameras[name].latency_s
         stamps.append(stamp)
         through.append(arrival)

@@ -36,23 +36,23 @@ if __name__ == "__main__":
 
 @pytest.fixture(scope="module")
 def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[MapOutcome, Path, list[int]]:
-    """An outcome with jobs of all kinds, its folder, and the progress told."""
+    """An outcome with jobs of all kinds, its folder, and the reported progress."""
     folder = tmp_path_factory.mktemp("mixed")
     once = f"killed once:{folder / 'mark'}"
     items = {"a": "a", "raises": "raise", "crashes": "crash", "hangs": "hang", "odd": "unreadable", "once": once}
-    told: list[int] = []
+    counts: list[int] = []
     before = dict(os.environ)
     found = map_resumable(
-        fake_jobs.misbehave, items, folder / "out", 2, limit_s=LIMIT_S, progress=lambda done, total: told.append(done)
+        fake_jobs.misbehave, items, folder / "out", 2, limit_s=LIMIT_S, progress=lambda done, total: counts.append(done)
     )
     # Dask sets variables of its workers here, MALLOC_TRIM_THRESHOLD_ among them
     assert dict(os.environ) == before
-    return found, folder / "out", told
+    return found, folder / "out", counts
 
 
 def test_each_job_ends_as_what_it_is(mixed: tuple[MapOutcome, Path, list[int]]) -> None:
     """Expected: a raise, a crash of three workers and a hang are failures with their place; a death is tried again."""
-    found, _, told = mixed
+    found, _, counts = mixed
     assert [r.name for r in found.results] == ["a", "once"]
     failures = {f.name: f for f in found.failures}
     assert {name: f.kind for name, f in failures.items()} == {
@@ -67,7 +67,7 @@ def test_each_job_ends_as_what_it_is(mixed: tuple[MapOutcome, Path, list[int]]) 
     assert failures["hangs"].reason.startswith("took longer than 1.5 s")
     assert "in hang" in failures["hangs"].reason
     assert "not JSON serializable" in failures["odd"].reason
-    assert told == list(range(7))
+    assert counts == list(range(7))
 
 
 def test_only_what_finished_is_kept(mixed: tuple[MapOutcome, Path, list[int]]) -> None:

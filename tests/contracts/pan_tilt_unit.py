@@ -360,7 +360,7 @@ class PanTiltContract:
     @pytest.mark.parametrize("by", ["rate", "position"])
     def test_a_halt_overtakes_a_read(self, rig: ContractRig, by: str) -> None:
         """Another thread's halt while an answer is awaited that would take seconds."""
-        told: list[float] = []
+        commanded_s: list[float] = []
         with rig.open(replace(rig.settings, reply_timeout_s=3.0)) as unit:
 
             def halt() -> None:
@@ -370,7 +370,7 @@ class PanTiltContract:
             halting = threading.Thread(target=halt)
 
             def tell() -> None:
-                told.append(rig.now())
+                commanded_s.append(rig.now())
                 halting.start()
                 limit = time.monotonic() + 60.0
                 while not is_preempted(unit) and time.monotonic() < limit:
@@ -384,8 +384,8 @@ class PanTiltContract:
             halting.join(60.0)
             assert isinstance(got, NoReading)
             assert got.reason is FailureReason.PREEMPTED
-            assert let_go - told[0] <= 0.15
-            assert rest_since_s(rig) < told[0] + 1.0
+            assert let_go - commanded_s[0] <= 0.15
+            assert rest_since_s(rig) < commanded_s[0] + 1.0
             rig.trickle(0.0)
 
     @pytest.mark.parametrize("how", ["unplugged", "silent"])

@@ -13,6 +13,6 @@ def test_one_that_is_there_is_read_and_one_that_is_not_is_missed() -> None:
     assert there.open(encoding="utf-8").read() == "a = 1\n"
     assert (there.name, str(there)) == ("rig.toml", "flight.mcap: rig.toml")
     assert not missing.is_file()
-    with pytest.raises(FileNotFoundError) as told:
+    with pytest.raises(FileNotFoundError) as raised:
         missing.read_bytes()
-    assert told.value.filename == "flight.mcap: session.toml"
+    assert raised.value.filename == "flight.mcap: session.toml"

@@ -56,9 +56,9 @@ def run(parts: Path, *more: str, without: tuple[str, ...] = ()) -> int:
 
 def test_an_import_replays_with_each_cameras_own_frames(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(parts, "--span", "2.3", "--antenna", "-0.4,0,-0.1") == 0
-    told = capsys.readouterr()
-    assert "17 pairs of frames, of 20" in told.out
-    assert "flight.nmea: 8 positions, 8 while the cameras ran (8 fix), 121 to 121 m from the origin" in told.out
+    printed = capsys.readouterr()
+    assert "17 pairs of frames, of 20" in printed.out
+    assert "flight.nmea: 8 positions, 8 while the cameras ran (8 fix), 121 to 121 m from the origin" in printed.out
     session = load_session(parts / "session")
     assert session.target.span_m == 2.3
     assert session.target.antenna_in_body_m == pytest.approx([-0.4, 0.0, -0.1])
@@ -105,7 +105,7 @@ def test_uneven_stamps_are_the_containers(parts: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("more", "without", "says"),
+    ("more", "without", "message"),
     [
         (("--left-start", "noon"), (), "--left-start: got 'noon'; wanted UTC such as"),
         ((), ("--right-start",), "--right-start: got no start of right's video; wanted UTC such as"),
@@ -129,17 +129,17 @@ def test_uneven_stamps_are_the_containers(parts: Path) -> None:
     ],
 )
 def test_what_cannot_be_right_is_one_line_and_no_folder(
-    parts: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...], without: tuple[str, ...], says: str
+    parts: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...], without: tuple[str, ...], message: str
 ) -> None:
     code = run(parts, *more, without=without)
-    told = capsys.readouterr().err
-    if not says:
+    printed = capsys.readouterr().err
+    if not message:
         # a day off is no other date: the log may begin before midnight
         assert code == 0
         return
     assert code == 1
-    assert says in told
-    assert "Traceback" not in told
+    assert message in printed
+    assert "Traceback" not in printed
     assert not (parts / "session").exists()
     assert not (parts / "session.partial").exists()
 
@@ -221,8 +221,8 @@ def test_every_frame_is_in_one_row(left: list[float], right: list[float], shift:
 def test_the_help_has_an_example_that_parses() -> None:
     import sys
 
-    told = subprocess.run(
+    printed = subprocess.run(
         [sys.executable, "-m", "groundstation", "import", "--help"], capture_output=True, text=True, check=True
     )
-    assert "groundstation import left.mp4 right.mp4 --rig rig.toml" in told.stdout
-    assert all(len(line) <= 100 for line in told.stdout.splitlines())
+    assert "groundstation import left.mp4 right.mp4 --rig rig.toml" in printed.stdout
+    assert all(len(line) <= 100 for line in printed.stdout.splitlines())

@@ -13,10 +13,10 @@ from tests.conftest import ROOT
 
 
 def test_frames_count_on_top_of_those_of_the_videos_before() -> None:
-    told: list[int] = []
+    reported: list[int] = []
     for count in (1, 7):
-        _after(told.append, 100, count)
-    assert told == [101, 107]
+        _after(reported.append, 100, count)
+    assert reported == [101, 107]
 
 
 def test_a_table_without_a_time_shows_its_first_columns(tmp_path: Path) -> None:

@@ -111,7 +111,7 @@ def _clocks(folder: Path, rng: np.random.Generator) -> None:
 def _strip(folder: Path, rng: np.random.Generator) -> None:
     day = morning(rng)
     folder.mkdir()
-    (folder / "lenses.toml").write_text(rig_to_toml(day.believed))
+    (folder / "lenses.toml").write_text(rig_to_toml(day.stated))
     write_landmarks(folder / "landmarks.csv", day.table)
     for name in ("sightings.csv", "today.csv"):
         write_sightings(folder / name, look_at_landmarks(day.true, day.stands, rng, 10))
@@ -152,7 +152,7 @@ def _field(folder: Path, rng: np.random.Generator) -> None:
     replay(ReplayRequest(session=LANDING, out=folder / "r", record=kept / "flight.mcap", to_s=1.2, rerun=False))
 
 
-def _believed(folder: Path, rng: np.random.Generator) -> None:
+def _stated_rig(folder: Path, rng: np.random.Generator) -> None:
     """A flight whose rig was assumed a tenth of a degree off, with that sigma."""
     scenario = _short_flight()
     turns = {name: StationErrors(mount_rad=np.radians(rng.normal(0.0, 0.05, 3))) for name in scenario.rig.names}
@@ -160,11 +160,11 @@ def _believed(folder: Path, rng: np.random.Generator) -> None:
         "covariance_parameters": tuple(f"runway_from_base.{axis}" for axis in "xyz"),
         "covariance": np.eye(3) * np.radians(0.1) ** 2,
     }
-    believed = perturbed(scenario.rig, turns)
-    believed = replace(believed, stations=tuple(replace(s, **known) for s in believed.stations))
+    stated = perturbed(scenario.rig, turns)
+    stated = replace(stated, stations=tuple(replace(s, **known) for s in stated.stations))
     folder.mkdir()
     write_session_folder(folder / "session", simulate(scenario), name="simulated")
-    (folder / "believed.toml").write_text(rig_to_toml(believed))
+    (folder / "believed.toml").write_text(rig_to_toml(stated))
 
 
 def _taught(folder: Path, rng: np.random.Generator) -> None:
@@ -207,7 +207,7 @@ _MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
     "flight": _flight,
     "import": _import,
     "field": _field,
-    "believed": _believed,
+    "believed": _stated_rig,
     "taught": _taught,
     "runs": _runs,
     "pose": _pose,

@@ -53,10 +53,10 @@ def test_on_the_page_of_results_nis_is_in_each_row_with_anees() -> None:
 def test_results_state_their_development_data() -> None:
     """Expected: the recordings of development are named as such, next to figures of recordings that were not."""
     head = RESULTS[: RESULTS.index("## At a glance")]
-    (told,) = [part for part in tables_and_paragraphs(head) if part.startswith("**What was tuned on what.**")]
+    (stated,) = [part for part in tables_and_paragraphs(head) if part.startswith("**What was tuned on what.**")]
     for name in ("landing-1", "takeoff-1", "clips", "landing-clutter"):
         assert name in head
-    assert "chosen while looking at `landing-1`, `takeoff-1`" in told.replace("\n", " ")
+    assert "chosen while looking at `landing-1`, `takeoff-1`" in stated.replace("\n", " ")
     for text in [
         README,
         RESULTS,

@@ -94,9 +94,9 @@ def test_the_papers_form_is_overconfident() -> None:
 
 def test_a_missed_detection_gives_information_on_the_position() -> None:
     """Misses as evidence: a tenth less error while the target is away, and still consistent."""
-    blind, told = flown(OutOfViewWeighting.CONSISTENT), flown(OutOfViewWeighting.CONSISTENT, miss_share=0.2)
-    assert told["away x"] < 0.9 * blind["away x"]
-    assert 0.75 < told["away"] < 1.3
+    blind, weighted = flown(OutOfViewWeighting.CONSISTENT), flown(OutOfViewWeighting.CONSISTENT, miss_share=0.2)
+    assert weighted["away x"] < 0.9 * blind["away x"]
+    assert 0.75 < weighted["away"] < 1.3
 
 
 def test_a_miss_moves_belief_outside(rng: np.random.Generator) -> None:

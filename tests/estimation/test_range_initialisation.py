@@ -85,19 +85,19 @@ class Return:
 def flown(seed: int, *, rig_errors: bool, journal: FilterJournal | None = None) -> Return:
     """Fly with both cameras, with the first alone, and until the second has seen the craft once more."""
     generator = np.random.default_rng([41, seed])
-    believed, craft = stations(), drawn(generator)
-    true, prior = believed, ParameterPrior.nothing()
+    stated, craft = stations(), drawn(generator)
+    true, prior = stated, ParameterPrior.nothing()
     if rig_errors:
-        names = tuple(f"{name}.runway_from_base.{axis}" for name in believed for axis in "xyz")
+        names = tuple(f"{name}.runway_from_base.{axis}" for name in stated for axis in "xyz")
         size = len(names)
         prior = ParameterPrior(names=names, covariance=MOUNT_RAD**2 * np.eye(size), walk_psd=np.zeros(size))
         true = {}
-        for name, station in believed.items():
+        for name, station in stated.items():
             change = np.zeros(21)
             change[:3] = MOUNT_RAD * generator.normal(size=3)
             true[name] = station.changed(change)
     see = {name: station.geometry() for name, station in true.items()}
-    ekf = StationEkf({name: s.geometry() for name, s in believed.items()}, (), LIVELY, prior, journal)
+    ekf = StationEkf({name: s.geometry() for name, s in stated.items()}, (), LIVELY, prior, journal)
     ekf.predict_to(0.0)
     start = np.concatenate([craft.at(0.0), craft.speed(0.0)])
     sigmas = np.array([0.3, 0.3, 0.3, 1.0, 1.0, 1.0])

@@ -59,8 +59,8 @@ def test_a_new_start_is_placed_by_the_estimated_rig() -> None:
     """Pans wrong by 0.06° and −0.05° and estimated: triangulated by the rig file a point is 13 m off, the start not."""
     true = make_rig()
     off = {"left": np.radians(0.06), "right": np.radians(-0.05)}
-    believed = perturbed(true, {n: StationErrors(mount_rad=np.array([0.0, 0.0, -o])) for n, o in off.items()})
-    ekf = started(believed, replace(EstimationConfig(), calibration=CalibrationUse.ESTIMATE), sigma=1e-6)
+    stated = perturbed(true, {n: StationErrors(mount_rad=np.array([0.0, 0.0, -o])) for n, o in off.items()})
+    ekf = started(stated, replace(EstimationConfig(), calibration=CalibrationUse.ESTIMATE), sigma=1e-6)
     for name, value in off.items():
         place = ekf.layout.parameters[f"{name}.runway_from_base.z"]
         ekf._filter.imm.set_states(slice(place, place + 1), np.array([value]), np.eye(1) * 1e-12)
@@ -78,7 +78,7 @@ def test_a_new_start_is_placed_by_the_estimated_rig() -> None:
             tilt_rad=ekf.angles(s.name)[1],
             angle_sigma_rad=1e-3,
         )
-        for s in believed.stations
+        for s in stated.stations
     ]
     found = triangulate(views)
     assert found is not None

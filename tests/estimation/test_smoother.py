@@ -265,12 +265,12 @@ def test_what_calibration_costs_stays_in_the_smoothed_covariance() -> None:
             name: StationErrors(mount_rad=np.array([0.0, 0.0, generator.normal(0.0, sigma)]))
             for name in ("left", "right")
         }
-        believed = perturbed(scenario.true_rig, mounts)
+        stated = perturbed(scenario.true_rig, mounts)
         rig = replace(
-            believed,
+            stated,
             stations=tuple(
                 replace(s, covariance_parameters=("runway_from_base.z",), covariance=np.array([[sigma**2]]))
-                for s in believed.stations
+                for s in stated.stations
             ),
         )
         flight = simulate(replace(scenario, rig=rig))

@@ -186,7 +186,7 @@ def test_a_real_browser_renders_faulty_parts(chromium: Browser, tmp_path: Path) 
         "<img src=none.png><svg></svg><script>console.error('no'); nothing()</script>"
     )
     chromium.show(page.as_uri(), 390)
-    assert sum("nothing is not defined" in told for told in chromium.complaints()) == 1
+    assert sum("nothing is not defined" in complaint for complaint in chromium.complaints()) == 1
     assert len(chromium.complaints()) >= 3
     assert (tmp_path / "none.png").as_uri() in chromium.requests()
     found = chromium.value(LAID_OUT)

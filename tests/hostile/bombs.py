@@ -31,8 +31,8 @@ def _recording(*chunks: tuple[int, bytes]) -> bytes:
     return container([*head, first, *chunks])
 
 
-def _packed(inside: bytes, says: int | None = None) -> tuple[int, bytes]:
-    return chunk(inside, "zstd", says=says, packed=_zstd(inside))
+def _packed(inside: bytes, stated_length: int | None = None) -> tuple[int, bytes]:
+    return chunk(inside, "zstd", stated_length=stated_length, packed=_zstd(inside))
 
 
 def channel(number: int, topic: str, pairs: bytes = b"") -> bytes:

@@ -30,10 +30,12 @@ def text(value: str) -> bytes:
     return struct.pack("<I", len(value.encode())) + value.encode()
 
 
-def chunk(inside: bytes, compression: str = "", *, says: int | None = None, packed: bytes | None = None) -> Record:
-    """Return a chunk of some records; ``says`` is its stated length, ``packed`` its content."""
+def chunk(
+    inside: bytes, compression: str = "", *, stated_length: int | None = None, packed: bytes | None = None
+) -> Record:
+    """Return a chunk of some records; ``stated_length`` is its stated length, ``packed`` its content."""
     data = inside if packed is None else packed
-    head = struct.pack("<QQQI", 0, 0, len(inside) if says is None else says, 0)
+    head = struct.pack("<QQQI", 0, 0, len(inside) if stated_length is None else stated_length, 0)
     return Opcode.CHUNK, head + text(compression) + struct.pack("<Q", len(data)) + data
 
 

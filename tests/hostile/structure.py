@@ -264,8 +264,8 @@ def _chunk(inside: bytes, chance: random.Random) -> bytes:
     kind = chance.choice(("", "lz4", "lz4", "zstd", "snappy"))
     packed = {"lz4": lz4.frame.compress, "zstd": zstandard.ZstdCompressor().compress}.get(kind, bytes)(inside)
     sum_ = chance.choice((zlib.crc32(inside), zlib.crc32(inside), 0, 1))
-    says = chance.choice((*[len(inside)] * 6, *_LENGTHS))
-    head = struct.pack("<QQQI", 0, 0, says, sum_) + text(kind)
+    stated_length = chance.choice((*[len(inside)] * 6, *_LENGTHS))
+    head = struct.pack("<QQQI", 0, 0, stated_length, sum_) + text(kind)
     return head + struct.pack("<Q", chance.choice((*[len(packed)] * 8, 0, 2**40))) + packed
 
 

@@ -74,8 +74,8 @@ def test_outdated_states_are_not_shown_as_present() -> None:
     board = StatusBoard()
     board.answered(answer(0, t_s=10.0), 10.02)
     assert board.status(11.0, TrackStatus.TRACKING, (), {}, "").lines[0].startswith("tracking at 212")
-    told = board.status(11.01, TrackStatus.TRACKING, (), {}, "").lines[0]
-    assert told == "not known: was tracking, and nothing is known of the last 1.0 s"
+    line = board.status(11.01, TrackStatus.TRACKING, (), {}, "").lines[0]
+    assert line == "not known: was tracking, and nothing is known of the last 1.0 s"
     board.passed(state(11.01, TrackStatus.COASTING, 2.0))
     assert board.status(11.01, TrackStatus.COASTING, (), {}, "").lines[0].startswith("coasting: predicted")
 

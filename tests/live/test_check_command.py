@@ -41,11 +41,11 @@ def test_intact_stations_pass_and_turn_only_on_request(
     targets: list[float] = []
     move_to = SimulatedAxis.move_to
 
-    def told(axis: SimulatedAxis, t_s: float, target: float, rate: float | None = None) -> None:
+    def recorded(axis: SimulatedAxis, t_s: float, target: float, rate: float | None = None) -> None:
         targets.append(target)
         move_to(axis, t_s, target, rate)
 
-    monkeypatch.setattr(SimulatedAxis, "move_to", told)
+    monkeypatch.setattr(SimulatedAxis, "move_to", recorded)
     known = {"covariance_parameters": ("focal.x", "focal.y"), "covariance": 0.01 * np.eye(2)}
     rig = small_rig(size_px=SIZE)
     path = field(tmp_path, replace(rig, stations=tuple(replace(s, **known) for s in rig.stations)))

@@ -172,7 +172,7 @@ def test_ctrl_c_while_the_ptus_process_is_stopped(station: tuple[Run, Units]) ->
     run, units = station
     began_s = time.monotonic()
     os.kill(run.pids()["ptus"], signal.SIGSTOP)
-    newest = run.told()[-1]
+    newest = run.statuses()[-1]
     took_s, code = run.end()
     # the bound itself is checked on a simulated clock; a busy machine takes what it takes
     assert took_s < 45.0
@@ -189,11 +189,11 @@ def test_ctrl_c_while_the_ptus_process_is_stopped(station: tuple[Run, Units]) ->
 
 def test_a_killed_pipeline_leaves_no_head_turning_and_a_recording(station: tuple[Run, Units]) -> None:
     run, units = station
-    begun = len(run.told())
+    begun = len(run.statuses())
     # some chunks of the recording are closed by then
-    assert wait_until(lambda: len(run.told()) > begun + 8, 60.0)
+    assert wait_until(lambda: len(run.statuses()) > begun + 8, 60.0)
     began_s = time.monotonic()
-    newest = run.told()[-1]
+    newest = run.statuses()[-1]
     os.kill(run.process.pid, signal.SIGKILL)
     assert wait_until(lambda: max(units.stood(began_s, time.monotonic()).values()) < float("inf"), 30.0)
     time.sleep(0.5)

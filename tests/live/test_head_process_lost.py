@@ -93,7 +93,7 @@ def operated(kind: str, folder: Path) -> Iterator[Station]:
         heads.start(station.input_queue)
 
         def operate() -> None:
-            told_s = 0.0
+            commanded_s = 0.0
             while not ended.is_set():
                 item = station.input_queue.get(0.01)
                 if item is not None:
@@ -102,8 +102,8 @@ def operated(kind: str, folder: Path) -> Iterator[Station]:
                 if not station.states or station.states[-1][1] != words:
                     station.states.append((time.monotonic(), words))
                 now_s = time.monotonic()
-                if now_s > told_s + 0.03:
-                    told_s = now_s
+                if now_s > commanded_s + 0.03:
+                    commanded_s = now_s
                     # there and back, so that no limit is reached
                     way = 1.0 if int((now_s - start_s) / 6.0) % 2 == 0 else -1.0
                     heads.send_command(turning(way * RATE_RAD_S, now_s - start_s))

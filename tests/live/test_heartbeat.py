@@ -38,7 +38,7 @@ class PollStatistics(ClosedLoopSimulation):
         flight = GlideApproach(start_y_m=360.0, end_y_m=360.0 - 20.0 * seconds, speed_m_s=20.0, aim_y_m=60.0)
         super().__init__(with_angle_noise(make_rig(), np.radians(0.01)), Config(), flight, faults=faults, seed=1)
         self.read: list[tuple[float, TrackStatus]] = []
-        self.told: list[tuple[float, Purpose]] = []
+        self.commanded: list[tuple[float, Purpose]] = []
 
     def _tick(self, now_s: float) -> None:
         super()._tick(now_s)
@@ -46,7 +46,7 @@ class PollStatistics(ClosedLoopSimulation):
 
     def _done(self, taken: LiveStep) -> None:
         super()._done(taken)
-        self.told += [(c.t_s, c.purpose) for c in taken.commands]
+        self.commanded += [(c.t_s, c.purpose) for c in taken.commands]
 
     def statuses(self, from_s: float, to_s: float) -> list[TrackStatus]:
         return list(dict.fromkeys(status for t_s, status in self.read if from_s <= t_s < to_s))
@@ -76,7 +76,7 @@ def test_both_cameras_lost_for_ten_seconds() -> None:
     # nothing of it is a pair
     assert not [e for e in result.estimates if LOSS_S + 0.1 < e.t_s < LOSS_S + 10.0]
     # once lost, the heads point at the predicted position
-    searching = [p for t_s, p in flown.told if lost[0].t_s + 0.1 < t_s < LOSS_S + 9.9]
+    searching = [p for t_s, p in flown.commanded if lost[0].t_s + 0.1 < t_s < LOSS_S + 9.9]
     assert Purpose.SEARCH in searching
     assert Purpose.TRACK not in searching
 
@@ -90,7 +90,7 @@ def test_the_source_killed_to_the_end() -> None:
     assert LOSS_S + 0.5 < lost_s < LOSS_S + 5.0
     assert all(s.kinematics is None for s in result.states if s.t_s >= lost_s)
     # a head without a reading for so long is halted
-    assert {p for t_s, p in flown.told if t_s > lost_s + 0.1} <= {Purpose.SEARCH, Purpose.HOLD}
+    assert {p for t_s, p in flown.commanded if t_s > lost_s + 0.1} <= {Purpose.SEARCH, Purpose.HOLD}
 
 
 def test_it_tracks_again_when_they_are_back() -> None:

@@ -32,19 +32,19 @@ def core() -> LiveCore:
     return core
 
 
-def says(core: LiveCore, station: str, t_s: float, pan_rad: float) -> None:
+def add_reading(core: LiveCore, station: str, t_s: float, pan_rad: float) -> None:
     core.take(PtuSample(t_s=t_s, station=station, pan_rad=pan_rad, tilt_rad=0.0), t_s)
 
 
 def test_available_heads_are_parked(core: LiveCore) -> None:
     for station in ("left", "right"):
-        says(core, station, 0.0, 0.002)
+        add_reading(core, station, 0.0, 0.002)
     assert core.not_parked(0.1, WITHIN_RAD) == []
 
 
 def test_a_head_that_is_elsewhere_is_named(core: LiveCore) -> None:
-    says(core, "left", 0.0, 0.0)
-    says(core, "right", 0.0, math.radians(12.0))
+    add_reading(core, "left", 0.0, 0.0)
+    add_reading(core, "right", 0.0, math.radians(12.0))
     (line,) = core.not_parked(0.0, WITHIN_RAD)
     assert line == "station right: the head has not parked, it is 12.0° off"
     assert core.not_parked(0.0, WITHIN_RAD, heard=True) == [line]
@@ -52,7 +52,7 @@ def test_a_head_that_is_elsewhere_is_named(core: LiveCore) -> None:
 
 def test_a_head_without_a_reply_is_named(core: LiveCore) -> None:
     """It may stand anywhere; it is not waited for."""
-    says(core, "left", 0.0, 0.0)
+    add_reading(core, "left", 0.0, 0.0)
     lines = core.not_parked(8.0, WITHIN_RAD)
     assert lines[0] == "station left: the head has not answered for 8.0 s, and may not be parked"
     assert lines[1] == "station right: the head has told no angles, and may not be parked"

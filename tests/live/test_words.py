@@ -127,16 +127,16 @@ def test_the_display_reports_that_it_is_outdated(monkeypatch: pytest.MonkeyPatch
     now = [50.0]
     view = LiveView(rr.RecordingStream("test"), standard_rig(), "test", lambda: now[0])
     view.close()
-    told: list[tuple[float, list[str]]] = []
-    monkeypatch.setattr(view, "_log_status", lambda t_s, lines: told.append((t_s, list(lines))))
+    logged: list[tuple[float, list[str]]] = []
+    monkeypatch.setattr(view, "_log_status", lambda t_s, lines: logged.append((t_s, list(lines))))
     view._check_age()
     view.show_status(10.0, ["tracking"])
     now[0] = 52.0
     view._check_age()
-    assert told == []
+    assert logged == []
     now[0] = 52.5
     view._check_age()
-    assert told == [(12.5, ["NO STATUS for 2 s: what is shown is old"])]
+    assert logged == [(12.5, ["NO STATUS for 2 s: what is shown is old"])]
 
 
 class Flood(CameraDevice):

@@ -57,7 +57,7 @@ def flown(latency_s: float, assumed_s: float, seconds: float = 22.0) -> tuple[li
     begin = aim_at(geometry, landing(0.0))
     assert begin is not None
     head = Head(begin.pan_rad + 2 * DEG, begin.tilt_rad, latency_s, LIMITS)
-    off, told = [], np.zeros(2)
+    off, commanded = [], np.zeros(2)
     for k in range(round(seconds * 1000)):
         t = 0.001 * k
         if k % 25 == 0:
@@ -67,8 +67,8 @@ def flown(latency_s: float, assumed_s: float, seconds: float = 22.0) -> tuple[li
             command = pilot.follow(t, landing)
             new = np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s])
             head.fastest = max(head.fastest, float(np.abs(new).max()))
-            head.steepest = max(head.steepest, float(np.abs(new - told).max()) / 0.04)
-            told = new
+            head.steepest = max(head.steepest, float(np.abs(new - commanded).max()) / 0.04)
+            commanded = new
             head.tell(t, new)
         head.run(t, 0.001)
         aim = aim_at(geometry, landing(t))

@@ -125,7 +125,7 @@ def test_a_damaged_chunk_is_left_out(recording: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("says", "got", "wanted"),
+    ("stated_length", "got", "wanted"),
     [
         (100, "a damaged chunk", "a whole one"),
         # the bound itself is permitted, one byte more is not
@@ -135,14 +135,18 @@ def test_a_damaged_chunk_is_left_out(recording: Path, tmp_path: Path) -> None:
     ],
 )
 def test_a_chunk_that_unpacks_to_more_than_stated_or_allowed_is_refused(
-    says: int, got: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    stated_length: int, got: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mcap_reader, "MAX_RECORD_BYTES", 10_000)
     # less than the bound in the file, 5 MB unpacked
     packed = lz4.frame.compress(bytes(1_000_000))
     assert len(packed) < 9_000
     chunk = (
-        struct.pack("<QQQI", 0, 0, says, 0) + struct.pack("<I", 3) + b"lz4" + struct.pack("<Q", len(packed)) + packed
+        struct.pack("<QQQI", 0, 0, stated_length, 0)
+        + struct.pack("<I", 3)
+        + b"lz4"
+        + struct.pack("<Q", len(packed))
+        + packed
     )
     path = tmp_path / "bomb.mcap"
     path.write_bytes(MAGIC + struct.pack("<BQ", Opcode.CHUNK, len(chunk)) + chunk)

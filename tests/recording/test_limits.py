@@ -47,15 +47,15 @@ def message(channel_number: int, size: int) -> bytes:
     return record(Opcode.MESSAGE, struct.pack("<HIQQ", channel_number, 0, 1, 1) + bytes(size))
 
 
-def chunk(content: bytes, packing: str = "", says: int | None = None) -> bytes:
+def chunk(content: bytes, packing: str = "", stated_length: int | None = None) -> bytes:
     pack: dict[str, Callable[[bytes], bytes]] = {
         "": bytes,
         "lz4": lz4.frame.compress,
         "zstd": zstandard.ZstdCompressor().compress,
     }
     packed = pack[packing](content)
-    size = len(content) if says is None else says
-    head = struct.pack("<QQQI", 1, 1, size, zlib.crc32(content) if says is None else 0)
+    size = len(content) if stated_length is None else stated_length
+    head = struct.pack("<QQQI", 1, 1, size, zlib.crc32(content) if stated_length is None else 0)
     return record(Opcode.CHUNK, head + text(packing) + struct.pack("<Q", len(packed)) + packed)
 
 
@@ -132,7 +132,7 @@ def test_a_chunk_that_unpacks_to_more_than_the_bound_is_refused(
 def test_no_more_is_unpacked_than_a_chunk_states(packing: str, less: int, tmp_path: Path) -> None:
     """Expected: a chunk that unpacks to more than stated is damaged, and is unpacked to one byte more than that."""
     content = channel(1) + message(1, 5000)
-    path = written(tmp_path, chunk(content, packing, says=len(content) - less))
+    path = written(tmp_path, chunk(content, packing, stated_length=len(content) - less))
     assert refused(path) == "made.mcap: byte 17: got a damaged chunk; wanted a whole one"
     with McapReader(path) as reader:
         (place,) = [p for p in reader._places() if p.opcode == Opcode.CHUNK]

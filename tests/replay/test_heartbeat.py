@@ -108,13 +108,15 @@ def test_without_pairs_it_coasts_from_the_stated_time_on(flight: list[Event]) ->
     assert newest_pair_s(run) < pair_s < newest_pair_s(run) + 0.03
     assert run.estimates[-1].status is TrackStatus.TRACKING
     assert run.beat(pair_s + 0.249).status is TrackStatus.TRACKING
-    told = len(run.events)
+    events_before = len(run.events)
     state = run.beat(pair_s + 0.251)
     assert state.status is TrackStatus.COASTING
     assert (state.t_s, state.kinematics is not None) == (pair_s + 0.251, True)
-    assert [(e.t_s, e.level, e.text) for e in run.events[told:]] == [(pair_s + 0.251, "warning", "tracking → coasting")]
+    assert [(e.t_s, e.level, e.text) for e in run.events[events_before:]] == [
+        (pair_s + 0.251, "warning", "tracking → coasting")
+    ]
     run.beat(pair_s + 0.4)
-    assert len(run.events) == told + 1
+    assert len(run.events) == events_before + 1
     assert not any(r.estimates for r in run.reports[-4:]), "a heartbeat is no pair"
 
 

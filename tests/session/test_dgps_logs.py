@@ -78,7 +78,7 @@ def test_missing_information_of_a_log_is_requested(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("line", "message"),
     [
         ("epoch = 1", "dgps: epoch: got an unknown key"),
         ("epoch_utc = 'noon'", "dgps: epoch_utc: got 'noon'; wanted a time such as"),
@@ -90,5 +90,5 @@ def test_missing_information_of_a_log_is_requested(tmp_path: Path) -> None:
         ("instance = 0.5", "dgps: instance: got 0.5; wanted a whole number"),
     ],
 )
-def test_an_impossible_dgps_table(tmp_path: Path, line: str, says: str) -> None:
-    assert says in complaint(SessionError, lambda: session(tmp_path, f"[dgps]\n{line}\n"))
+def test_an_impossible_dgps_table(tmp_path: Path, line: str, message: str) -> None:
+    assert message in complaint(SessionError, lambda: session(tmp_path, f"[dgps]\n{line}\n"))

@@ -31,7 +31,7 @@ def test_places_are_east_north_up_of_the_first_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "says"),
+    ("rows", "message"),
     [
         (["timestamp,Lat,Lng"], "log.csv: line 1: got timestamp, Lat, Lng; wanted a column Alt"),
         (ROWS[:2], "log.csv: line 1: got 1 rows below it; wanted two or more"),
@@ -41,9 +41,9 @@ def test_places_are_east_north_up_of_the_first_row(tmp_path: Path) -> None:
         ([*ROWS, "100.5,0,0,9,1"], "log.csv: line 5: got a place 5536 km from the first row's; wanted at most 50 km"),
     ],
 )
-def test_what_is_no_log_is_refused(tmp_path: Path, rows: list[str], says: str) -> None:
+def test_what_is_no_log_is_refused(tmp_path: Path, rows: list[str], message: str) -> None:
     reported = complaint(SessionError, lambda: load_flight_log(write(tmp_path, rows)))
-    assert says in reported
+    assert message in reported
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:

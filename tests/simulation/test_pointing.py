@@ -133,10 +133,10 @@ def test_backlash_hides_half_the_gap_from_the_encoder() -> None:
 
 
 def read(model: PtuModel, *, resolution_rad: float, sigma_rad: float, **clock: float) -> SimulatedReadings:
-    believed = standard_station("left", -5.0, resolution_rad=resolution_rad, sigma_rad=sigma_rad)
-    true = replace(believed, ptu_clock=ClockModel(**clock))
+    stated = standard_station("left", -5.0, resolution_rad=resolution_rad, sigma_rad=sigma_rad)
+    true = replace(stated, ptu_clock=ClockModel(**clock))
     history = pointing_history(model.pointing, true.geometry(), weaving_approach(), SPAN)
-    return read_ptu(model, true, believed, history, (0.0, 14.0), np.random.default_rng(5))
+    return read_ptu(model, true, stated, history, (0.0, 14.0), np.random.default_rng(5))
 
 
 def bearings(readings: SimulatedReadings) -> np.ndarray:

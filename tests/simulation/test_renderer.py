@@ -43,7 +43,7 @@ def aimed(
         ((0.0, 40.0, 15.0), (-12.3, 5.1), (0.0, 0.0), (6.0, -25.0, -4.0)),
     ],
 )
-def test_a_body_is_where_projection_says(
+def test_a_body_is_where_it_is_projected(
     place: tuple[float, float, float],
     off: tuple[float, float],
     rates: tuple[float, float],

@@ -97,7 +97,7 @@ def test_a_change_of_one_device_leaves_the_others_as_they_were() -> None:
         ([0.5, 0.0, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.0, 0.0]),
     ],
 )
-def test_a_wrong_mount_makes_the_error_that_theory_says(
+def test_a_wrong_mount_makes_the_error_that_theory_predicts(
     left: list[float], right: list[float], expected: list[float | None]
 ) -> None:
     """At y = 200 m, in m; the mounts differ from the truth by these multiples of 0.01° (tilt, roll, pan)."""
@@ -116,9 +116,9 @@ def test_a_wrong_mount_makes_the_error_that_theory_says(
 def test_an_error_of_the_truth_is_the_opposite_of_one_of_the_belief() -> None:
     errors = {"left": StationErrors(mount_rad=np.array([0.0, 0.0, HUNDREDTH_RAD]), position_m=np.array([0.01, 0, 0]))}
     scenario = exact()
-    believed = error_of(simulate(replace(scenario, rig=perturbed(scenario.rig, errors))))
+    stated = error_of(simulate(replace(scenario, rig=perturbed(scenario.rig, errors))))
     true = error_of(simulate(replace(scenario, true_rig=perturbed(scenario.true_rig, errors))))
-    assert believed[AT_200_M, 1] == pytest.approx(-true[AT_200_M, 1], rel=0.01)
+    assert stated[AT_200_M, 1] == pytest.approx(-true[AT_200_M, 1], rel=0.01)
 
 
 def test_every_part_of_a_station_can_be_wrong() -> None:
@@ -291,7 +291,7 @@ def test_thirty_pairs_a_second() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         ({"frame_hz": -1.0}, "Scenario: frame_hz: got -1.0; wanted a finite number > 0"),
         ({"frame_hz": 1e6}, "Scenario: frame_hz: got 21600000 pairs"),
@@ -302,8 +302,8 @@ def test_thirty_pairs_a_second() -> None:
         ({"lead_s": -0.1}, "Scenario: lead_s"),
     ],
 )
-def test_a_scenario_that_cannot_be_is_refused(change: dict[str, object], says: str) -> None:
-    with pytest.raises(ScenarioError, match=says):
+def test_a_scenario_that_cannot_be_is_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
         replace(case_b(), **change)
 
 

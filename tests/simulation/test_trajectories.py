@@ -1,4 +1,4 @@
-"""Trajectories: velocity is the derivative of position, and each flies what it says."""
+"""Trajectories: velocity is the derivative of position, and each flies its stated path."""
 
 import numpy as np
 import pytest
@@ -134,7 +134,7 @@ def test_beyond_its_samples_a_track_is_straight() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "says"),
+    ("make", "message"),
     [
         (lambda: GlideApproach(speed_m_s=0.0), "Glide: speed_m_s: got 0.0; wanted a finite number > 0"),
         (lambda: GlideApproach(start_y_m=50.0), "Glide: end_y_m: got 60.0; wanted below 50 m"),
@@ -156,7 +156,7 @@ def test_beyond_its_samples_a_track_is_straight() -> None:
         ),
     ],
 )
-def test_what_makes_no_flight_is_refused(make: object, says: str) -> None:
+def test_what_makes_no_flight_is_refused(make: object, message: str) -> None:
     assert callable(make)
-    with pytest.raises(ScenarioError, match=says):
+    with pytest.raises(ScenarioError, match=message):
         make()

@@ -30,7 +30,7 @@ def spoilt(path: Path, kind: bytes, offset: int, value: int) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("kind", "offset", "value", "says"),
+    ("kind", "offset", "value", "message"),
     [
         # a note of zero length: the reader would not advance
         (b"ilst", -8, 0, "a box of 0 bytes in 'meta'"),
@@ -50,16 +50,16 @@ def spoilt(path: Path, kind: bytes, offset: int, value: int) -> Path:
     ],
 )
 def test_impossible_tables_are_reported_and_not_read(
-    tmp_path: Path, kind: bytes, offset: int, value: int, says: str
+    tmp_path: Path, kind: bytes, offset: int, value: int, message: str
 ) -> None:
     path = spoilt(tmp_path / "left.mp4", kind, offset, value)
-    assert mp4_fault(path).startswith(says)
-    with pytest.raises(SessionError, match=says.replace("'", "."), check=lambda e: "left.mp4" in str(e)):
+    assert mp4_fault(path).startswith(message)
+    with pytest.raises(SessionError, match=message.replace("'", "."), check=lambda e: "left.mp4" in str(e)):
         load_video(VideoAsset(path=path))
 
 
 @pytest.mark.parametrize(
-    ("holders", "zeros", "says"),
+    ("holders", "zeros", "message"),
     [
         ((b"moov", b"udta"), 8, "a box of 0 bytes in 'udta'"),
         ((b"moov",), 12, "a box of 0 bytes in 'moov'"),
@@ -70,7 +70,7 @@ def test_impossible_tables_are_reported_and_not_read(
         ((b"moov", b"udta"), 4, ""),
     ],
 )
-def test_zeros_after_the_last_box(tmp_path: Path, holders: tuple[bytes, ...], zeros: int, says: str) -> None:
+def test_zeros_after_the_last_box(tmp_path: Path, holders: tuple[bytes, ...], zeros: int, message: str) -> None:
     """Expected: refused where Rerun's reader does not end (found by `benchmarks/reader_fuzz.py`)."""
     path = tmp_path / "left.mp4"
     write_video(path, range(4), "mp4v")
@@ -83,5 +83,5 @@ def test_zeros_after_the_last_box(tmp_path: Path, holders: tuple[bytes, ...], ze
         struct.pack_into(">I", content, place, struct.unpack_from(">I", content, place)[0] + zeros)
     path.write_bytes(content)
     fault = mp4_fault(path)
-    assert fault.startswith(says)
-    assert bool(fault) is bool(says)
+    assert fault.startswith(message)
+    assert bool(fault) is bool(message)

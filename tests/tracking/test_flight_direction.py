@@ -24,11 +24,11 @@ def pitch_of(direction: np.ndarray | None) -> float:
 def test_gusts_do_not_turn_it() -> None:
     """A path that waves by 0.06 rad every 1.5 s about a glide of 0.05: the attitude stays the glide's to a third."""
     direction = FlightDirection()
-    told = []
+    pitches = []
     for k in range(150):
         t = k * _STEP_S
-        told.append(pitch_of(direction.at(t, along(-0.05 + 0.06 * math.sin(2 * math.pi * t / 1.5)), _SURE, 30.0)))
-    assert np.abs(np.array(told[60:]) + 0.05).max() < 0.02
+        pitches.append(pitch_of(direction.at(t, along(-0.05 + 0.06 * math.sin(2 * math.pi * t / 1.5)), _SURE, 30.0)))
+    assert np.abs(np.array(pitches[60:]) + 0.05).max() < 0.02
 
 
 def test_near_the_ground_it_follows_a_rotation() -> None:

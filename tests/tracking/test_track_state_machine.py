@@ -150,9 +150,9 @@ def test_a_second_camera_that_returns_to_a_tracking_one_is_accepted_at_once() ->
 
 def test_pictures_once_a_second_are_confirmed_by_the_next() -> None:
     life, ekf = started(found=False)
-    told = [seen(life, ekf, float(k), cameras) for k, cameras in enumerate([2, 2, 0, 2, 2, 2, 0, 2, 2])]
+    statuses = [seen(life, ekf, float(k), cameras) for k, cameras in enumerate([2, 2, 0, 2, 2, 2, 0, 2, 2])]
     track, coast = TrackStatus.TRACKING, TrackStatus.COASTING
-    assert told == [track, track, coast, coast, track, track, coast, coast, track]
+    assert statuses == [track, track, coast, coast, track, track, coast, coast, track]
 
 
 def test_time_alone_ends_an_unconfirmed_target() -> None:

@@ -23,8 +23,8 @@ def test_a_used_detection_is_no_warning_and_another_is(monkeypatch: pytest.Monke
     lanes, log = channel()._status(reports)
     assert list(lanes.t_s) == [0.0, 2.0, 3.0]
     rows = [row for column in log.columns for row in column.as_arrow_array().to_pylist()]
-    told = [item for row in rows for item in row or ()]
-    assert [item for item in told if item in ("INFO", "WARN")] == ["INFO", "WARN", "INFO"]
+    items = [item for row in rows for item in row or ()]
+    assert [item for item in items if item in ("INFO", "WARN")] == ["INFO", "WARN", "INFO"]
 
 
 @pytest.mark.parametrize(("pan_rad", "tilt_rad"), [(0.1, None), (None, 0.1), (None, None)])

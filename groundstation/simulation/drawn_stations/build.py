@@ -1,4 +1,4 @@
-"""From a specification of stations to the parts of a scenario: true rig, believed rig, models of devices, faults."""
+"""From a specification of stations to the parts of a scenario: true rig, stated rig, models of devices, faults."""
 
 import math
 from collections.abc import Sequence
@@ -88,7 +88,7 @@ def build_stations(
     wanted = f"{len(spec.stations)}, one for each station"
     require(len(cameras) == len(spec.stations), "build_stations: cameras", got=len(cameras), wanted=wanted)
     true = [_true_station(s, c) for s, c in zip(spec.stations, cameras, strict=True)]
-    believed = [_believed(s, t, duration_s) for s, t in zip(spec.stations, true, strict=True)]
+    stated = [_stated(s, t, duration_s) for s, t in zip(spec.stations, true, strict=True)]
     ptus = {}
     for number, (station, camera) in enumerate(zip(spec.stations, cameras, strict=True)):
         generator = np.random.default_rng([seed, _AIM_STREAM, number])
@@ -96,7 +96,7 @@ def build_stations(
     gaps = () if spec.dgps is None else spec.dgps.gaps
     return BuiltStations(
         true_rig=Rig(stations=tuple(true)),
-        rig=Rig(stations=tuple(believed)),
+        rig=Rig(stations=tuple(stated)),
         ptus=ptus,
         cameras={
             s.name: CameraModel(phase_s=c.phase_s, pixel_covariance_px2=isotropic(c.pixel_sigma_px))
@@ -139,7 +139,7 @@ def _stated_clock(clock: ClockSpec, duration_s: float) -> ClockModel:
     return ClockModel(offset_s=clock.offset_s, drift_ppm=clock.drift_ppm, sigma_s=sigma_s)
 
 
-def _believed(spec: StationSpec, true: Station, duration_s: float) -> Station:
+def _stated(spec: StationSpec, true: Station, duration_s: float) -> Station:
     """Return what the rig file has: the true station less the errors, with the sigmas that these were drawn from."""
     calibration = spec.calibration
     stated = true.changed(-_error(calibration, true.lens))

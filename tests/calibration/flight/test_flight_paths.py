@@ -40,15 +40,15 @@ def test_white_jerk_and_white_acceleration_are_distinguished(order: int, rng: np
     """
     basis = path_basis(0.0, 17.0, 0.1)
     t = np.arange(0.0, 17.0, 0.1)
-    told, raised = 0, 0
+    identified, raised = 0, 0
     for _ in range(40):
         drawn = 0.4 * 0.02 * rng.normal(size=basis.count)
         for _ in range(order):
             drawn = np.cumsum(drawn)
         found = find_smoothness(basis, t, basis.at(t) @ drawn + 0.02 * rng.normal(size=len(t)), np.full(len(t), 0.02))
-        told += found.order == order
+        identified += found.order == order
         raised += found.noise_factor > 1.0
-    assert told >= 38
+    assert identified >= 38
     assert raised <= binom.ppf(0.999, 40, 0.05)
 
 

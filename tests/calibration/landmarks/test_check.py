@@ -35,7 +35,7 @@ def test_a_knock_is_detected_and_an_unmoved_rig_is_unchanged() -> None:
         generator = np.random.default_rng([seed, 11])
         day = morning(generator)
         first = look(day.true, day.stands, generator, READINGS)
-        rig = solve_survey(day.believed, first, day.table).rig
+        rig = solve_survey(day.stated, first, day.table).rig
         still = solve_check(rig, look(day.true, day.stands, generator, READINGS), day.table, first)
         alarms += bool(still.moved)
         statistics += [m.statistic for m in still.movements]
@@ -93,7 +93,7 @@ def localisation_error(rig: Rig, true: Rig) -> float:
 def test_a_corrected_rig_localises_better_than_the_spoilt_one(rng: np.random.Generator, with_reference: bool) -> None:
     day = morning(rng)
     first = look(day.true, day.stands, rng, READINGS)
-    rig = solve_survey(day.believed, first, day.table).rig
+    rig = solve_survey(day.stated, first, day.table).rig
     true = knocked(knocked(day.true, "left", 2, np.radians(0.08)), "left", 0, np.radians(-0.05))
     readings = look(true, day.stands, rng, READINGS)
     check = solve_check(rig, readings, day.table, first if with_reference else ())
@@ -119,7 +119,7 @@ def test_the_picture_has_landmarks_where_the_rig_expects_them(rng: np.random.Gen
     """Turned by 0.03° of pan, the base sees all landmarks 0.03° aside of where the rig as it was expects them."""
     day = morning(rng)
     first = look(day.true, day.stands, rng, READINGS)
-    rig = solve_survey(day.believed, first, day.table).rig
+    rig = solve_survey(day.stated, first, day.table).rig
     found = solve_check(
         rig, look(knocked(day.true, "left", 2, 3 * KNOCK_RAD), day.stands, rng, READINGS), day.table, first
     )
@@ -139,7 +139,7 @@ def test_a_camera_that_slipped_on_its_head_is_distinguished_from_a_base_that_tur
     """Seen over 120 degrees of pan, a tilt of the camera is no turn of the base."""
     day = morning(rng)
     first = look(day.true, day.stands, rng, READINGS)
-    rig = solve_survey(day.believed, first, day.table).rig
+    rig = solve_survey(day.stated, first, day.table).rig
     slip = np.zeros(21)
     slip[6:9] = np.radians([0.1, 0.0, 0.02])
     true = replace(day.true, stations=(day.true["left"], day.true["right"].changed(slip)))
@@ -180,7 +180,7 @@ def test_too_little_is_refused(rng: np.random.Generator) -> None:
     with pytest.raises(GroundstationError, match="got one landmark; wanted two or more"):
         solve_check(day.true, look(day.true, {"m0": day.stands["m0"]}, rng, 4), day.table)
     with pytest.raises(GroundstationError, match=r"known = .*wanted a calibrated orientation"):
-        solve_check(day.believed, look(day.true, day.stands, rng, 4), day.table)
+        solve_check(day.stated, look(day.true, day.stands, rng, 4), day.table)
     far = knocked(day.true, "left", 2, np.radians(8.0))
     with pytest.raises(GroundstationError, match="wanted a new survey"):
         solve_check(day.true, look(far, day.stands, rng, 4), day.table)
@@ -195,7 +195,7 @@ def test_the_command_accepts_refuses_corrects_and_records(
 ) -> None:
     day = morning(rng)
     first = look(day.true, day.stands, rng, READINGS)
-    rig = solve_survey(day.believed, first, day.table).rig
+    rig = solve_survey(day.stated, first, day.table).rig
     (tmp_path / "rig.toml").write_text(rig_to_toml(rig))
     write_landmarks(tmp_path / "l.csv", day.table)
     write_sightings(tmp_path / "first.csv", first)
@@ -257,7 +257,7 @@ def test_the_survey_s_own_sightings_are_found_beside_the_rig(
     """A knock of 0.01 degrees: seen without a word about the table, not without the table."""
     day = morning(rng)
     write_landmarks(tmp_path / "marks.csv", day.table)
-    (tmp_path / "lenses.toml").write_text(rig_to_toml(day.believed))
+    (tmp_path / "lenses.toml").write_text(rig_to_toml(day.stated))
     write_sightings(tmp_path / "first.csv", look(day.true, day.stands, rng, 40))
     write_sightings(tmp_path / "today.csv", look(knocked(day.true, "left", 2, KNOCK_RAD), day.stands, rng, 40))
     marks, rig = f"--landmarks {tmp_path / 'marks.csv'}", tmp_path / "rig.toml"
@@ -285,7 +285,7 @@ def test_the_survey_s_own_table_is_not_todays(
     day = morning(rng)
     write_landmarks(tmp_path / "marks.csv", day.table)
     first = look(day.true, day.stands, rng, 6)
-    (tmp_path / "rig.toml").write_text(rig_to_toml(solve_survey(day.believed, first, day.table).rig))
+    (tmp_path / "rig.toml").write_text(rig_to_toml(solve_survey(day.stated, first, day.table).rig))
     write_sightings(tmp_path / "rig.sightings.csv", first)
     write_sightings(tmp_path / "today.csv", first)
     check = ["calibrate", "check", str(tmp_path / "today.csv"), "--landmarks", str(tmp_path / "marks.csv")]
@@ -348,7 +348,7 @@ def test_sightings_of_another_set_up_are_no_reference(
     write_sightings(tmp_path / "rig.sightings.csv", look(day.true, day.stands, rng, 24))
     today = look(moved, day.stands, rng, 24)
     write_sightings(tmp_path / "today.csv", today)
-    rig = solve_survey(day.believed, today, day.table).rig
+    rig = solve_survey(day.stated, today, day.table).rig
     (tmp_path / "rig.toml").write_text(rig_to_toml(rig))
     check = (
         f"calibrate check {tmp_path / 'today.csv'} --landmarks {tmp_path / 'marks.csv'} --rig {tmp_path / 'rig.toml'}"

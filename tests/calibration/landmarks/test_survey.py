@@ -28,7 +28,7 @@ from groundstation.rig.rig_toml import rig_to_toml
 def surveyed(
     day: SurveyScene, generator: np.random.Generator, readings: int = 10, words: tuple[str, ...] = ()
 ) -> Survey:
-    return solve_survey(day.believed, look(day.true, day.stands, generator, readings), day.table, words)
+    return solve_survey(day.stated, look(day.true, day.stands, generator, readings), day.table, words)
 
 
 def pose_error(survey: Survey, day: SurveyScene, groups: tuple[str, ...]) -> tuple[list[str], np.ndarray]:
@@ -72,7 +72,7 @@ def test_a_jacobian_is_the_slope_of_its_pixels(rng: np.random.Generator) -> None
     stations = {s.name: s for s in day.true.stations}
     observed = [gather_observations(seen, s, places, today=t) for s in stations.values() for t in (True, False)]
     free = [f"{n}.{g}.{a}" for n in stations for g in ("runway_from_base", "ptu_position") for a in "xyz"]
-    problem = pose_problem(stations, observed, marks, free, day.believed.calibration_covariance(), moved=list(stations))
+    problem = pose_problem(stations, observed, marks, free, day.stated.calibration_covariance(), moved=list(stations))
     at = rng.normal(0.0, 1.0, len(problem.known))
     jacobian = problem.evaluate(at).jacobian
     step = 1e-4
@@ -104,12 +104,12 @@ def test_far_directions_give_an_orientation_and_one_more_point_a_position(rng: n
     }
     chosen = {n: day.table[n] for n in ("m0", "m4", "m5")}
     seen = look(day.true, {**{n: day.stands[n] for n in chosen}, **stars}, rng, 10)
-    survey = solve_survey(day.believed, seen, {**chosen, **stars})
+    survey = solve_survey(day.stated, seen, {**chosen, **stars})
     names, off = pose_error(survey, day, ("runway_from_base", "ptu_position"))
     low, high = chi2.ppf([0.0001, 0.9999], len(off))
     assert low < off @ np.linalg.solve(survey.fit.block(names), off) < high
     only = [s for s in seen if s.landmark in stars]
-    day_known = replace(day.believed, stations=tuple(replace(s, known=("position", "lens")) for s in day.true.stations))
+    day_known = replace(day.stated, stations=tuple(replace(s, known=("position", "lens")) for s in day.true.stations))
     fixed = solve_survey(day_known, only, stars)
     for true in day.true.stations:
         assert np.degrees(np.linalg.norm(turned_rad(fixed.rig[true.name], true))) < 0.05
@@ -123,8 +123,8 @@ def test_the_rigs_axis_errors_are_used(rng: np.random.Generator) -> None:
     for s in look(leaning, day.stands, rng, 8):
         pan, tilt = axes.readings(s.pan_rad, s.tilt_rad, s.pan_from, s.tilt_from)
         seen.append(replace(s, pan_rad=pan, tilt_rad=tilt))
-    believed = replace(day.believed, stations=tuple(replace(s, ptu_axes=axes) for s in day.believed.stations))
-    survey = solve_survey(believed, seen, day.table)
+    stated = replace(day.stated, stations=tuple(replace(s, ptu_axes=axes) for s in day.stated.stations))
+    survey = solve_survey(stated, seen, day.table)
     names, off = pose_error(survey, replace(day, true=leaning), ("runway_from_base",))
     low, high = chi2.ppf([0.0001, 0.9999], len(off))
     assert low < off @ np.linalg.solve(survey.fit.block(names), off) < high
@@ -145,8 +145,8 @@ def test_fixed_cameras_need_no_angles(rng: np.random.Generator) -> None:
             template = look(replace(true, stations=(own,)), {mark.name: mark}, rng, 6)
             pixels = [projected.pixel + rng.normal(0.0, 0.3, 2) for _ in template]
             seen += [replace(s, pan_rad=1.0, pixel_px=p) for s, p in zip(template, pixels, strict=True)]
-    believed = replace(day.believed, stations=tuple(replace(s, fixed=True) for s in day.believed.stations))
-    survey = solve_survey(believed, seen, day.table)
+    stated = replace(day.stated, stations=tuple(replace(s, fixed=True) for s in day.stated.stations))
+    survey = solve_survey(stated, seen, day.table)
     names, off = pose_error(survey, replace(day, true=true), ("runway_from_base",))
     low, high = chi2.ppf([0.0001, 0.9999], len(off))
     assert low < off @ np.linalg.solve(survey.fit.block(names), off) < high
@@ -160,8 +160,8 @@ def test_a_boresight_is_estimated_on_request(rng: np.random.Generator) -> None:
     true = replace(day.true, stations=tuple(s.changed(slip) for s in day.true.stations))
     seen = look(true, day.stands, rng, 10)
     with pytest.raises(GroundstationError, match="landmarks that contradict each other"):
-        solve_survey(day.believed, seen, day.table)
-    survey = solve_survey(day.believed, seen, day.table, ("boresight",))
+        solve_survey(day.stated, seen, day.table)
+    survey = solve_survey(day.stated, seen, day.table, ("boresight",))
     for name in true.names:
         k = survey.fit.problem.names.index(f"{name}.head_from_camera.x")
         off = survey.fit.change[k] - slip[6]
@@ -192,12 +192,12 @@ def test_stations_without_common_landmarks_keep_their_own_blocks(rng: np.random.
     day = morning(rng)
     matrix = np.diag([1e-8, 4e-8])
     found = ParameterCovariance(names=("left.runway_from_base.z", "right.runway_from_base.z"), matrix=matrix)
-    rig = with_covariance(day.believed, found)
+    rig = with_covariance(day.stated, found)
     assert not rig.shared_covariance.names
     assert rig["left"].covariance_parameters[0] == "runway_from_base.z"
     assert rig["left"].covariance[0, 0] == 1e-8
     # the rig's other values stay
-    assert set(day.believed["left"].covariance_parameters) < set(rig["left"].covariance_parameters)
+    assert set(day.stated["left"].covariance_parameters) < set(rig["left"].covariance_parameters)
 
 
 def test_a_rig_with_clocks_from_a_flight_can_be_surveyed_and_checked(rng: np.random.Generator, tmp_path: Path) -> None:
@@ -206,10 +206,10 @@ def test_a_rig_with_clocks_from_a_flight_can_be_surveyed_and_checked(rng: np.ran
     times = ("left.camera_clock.offset", "left.ptu_clock.offset", "left.readout", "dgps_clock.offset")
     matrix = np.diag([4e-6, 9e-6, 1e-6, 1e-4])
     matrix[0, 3] = matrix[3, 0] = 1e-5
-    flown = with_covariance(day.believed, ParameterCovariance(names=times, matrix=matrix))
+    flown = with_covariance(day.stated, ParameterCovariance(names=times, matrix=matrix))
     seen = look(day.true, day.stands, rng, 10)
     survey = solve_survey(flown, seen, day.table)
-    plain = solve_survey(day.believed, seen, day.table)
+    plain = solve_survey(day.stated, seen, day.table)
     assert set(survey.fit.problem.names) == set(plain.fit.problem.names)
     for own, other in zip(survey.rig.stations, plain.rig.stations, strict=True):
         np.testing.assert_allclose(own.ptu_position_m, other.ptu_position_m, rtol=0.0, atol=1e-6)
@@ -238,7 +238,7 @@ def test_a_wrong_coordinate_is_found_and_named(rng: np.random.Generator, total_s
     day = morning(rng, total_station=total_station)
     mark = day.table[wrong]
     table = {**day.table, wrong: replace(mark, place=mark.place + np.array([1.0, 0.0, 0.0]))}
-    survey = solve_survey(day.believed, look(day.true, day.stands, rng, 10), table)
+    survey = solve_survey(day.stated, look(day.true, day.stands, rng, 10), table)
     assert list(survey.fit.rejected_landmarks) == [wrong]
     assert wrong in rejected(survey.fit)[0]
     names, off = pose_error(survey, day, ("runway_from_base",))
@@ -256,7 +256,7 @@ def test_single_slips_and_one_stations_mistake_are_left_out(rng: np.random.Gener
         replace(s, pixel_px=s.pixel_px + np.array([80.0, 3.0])) if (s.station, s.landmark) == ("right", "m0") else s
         for s in seen
     ]
-    survey = solve_survey(day.believed, seen, day.table)
+    survey = solve_survey(day.stated, seen, day.table)
     out = [seen_in_fit for observed in survey.fit.problem.observations for seen_in_fit in observed.sightings]
     gone = {(s.station, s.landmark) for s, kept in zip(out, survey.fit.kept, strict=True) if not kept}
     assert gone == {("left", "m1"), ("right", "m0")}
@@ -300,12 +300,12 @@ def test_root_of_a_singular_covariance() -> None:
 def test_the_verdict_names_ranges_and_missing_landmarks(rng: np.random.Generator) -> None:
     day = morning(rng)
     two = {n: day.stands[n] for n in ("m0", "m1")}
-    survey = solve_survey(day.believed, look(day.true, two, rng, 10), day.table)
+    survey = solve_survey(day.stated, look(day.true, two, rng, 10), day.table)
     advice = advise_survey(survey)
     assert [row[0] for row in advice.table] == ["100 m", "200 m", "400 m"]
     assert any("a third landmark off the line" in step for step in advice.next_steps)
     assert "good enough" in advice.verdict[1]
-    full = advise_survey(solve_survey(day.believed, look(day.true, day.stands, rng, 10), day.table))
+    full = advise_survey(solve_survey(day.stated, look(day.true, day.stands, rng, 10), day.table))
     assert not any("a third landmark" in step for step in full.next_steps)
     along = [float(row[4].split()[0]) for row in (*advice.table, *full.table)]
     assert along[3:] < along[:3]
@@ -342,7 +342,7 @@ def test_too_little_is_refused(
     seen = look(day.true, {n: day.stands[n] for n in names}, rng, 6)
     seen = [s for s in seen if s.station == "left"]
     with pytest.raises(GroundstationError, match=message):
-        solve_survey(day.believed, seen, day.table)
+        solve_survey(day.stated, seen, day.table)
 
 
 def test_a_contradiction_that_cannot_be_settled_is_refused(rng: np.random.Generator) -> None:
@@ -353,14 +353,14 @@ def test_a_contradiction_that_cannot_be_settled_is_refused(rng: np.random.Genera
         table["m1"] = replace(table["m1"], place=table["m1"].place + np.array([3.0, 0.0, 0.0]))
         seen = look(day.true, {n: day.stands[n] for n in names}, rng, 10)
         with pytest.raises(GroundstationError, match="contradict each other"):
-            solve_survey(day.believed, seen, table)
+            solve_survey(day.stated, seen, table)
 
 
 def test_the_command_end_to_end(rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     day = morning(rng)
     write_sightings(tmp_path / "s.csv", look(day.true, day.stands, rng, 6))
     write_landmarks(tmp_path / "l.csv", day.table)
-    (tmp_path / "in.toml").write_text(rig_to_toml(day.believed))
+    (tmp_path / "in.toml").write_text(rig_to_toml(day.stated))
     command = ["calibrate", "survey", str(tmp_path / "s.csv"), "--landmarks", str(tmp_path / "l.csv")]
     command += ["--rig", str(tmp_path / "in.toml")]
     out = tmp_path / "rig.toml"
@@ -386,7 +386,7 @@ def test_landmarks_on_one_line_are_reported(rng: np.random.Generator) -> None:
     """Six along the runway's middle: the turn about it is hardly determined; the advice states what is missing."""
     day = morning(rng)
     line = {n: replace(m, place=np.array([0.0, 40.0 + 40.0 * k, 1.0])) for k, (n, m) in enumerate(day.table.items())}
-    steps = advise_survey(solve_survey(day.believed, look(day.true, line, rng, 12), line)).next_steps
+    steps = advise_survey(solve_survey(day.stated, look(day.true, line, rng, 12), line)).next_steps
     assert sum("well off the line of the others: the turn about that line is known to 0." in s for s in steps) == 2
-    around = advise_survey(solve_survey(day.believed, look(day.true, day.stands, rng, 12), day.table)).next_steps
+    around = advise_survey(solve_survey(day.stated, look(day.true, day.stands, rng, 12), day.table)).next_steps
     assert not any("off the line" in s for s in around)

@@ -289,12 +289,12 @@ def test_marks_of_unknown_place_near_the_horizon_write_no_rig(made, rng, tmp_pat
     """A lone lamp, then two, leave the boresight's pan and tilt open; refused with what is missing."""
     station, true, _ = made
     marks = (lone_mark(true, 6.0), replace(lone_mark(true, 12.0), name="lantern"))
-    for some, told in ((marks[:1], "60 sightings of one mark"), (marks, "60 sightings of 2 marks")):
+    for some, expected in ((marks[:1], "60 sightings of one mark"), (marks, "60 sightings of 2 marks")):
         command = tables(tmp_path, station, look(true, some, rng, 60), some)
         at = command.index("--landmarks")
         assert main([*command[:at], *command[at + 2 :]]) == 1
         error = capsys.readouterr().err.strip()
-        assert f"got {told} of unknown place, which leave where the camera looks open by 0." in error
+        assert f"got {expected} of unknown place, which leave where the camera looks open by 0." in error
         assert "(--landmarks)" in error
         assert "or a board" in error
         assert len(error.splitlines()) == 1

@@ -37,7 +37,7 @@ STATE = LineState(mean=np.concatenate([RUNWAY, np.zeros(3)]), covariance=np.diag
 
 
 def compared_with(
-    monkeypatch: pytest.MonkeyPatch, markings: Markings, says: dict[Places, float], moved_m: float = 0.3
+    monkeypatch: pytest.MonkeyPatch, markings: Markings, changes: dict[Places, float], moved_m: float = 0.3
 ) -> MarkingComparison:
     """Return the change by one picture that gives each layout this gain, and this displacement outwards."""
     monkeypatch.setattr(
@@ -45,7 +45,7 @@ def compared_with(
         "_rivals",
         lambda *_: [
             marks_module._LayoutHypothesis(places=places, moved_px=np.full(4, 10.0 * moved_m), better=better)
-            for places, better in says.items()
+            for places, better in changes.items()
         ],
     )
     return compared(markings, NOTHING, np.zeros(4), np.full(2, 10.0), 6, CONFIG)
@@ -80,9 +80,9 @@ def test_no_other_layout_is_taken_before_each_was_tried_and_one_in_two_pictures(
 def test_another_layout_is_distinguished_from_the_current_one_in_both_directions(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    says = {(0, 0): -50.0, (0, 1): 40.0, (1, 0): -60.0, (1, 1): 10.0}
-    once = compared_with(monkeypatch, begun(), says)
-    new = compared_with(monkeypatch, once.markings, says).markings
+    changes = {(0, 0): -50.0, (0, 1): 40.0, (1, 0): -60.0, (1, 1): 10.0}
+    once = compared_with(monkeypatch, begun(), changes)
+    new = compared_with(monkeypatch, once.markings, changes).markings
     assert new.places == (0, 1)
     assert new.frames == 0
     np.testing.assert_allclose(new.gains, [[-76.0, 0.0], [-114.0 - 76.0, 19.0 - 76.0]])

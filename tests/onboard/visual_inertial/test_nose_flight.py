@@ -123,11 +123,11 @@ def test_a_constant_error_passes_the_filter_by_its_sensitivity(rng: np.random.Ge
     config = InertialConfig()
     mount = CameraMount(camera_in_body_m=np.zeros(3), body_from_camera=np.eye(3))
     modes = np.array([[0.5, 2.0, -0.3, 0.002, 0.001, -0.003]]).T
-    main, told_wrong = InertialFilter(config, mount), InertialFilter(config, mount)
+    main, wrongly_updated = InertialFilter(config, mount), InertialFilter(config, mount)
     parallel = ConsiderFilterBank(config, mount, 1)
     for k in range(200):
         sample = ImuSample(t_s=0.01 * k, force_m_s2=np.array([0.1, 0.0, 9.8]), rate_rad_s=np.zeros(3))
-        for one in (main, told_wrong, parallel):
+        for one in (main, wrongly_updated, parallel):
             one.process_imu(sample)
         if k % 10 == 0:
             place = np.array([0.0, 100.0 - 0.2 * k, 10.0]) + 0.1 * rng.standard_normal(3)
@@ -137,7 +137,7 @@ def test_a_constant_error_passes_the_filter_by_its_sensitivity(rng: np.random.Ge
             )  # fmt: skip
             main.update(observation)
             parallel.update(observation, modes)
-            told_wrong.update(
+            wrongly_updated.update(
                 replace(
                     observation,
                     position_m=place + modes[:3, 0],
@@ -145,7 +145,7 @@ def test_a_constant_error_passes_the_filter_by_its_sensitivity(rng: np.random.Ge
                 )
             )
     S = parallel.sensitivity(main.navigation)[:, 0]
-    now, other = main.navigation, told_wrong.navigation
+    now, other = main.navigation, wrongly_updated.navigation
     np.testing.assert_allclose(other.position_m - now.position_m, S[:3], rtol=0.03, atol=0.01)
     np.testing.assert_allclose(other.velocity_m_s - now.velocity_m_s, S[6:], rtol=0.05, atol=0.02)
 

@@ -212,8 +212,8 @@ def test_dataflash_with_messages_shorter_than_their_header_ends(tmp_path: Path, 
     content = dataflash(flight())
     at = content.index(bytes([0xA3, 0x95, 0x80, kind]))
     content = content[: at + 4] + bytes([length]) + content[at + 5 :]
-    told = (content, content + content, content[at:] + content)
-    for log in told:
+    logs = (content, content + content, content[at:] + content)
+    for log in logs:
         with contextlib.suppress(LogError):
             assert len(log_of(tmp_path, log, ".bin", GIVEN).gps_s) <= 12
 

@@ -188,8 +188,8 @@ def test_a_date_without_a_fix_has_no_effect(tmp_path: Path) -> None:
     log = log_of(tmp_path, rmc(wrong, status="V") + gga(place) + rmc(place))
     assert utc_text(log.gps_s[0])[:10] == place.utc.date().isoformat()
     # of a fix it would be accepted
-    believed = log_of(tmp_path, rmc(wrong) + gga(place))
-    assert utc_text(believed.gps_s[0])[:10] == wrong.utc.date().isoformat()
+    accepted = log_of(tmp_path, rmc(wrong) + gga(place))
+    assert utc_text(accepted.gps_s[0])[:10] == wrong.utc.date().isoformat()
 
 
 @pytest.mark.parametrize("dated", ["before", "after"])

@@ -50,7 +50,7 @@ def test_tables_by_name_and_unit(tmp_path: Path, header: str, row: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("utc,lat,lon_deg,height_m\n" + ROW, "log.csv: line 1: got 'lat', without a unit; wanted lat_deg or lat_e7"),
         ("utc,lat_deg,height_m\n", "line 1: got no column of lon; wanted lon_deg"),
@@ -64,8 +64,8 @@ def test_tables_by_name_and_unit(tmp_path: Path, header: str, row: str) -> None:
         (HEAD, "log.csv: got no usable position (nothing in it)"),
     ],
 )
-def test_tables_that_leave_something_open(tmp_path: Path, text: str, says: str) -> None:
-    assert says in complaint(SessionError, lambda: table(tmp_path, text))
+def test_tables_that_leave_something_open(tmp_path: Path, text: str, message: str) -> None:
+    assert message in complaint(SessionError, lambda: table(tmp_path, text))
 
 
 def test_a_bare_altitude_is_settled_by_a_word(tmp_path: Path) -> None:

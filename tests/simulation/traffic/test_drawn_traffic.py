@@ -146,7 +146,7 @@ def test_oncoming_cars_keep_right() -> None:
     assert road.car_path(CarSpec(speed_m_s=-10.0)).place_m[0] < 20.0
 
 
-def test_an_arc_moves_as_its_velocity_says() -> None:
+def test_an_arc_moves_by_its_velocity() -> None:
     path = ArcPath(place_m=(3.0, 40.0, 12.0), at_s=2.0, heading_rad=0.7, climb_m_s=0.5, turn_rate_rad_s=-0.4)
     step = 1e-5
     slope = (path.position(TIMES + step) - path.position(TIMES - step)) / (2.0 * step)

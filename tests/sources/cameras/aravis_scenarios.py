@@ -87,7 +87,7 @@ def whole(frame: CameraFrame) -> bool:
     return bool(np.array_equal(raw[1:, :-1], raw[:-1, 1:]))
 
 
-def told(camera: LiveCamera, frames: list[CameraFrame], events: list[CameraEvent]) -> dict[str, Any]:
+def outcome_of(camera: LiveCamera, frames: list[CameraFrame], events: list[CameraEvent]) -> dict[str, Any]:
     """What came from one camera, and how its stamps compare with the fake's wall clock."""
     mine = [f for f in frames if f.camera == camera.name]
     counts, found = camera.counts, camera.read_back
@@ -130,7 +130,7 @@ def two(seconds: float = 4.0) -> dict[str, Any]:
     try:
         with opened(LEFT, settings, logs[0]) as left, opened(RIGHT, settings, logs[1]) as right:
             frames = collect([left, right], seconds)
-            return {"left": told(left, frames, logs[0]), "right": told(right, frames, logs[1])}
+            return {"left": outcome_of(left, frames, logs[0]), "right": outcome_of(right, frames, logs[1])}
     finally:
         for fake in fakes:
             fake.unplug()
@@ -143,7 +143,7 @@ def loss(seconds: float = 3.0) -> dict[str, Any]:
     try:
         settings = CameraSettings(roi_px=(0, 0, 512, 512))
         with opened(LEFT, settings, events, query="?packet=1400") as left:
-            return {"left": told(left, collect([left], seconds), events)}
+            return {"left": outcome_of(left, collect([left], seconds), events)}
     finally:
         fake.unplug()
 
@@ -163,7 +163,7 @@ def unplugged() -> dict[str, Any]:
                 fakes[0].plug()
                 frames += collect([left, right], 20.0, lambda: left.counts.reconnects >= times)  # noqa: B023
                 frames += collect([left, right], 1.0)
-            return {"left": told(left, frames, logs[0]), "right": told(right, frames, logs[1])}
+            return {"left": outcome_of(left, frames, logs[0]), "right": outcome_of(right, frames, logs[1])}
     finally:
         for fake in fakes:
             fake.unplug()

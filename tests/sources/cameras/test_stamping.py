@@ -48,8 +48,8 @@ def test_without_a_device_clock_the_arrival_less_the_transfer() -> None:
     grab = GrabbedFrame(frame_id=None, device_ns=None, pixels=None, pattern=None, payload_bytes=PAYLOAD)
     stamp = stamper.stamp(grab, 100.0, None, 0.03, 0.02)
     assert (stamp.t_s, stamp.sigma_s) == (pytest.approx(100.0 - 0.03 - 0.01), 0.02)
-    told = Stamper(CameraTiming(transfer_s=0.05, transfer_sigma_s=0.001)).stamp(grab, 100.0, 0.01, 0.03, 0.02)
-    assert (told.t_s, told.sigma_s) == (pytest.approx(100.0 - 0.05 - 0.005), 0.001)
+    stamp = Stamper(CameraTiming(transfer_s=0.05, transfer_sigma_s=0.001)).stamp(grab, 100.0, 0.01, 0.03, 0.02)
+    assert (stamp.t_s, stamp.sigma_s) == (pytest.approx(100.0 - 0.05 - 0.005), 0.001)
     reckoned = Stamper(CameraTiming(link_mbit_s=100.0)).stamp(grab, 100.0, 0.0, None, None)
     assert (reckoned.t_s, reckoned.sigma_s) == (pytest.approx(99.9), pytest.approx(0.05))
     assert stamper.clock is None
