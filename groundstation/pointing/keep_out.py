@@ -220,10 +220,15 @@ class ClosedZones:
         """
         if self.is_empty:
             return True
-        depth = np.minimum(self.clearance(way_rad[:, 0], way_rad[:, 1]) - margin_rad, 0.0)
-        if depth[0] >= 0.0:
-            return bool(np.all(depth == 0.0))
-        return bool(np.all(np.diff(depth) >= -_TOLERANCE_RAD) and _ends_no_deeper(depth))
+        return _stays_out(self.clearance(way_rad[:, 0], way_rad[:, 1]) - margin_rad)
+
+
+def _stays_out(off_rad: FloatArray) -> bool:
+    """Return whether a way (n,) so far outside stays there, or gets no deeper where it starts inside."""
+    depth = np.minimum(off_rad, 0.0)
+    if depth[0] >= 0.0:
+        return bool(np.all(depth == 0.0))
+    return bool(np.all(np.diff(depth) >= -_TOLERANCE_RAD) and _ends_no_deeper(depth))
 
 
 def _ends_no_deeper(depth_rad: FloatArray) -> bool:
@@ -231,18 +236,29 @@ def _ends_no_deeper(depth_rad: FloatArray) -> bool:
     return bool(depth_rad[-1] >= depth_rad[0] - _ROUNDING_RAD and np.all(depth_rad >= depth_rad[0] - _TOLERANCE_RAD))
 
 
-def coasting_way(
+def coasting_ways(
     angles_rad: FloatArray, rates_rad_s: FloatArray, hold_s: float, brakes_rad_s2: FloatArray
-) -> FloatArray:
-    """Return where a head gets to, (n, 2) rad: rates (2,) held for a time, then each axis braked to rest."""
-    speeds = np.abs(rates_rad_s)
-    stopping_s = float(np.max(speeds / brakes_rad_s2))
-    reach = float(np.sum(speeds * hold_s + 0.5 * speeds**2 / brakes_rad_s2))
-    count = min(max(math.ceil(reach / _STEP_RAD), 4), 240)
-    t = np.linspace(0.0, hold_s + stopping_s, count + 1)[:, None]
-    braked = np.minimum(np.maximum(t - hold_s, 0.0), speeds / brakes_rad_s2)
-    moved = rates_rad_s * (np.minimum(t, hold_s) + braked) - 0.5 * np.sign(rates_rad_s) * brakes_rad_s2 * braked**2
-    return np.asarray(angles_rad + moved)
+) -> list[FloatArray]:
+    """Return where a head gets to, (n, 2) rad for each of rates (w, 2): held for a time, then braked to rest."""
+    end_s = hold_s + np.max(np.abs(rates_rad_s) / brakes_rad_s2, axis=1)
+    counts = np.ceil(_reach_rad(rates_rad_s, hold_s, brakes_rad_s2) / _STEP_RAD).clip(4, 240).astype(int).tolist()
+    # of all at once: most are short, and calls would take longer than the arithmetic
+    t = np.concatenate([np.linspace(0.0, end, n + 1) for end, n in zip(end_s.tolist(), counts, strict=True)])[:, None]
+    lengths = [n + 1 for n in counts]
+    rates = np.repeat(rates_rad_s, lengths, axis=0)
+    braked = np.minimum(np.maximum(t - hold_s, 0.0), np.abs(rates) / brakes_rad_s2)
+    moved = rates * (np.minimum(t, hold_s) + braked) - 0.5 * np.sign(rates) * brakes_rad_s2 * braked**2
+    return _parted(angles_rad + moved, lengths)
+
+
+def _reach_rad(rates_rad_s: FloatArray, hold_s: float, brakes_rad_s2: FloatArray) -> FloatArray:
+    """Return how far rates (w, 2) lead, (w,) rad: the sum of both axes."""
+    return np.asarray(np.sum(np.abs(rates_rad_s) * hold_s + 0.5 * rates_rad_s**2 / brakes_rad_s2, axis=1))
+
+
+def _parted(rows: FloatArray, lengths: list[int]) -> list[FloatArray]:
+    ends = np.cumsum(lengths).tolist()
+    return [rows[end - length : end] for end, length in zip(ends, lengths, strict=True)]
 
 
 def rates_are_clear(
@@ -261,7 +277,11 @@ def rates_are_clear(
     for one, other in pairwise(rates_rad_s):
         if np.any(one != other):
             ways += [one + share * (other - one) for share in (0.25, 0.5, 0.75)]
-    farthest = max(float(np.sum(np.abs(v) * hold_s + 0.5 * v**2 / brakes_rad_s2)) for v in ways)
+    rates = np.array(ways)
+    farthest = float(_reach_rad(rates, hold_s, brakes_rad_s2).max())
     if zones.at((float(angles_rad[0]), float(angles_rad[1]))) - margin_rad > farthest:
         return True
-    return all(zones.way_is_clear(coasting_way(angles_rad, v, hold_s, brakes_rad_s2), margin_rad) for v in ways)
+    found = coasting_ways(angles_rad, rates, hold_s, brakes_rad_s2)
+    points = np.concatenate(found)
+    off = zones.clearance(points[:, 0], points[:, 1]) - margin_rad
+    return all(_stays_out(part) for part in _parted(off, [len(way) for way in found]))
