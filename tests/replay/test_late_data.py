@@ -1,5 +1,6 @@
 """Late data: what comes out of order, inside the horizon, ends in the filter that got everything in order."""
 
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
@@ -97,7 +98,7 @@ def flown(events: list[Event], config: Config) -> tuple[Pipeline, list[CameraRep
 
 @pytest.mark.parametrize("estimation", [{}, MODES], ids=["one way of flying", "two"])
 @pytest.mark.parametrize("offset_s", [0.0002, 0.013], ids=["nearly together", "apart"])
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_late_inside_the_horizon_is_as_good_as_in_order(seed: int, offset_s: float, estimation: dict) -> None:
     """A third of all pixels and readings up to 0.4 s late, waited for 20 ms: state, covariance, gates, spikes equal."""
     events = spoiled(seed, exposure_offset_s={"right": offset_s})
@@ -227,23 +228,31 @@ def test_late_pictures_are_processed_without_a_disturbance() -> None:
     """Every third right picture of two seconds of the bundled landing comes 0.3 s late: nearly all give their pixel,
     and the cameras miss nothing more than without them."""
     session = load_session(RECORDING, None)
+    pipeline = Pipeline(session.rig, Config(), span_m=session.target.span_m)
+    with FolderSource(session, 22.0, 27.0) as source:
+        events = iter(source)
+        for event in events:
+            if event.t_s > 25:
+                break
+            pipeline.step(event)
+        # up to here both have the same records; the first of the rest is a reading
+        assert isinstance(event, PtuSample)
+        rest = [event, *events]
 
-    def camera_reports(late: bool) -> list[CameraReport]:
+    def camera_reports(pipeline: Pipeline, late: bool) -> list[CameraReport]:
         cameras: list[CameraReport] = []
         held: list[Frame] = []
-        with FolderSource(session, 22.0, 27.0) as source:
-            pipeline = Pipeline(session.rig, Config(), span_m=session.target.span_m)
-            for event in source:
-                while held and held[0].t_s + 0.3 < event.t_s:
-                    cameras += pipeline.step(held.pop(0)).cameras
-                if isinstance(event, Frame) and event.station == "right" and event.t_s > 25 and event.epoch % 3 == 0:
-                    held += [event] * late
-                    continue
-                cameras += pipeline.step(event).cameras
-            cameras += pipeline.finish().cameras
+        for event in rest:
+            while held and held[0].t_s + 0.3 < event.t_s:
+                cameras += pipeline.step(held.pop(0)).cameras
+            if isinstance(event, Frame) and event.station == "right" and event.epoch % 3 == 0:
+                held += [event] * late
+                continue
+            cameras += pipeline.step(event).cameras
+        cameras += pipeline.finish().cameras
         return [c for c in cameras if c.t_s > 25]
 
-    without, with_them = camera_reports(False), camera_reports(True)
+    without, with_them = camera_reports(deepcopy(pipeline), False), camera_reports(pipeline, True)
     came = [c for c in with_them if c.station == "right" and c.epoch % 3 == 0]
     assert len(came) >= 4
     assert sum(c.status is DetectionStatus.LATE for c in came) >= len(came) - 1
