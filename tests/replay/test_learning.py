@@ -64,7 +64,9 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("taught")
     rig = wrong_rig(out, admitted=True)
     # the evaluated part: y = 150 m is passed at 27.3 s
-    replay(ReplayRequest(session=LANDING, rig=rig, out=out, to_s=27.5, rerun=False, learn_until_s=UNTIL_S))
+    replay(
+        ReplayRequest(session=LANDING, rig=rig, out=out, to_s=27.5, rerun=False, report=False, learn_until_s=UNTIL_S)
+    )
     return out
 
 
@@ -96,7 +98,11 @@ def test_a_rig_without_stated_errors_is_not_estimated(tmp_path: Path) -> None:
     """Without a covariance the mounts count as exact: nothing is estimated, and the effect of DGPS ends with it."""
     rig = wrong_rig(tmp_path, admitted=False)
     # the estimated parameters are fixed by the rig, before the first picture
-    replay(ReplayRequest(session=LANDING, rig=rig, out=tmp_path, to_s=6.0, rerun=False, learn_until_s=UNTIL_S))
+    replay(
+        ReplayRequest(
+            session=LANDING, rig=rig, out=tmp_path, to_s=1.5, rerun=False, report=False, learn_until_s=UNTIL_S
+        )
+    )
     names = [e["name"] for e in json.loads((tmp_path / "summary.json").read_text())["calibration"]["errors"]]
     assert not [n for n in names if "runway_from_base" in n]
 

@@ -30,6 +30,7 @@ def recorded(landing_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
         to_s=TO_S,
         learn_until_s=FROM_S + 1.0,
         rerun=False,
+        report=False,
         record=folder / "flight.mcap",
     )
     assert replay(request).fault is None
@@ -140,7 +141,9 @@ def test_started_where_only_parts_were_recorded_no_target_is_found_without_an_er
 
 
 def test_a_part_or_another_tuning_is_not_compared(recorded: Path, tmp_path: Path) -> None:
-    request = ReplayRequest(session=recorded / "flight.mcap", out=tmp_path, to_s=FROM_S + 1.0, rerun=False)
+    request = ReplayRequest(
+        session=recorded / "flight.mcap", out=tmp_path, to_s=FROM_S + 1.0, rerun=False, report=False
+    )
     result = replay(request)
     assert result.output_comparison is None
     assert result.fault is None
