@@ -1,6 +1,7 @@
 """Boards seen through a known lens: as corners with noise, and as rendered pictures."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -94,6 +95,18 @@ def drawn(board: CalibrationBoard) -> ImageArray:
     return cv2.copyMakeBorder(inner, *(margin,) * 4, cv2.BORDER_CONSTANT, value=255)
 
 
+@lru_cache(maxsize=2)
+def rays(size: tuple[int, int], finer: int, matrix: bytes, distortion: bytes) -> FloatArray:
+    """The ray (n, 3) of each sub-pixel, row by row: the pictures of one lens have them in common."""
+    w, h = size
+    u, v = np.meshgrid((np.arange(finer * w) + 0.5) / finer - 0.5, (np.arange(finer * h) + 0.5) / finer - 0.5)
+    grid = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 1e-9)
+    k, d = np.frombuffer(matrix).reshape(3, 3), np.frombuffer(distortion)
+    ray = cv2.undistortPoints(grid, k, d, criteria=criteria).reshape(-1, 2)
+    return np.column_stack([ray, np.ones(len(ray))])
+
+
 def render(
     rng: np.random.Generator,
     board: CalibrationBoard,
@@ -106,11 +119,7 @@ def render(
     """The board's picture (h, w) through a lens, a shaded grey room behind it: every sub-pixel is ray-traced."""
     w, h = lens.image_size_px
     finer = 2
-    u, v = np.meshgrid((np.arange(finer * w) + 0.5) / finer - 0.5, (np.arange(finer * h) + 0.5) / finer - 0.5)
-    grid = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
-    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 1e-9)
-    ray = cv2.undistortPoints(grid, camera_matrix(lens), lens.distortion, criteria=criteria).reshape(-1, 2)
-    ray = np.column_stack([ray, np.ones(len(ray))])
+    ray = rays(lens.image_size_px, finer, camera_matrix(lens).tobytes(), lens.distortion.tobytes())
     matrix = cv2.Rodrigues(pose.rotation)[0]
     # the ray meets the board's plane where its z on the board is zero
     origin, direction = -matrix.T @ pose.translation_m, ray @ matrix
