@@ -8,8 +8,8 @@ import numpy as np
 
 from calibration.flight.covariance import with_covariance
 from calibration.flight.fit import FlightFit, FlightFitError, FlightSolution, find_solution
+from calibration.flight.html_report import FlightPage, write_flight_page
 from calibration.flight.observations import FlightData, gather_flight
-from calibration.flight.page import FlightPage, write_flight_page
 from calibration.flight.parameters import (
     KNOWN_POSITION_M,
     POINT_SIGMA_M,
@@ -18,9 +18,9 @@ from calibration.flight.parameters import (
     free_words,
 )
 from calibration.flight.problem import FlightProblem
-from calibration.flight.report import format_flight_report, rig_header
 from calibration.flight.rig import solved_rig
 from calibration.flight.start import StartingPoint, find_start
+from calibration.flight.text_report import format_flight_report, rig_header
 from calibration.flight.verdict import judge_flight
 from groundstation.errors import InputError
 from groundstation.rig.rig import Rig

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from groundstation.bank.factor_shares import FactorShare
+from groundstation.bank.factor_figures import ClassFigures
 from groundstation.bank.pooled_figures import session_values
 from groundstation.bank.result_table import Row
 from groundstation.evaluation.figure_style import BOUND, EKF, TRIANGULATION, ReportFigure, legend_above
@@ -14,7 +14,7 @@ _BASELINE = TRIANGULATION
 _MOST_CLASSES = 24
 
 
-def bank_figures(rows: Sequence[Row], shares: Sequence[FactorShare]) -> list[ReportFigure]:
+def bank_figures(rows: Sequence[Row], classes: Sequence[ClassFigures]) -> list[ReportFigure]:
     """Return the figures for which the rows have data."""
     found = [
         _cumulative(rows, "hit", "Hits", "share of visible frames hit", ("hit_share", "baseline_hit_share")),
@@ -24,8 +24,8 @@ def bank_figures(rows: Sequence[Row], shares: Sequence[FactorShare]) -> list[Rep
             rows, "error", "Error along the runway", "RMSE y, m", ("near_rmse_y_m", "baseline_near_rmse_y_m"), log=True
         ),
     ]
-    if shares:
-        found.append(_classes(shares))
+    if classes:
+        found.append(_classes(classes))
     return [figure for figure in found if figure is not None]
 
 
@@ -63,21 +63,21 @@ def _cumulative(
     )
 
 
-def _classes(shares: Sequence[FactorShare]) -> ReportFigure:
+def _classes(classes: Sequence[ClassFigures]) -> ReportFigure:
     """Return the share of hits of the most harmful classes."""
-    shown = list(shares[:_MOST_CLASSES])[::-1]
+    shown = list(classes[:_MOST_CLASSES])[::-1]
 
     def draw(figure: Figure) -> None:
         ax = figure.subplots()
         places = np.arange(len(shown))
-        for place, share in zip(places, shown, strict=True):
-            if share.low is not None and share.high is not None:
-                ax.plot([100.0 * share.low, 100.0 * share.high], [place, place], color=EKF, lw=1.2)
-        ax.plot([100.0 * share.hit for share in shown], places, "o", ms=4, color=EKF)
-        ax.set_yticks(places, [f"{share.factor}: {share.kind}" for share in shown])
+        for place, figures in zip(places, shown, strict=True):
+            if figures.low is not None and figures.high is not None:
+                ax.plot([100.0 * figures.low, 100.0 * figures.high], [place, place], color=EKF, lw=1.2)
+        ax.plot([100.0 * figures.hit for figures in shown], places, "o", ms=4, color=EKF)
+        ax.set_yticks(places, [f"{figures.factor}: {figures.kind}" for figures in shown])
         ax.set_xlabel("visible frames hit, % (95 % interval)")
 
-    worst = shares[0]
+    worst = classes[0]
     return ReportFigure(
         name="classes",
         title="Weakest conditions",

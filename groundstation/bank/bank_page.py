@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from groundstation.bank.bank_figures import bank_figures
 from groundstation.bank.bank_settings import BankSettings
 from groundstation.bank.dispatcher import JobFailure
-from groundstation.bank.factor_shares import PREFIX, FactorShare, factor_shares
+from groundstation.bank.factor_figures import PREFIX, ClassFigures, factor_figures
 from groundstation.bank.pooled_figures import POOLED, QUANTILES, Distribution, PooledFigure, distributions, pooled
 from groundstation.bank.result_table import Row
 from groundstation.files.html_page import (
@@ -49,7 +49,7 @@ class BankResult:
 def bank_page(result: BankResult, words: str) -> str:
     """Return the page as HTML; ``words`` describe the run: version, date."""
     rows = result.rows
-    shares = factor_shares(rows)
+    classes = factor_figures(rows)
     title = f"{result.settings.world_set.value}: {len(rows)} of {result.settings.sessions} worlds"
     body = [
         page_header("bank", title),
@@ -59,7 +59,7 @@ def bank_page(result: BankResult, words: str) -> str:
         "<h2>Pooled over all sessions</h2>",
         text_table(["figure", "value", "95 %", "sessions"], [_pooled_cells(pooled(rows, ratio)) for ratio in POOLED]),
         "<h2>Distributions over sessions</h2>",
-        picture_grid(_figures(rows, shares)),
+        picture_grid(_figures(rows, classes)),
         text_table(
             ["figure", *(f"{100 * q:.0f} %" for q in QUANTILES), "sessions"],
             [_distribution_cells(found) for found in distributions(rows)],
@@ -67,7 +67,7 @@ def bank_page(result: BankResult, words: str) -> str:
         "<h2>Conditions by harm</h2>",
         text_table(
             [Column("factor", text=True), Column("class", text=True), *_SHARE_COLUMNS],
-            [_share_cells(share) for share in shares],
+            [_class_cells(figures) for figures in classes],
         ),
         f"<h2>The worst {min(result.settings.worst, len(rows))} sessions</h2>",
         "".join(_worst(row, result) for row in worst_rows(rows, result.settings.worst)),
@@ -128,24 +128,24 @@ def _distribution_cells(found: Distribution) -> list[str]:
     return [found.title, *(f"{value:.3g}" for value in found.quantiles), str(found.count)]
 
 
-def _share_cells(share: FactorShare) -> list[str]:
+def _class_cells(figures: ClassFigures) -> list[str]:
     return [
-        share.factor,
-        share.kind,
-        str(share.sessions),
-        str(share.frames),
-        share_text(share.hit),
-        interval_text(share.low, share.high),
-        share_text(share.wrong),
-        share_text(share.coverage),
-        share_text(share.misleading),
-        share_text(share.excluded),
-        f"{100.0 * share.harm:+.2f}",
+        figures.factor,
+        figures.kind,
+        str(figures.sessions),
+        str(figures.frames),
+        share_text(figures.hit),
+        interval_text(figures.low, figures.high),
+        share_text(figures.wrong),
+        share_text(figures.coverage),
+        share_text(figures.misleading),
+        share_text(figures.excluded),
+        f"{100.0 * figures.harm:+.2f}",
     ]
 
 
-def _figures(rows: Sequence[Row], shares: Sequence[FactorShare]) -> list[str]:
-    drawn = [figure.drawn() for figure in bank_figures(rows, shares)]
+def _figures(rows: Sequence[Row], classes: Sequence[ClassFigures]) -> list[str]:
+    drawn = [figure.drawn() for figure in bank_figures(rows, classes)]
     return [page_figure(figure.picture.title, figure.picture.caption, figure.svg) for figure in drawn]
 
 

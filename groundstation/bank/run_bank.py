@@ -10,7 +10,7 @@ from typing import Any
 from groundstation.bank.bank_page import BankResult, bank_page, worst_rows
 from groundstation.bank.bank_settings import BankSettings
 from groundstation.bank.csrt_process import require_csrt
-from groundstation.bank.factor_shares import factor_shares
+from groundstation.bank.factor_figures import factor_figures
 from groundstation.bank.map_resumable import map_resumable
 from groundstation.bank.pooled_figures import POOLED, distributions, pooled
 from groundstation.bank.result_store import write_whole
@@ -125,6 +125,6 @@ def _summary(result: BankResult, digest: str) -> dict[str, Any]:
             for f in figures
         ],
         "distributions": [asdict(found) for found in distributions(rows)],
-        "factors": [asdict(share) for share in factor_shares(rows)],
+        "factors": [asdict(figures) for figures in factor_figures(rows)],
         "worst": [int(row["seed"]) for row in worst_rows(rows, result.settings.worst)],
     }

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from groundstation.bank.baseline import baseline_row
+from groundstation.bank.contact_sheet import contact_sheet
 from groundstation.bank.frame_classes import frame_class_row
 from groundstation.bank.frame_outcomes import frame_outcomes
-from groundstation.bank.frame_sheet import frame_sheet
 from groundstation.bank.session_figures import session_figures
 from groundstation.bank.session_truth import SessionTruth
 from groundstation.errors import SessionError
@@ -70,7 +70,7 @@ def score_world(job: WorldJob) -> dict[str, Any]:
         }
         if job.csrt_python is not None:
             row |= baseline_row(truth, Path(job.csrt_python))
-        sheet = frame_sheet(truth, outcomes)
+        sheet = contact_sheet(truth, outcomes)
     return {
         "row": {name: _rounded(value) for name, value in row.items()},
         "sheet": base64.b64encode(sheet).decode("ascii"),

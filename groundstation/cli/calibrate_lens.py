@@ -89,9 +89,9 @@ def run_intrinsics(options: argparse.Namespace) -> int:
     """Calibrate a lens, print the verdict and what was written."""
     from calibration.lens.advice import advise
     from calibration.lens.boards import parse_board
+    from calibration.lens.html_report import write_lens_report
     from calibration.lens.intrinsics import calibrate_intrinsics
     from calibration.lens.lens_files import format_of, require_no_rig, write_lens
-    from calibration.lens.report import write_lens_report
     from calibration.lens.rig import require_station, write_rig_with_lens
     from calibration.lens.summary import format_intrinsics
     from calibration.pictures import read_pictures

@@ -57,9 +57,9 @@ def run_mount(options: argparse.Namespace) -> int:
     """Calibrate mounts, print reports and what was written; returns the exit code."""
     from calibration.lens.boards import parse_board
     from calibration.mount.calibrate import calibrate_mounts, read_mount_tables, write_rig
-    from calibration.mount.page import write_mount_page
-    from calibration.mount.report import format_mount
+    from calibration.mount.html_report import write_mount_page
     from calibration.mount.sightings_from_pictures import sightings_of_pictures
+    from calibration.mount.text_report import format_mount
     from groundstation.rig.rig import load_rig
 
     _require_usage(options)

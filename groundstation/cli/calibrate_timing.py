@@ -52,7 +52,7 @@ def add_timing(kinds: Commands) -> None:
 def run_timing(options: argparse.Namespace) -> int:
     """Calibrate clocks, print the report and what was written; returns the exit code."""
     from calibration.clocks.calibrate import TimingRequest, calibrate_timing
-    from calibration.clocks.report import format_timing
+    from calibration.clocks.text_report import format_timing
 
     require_span(options)
     refuse_own_rig(options)
@@ -77,7 +77,7 @@ def run_timing(options: argparse.Namespace) -> int:
     print(format_timing(found))
     print(f"\nwrote {options.out}")
     if options.report is not None:
-        from calibration.clocks.page import write_timing_page
+        from calibration.clocks.html_report import write_timing_page
 
         print_files(write_timing_page(options.report, found))
     return 0

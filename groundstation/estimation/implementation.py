@@ -13,7 +13,7 @@ from groundstation.estimation.imm import ImmFilter
 from groundstation.estimation.smoother_history import SmoothAcross, smooth_across
 from groundstation.estimation.state_model import StateLayout
 from groundstation.estimation.updates.encoder_update import EncoderUpdate
-from groundstation.estimation.updates.plain_encoder_update import PlainEncoderUpdate
+from groundstation.estimation.updates.numpy_encoder_update import NumpyEncoderUpdate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,4 +36,4 @@ def filter_arithmetic(implementation: FilterImplementation) -> FilterArithmetic:
     from groundstation.estimation.filterpy_imm import FilterpyImm
     from groundstation.estimation.filterpy_smoother import rts_step
 
-    return FilterArithmetic(imm=FilterpyImm, encoder=PlainEncoderUpdate, smooth_across=rts_step)
+    return FilterArithmetic(imm=FilterpyImm, encoder=NumpyEncoderUpdate, smooth_across=rts_step)

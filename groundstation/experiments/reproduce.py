@@ -9,7 +9,7 @@ from pathlib import Path
 from groundstation.errors import InputError
 from groundstation.evaluation.summary import versions
 from groundstation.experiments.experiment import Experiment, Findings
-from groundstation.experiments.page import paper_page
+from groundstation.experiments.html_report import paper_page
 from groundstation.experiments.registry import EXPERIMENTS, named
 from groundstation.experiments.truth_session import TruthSession
 from groundstation.files.output_names import below

@@ -7,8 +7,8 @@ import numpy as np
 from groundstation.errors import GroundstationError
 from groundstation.live.check_result import CheckResult, failed, passed
 from groundstation.live.reference_device import ReferenceDevice
+from groundstation.live.reference_fixes import ReferenceClock, ReferenceConverter
 from groundstation.live.reference_line import open_reference_line
-from groundstation.live.reference_place import ReferenceClock, ReferencePlace
 from groundstation.live.reference_set_up import gps_time_of
 from groundstation.messages import DgpsFix
 from groundstation.session.folder import GeoOrigin
@@ -23,7 +23,7 @@ def check_reference(device: ReferenceDevice, origin: GeoOrigin, seconds: float) 
     """Listen to the receiver for a while."""
     start_s = time.monotonic()
     clock = ReferenceClock(gps_time_of(start_s), device.clock_offset_s)
-    place = ReferencePlace(origin, clock, None)
+    converter = ReferenceConverter(origin, clock, None)
     stream = NmeaStream("DGPS", LogOptions(geoid_separation_m=device.geoid_separation_m))
     found: list[tuple[LogFix, DgpsFix, float]] = []
     refused: list[str] = []
@@ -36,7 +36,7 @@ def check_reference(device: ReferenceDevice, origin: GeoOrigin, seconds: float) 
                 heard += len(data)
                 for fix in stream.feed(data, time.time()) if data else stream.quiet(time.time()):
                     arrived_s = time.monotonic() - start_s
-                    placed = place.place(fix, arrived_s)
+                    placed = converter.convert(fix, arrived_s)
                     if placed.antenna is not None:
                         found.append((fix, placed.antenna, arrived_s - placed.antenna.t_s))
                     elif placed.refusal is not None:

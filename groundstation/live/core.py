@@ -27,7 +27,7 @@ from groundstation.messages import (
     TrackEvent,
     TrackStatus,
 )
-from groundstation.pointing.pointing_law import HeadPilot
+from groundstation.pointing.pointing_law import HeadController
 from groundstation.pointing.search_pattern import SearchPattern
 from groundstation.tracking.config import Config
 from groundstation.tracking.log_throttle import LogThrottle
@@ -80,7 +80,7 @@ class LiveCore:
     """
 
     def __init__(
-        self, pipeline: Pipeline, pairing: FramePairer, heads: Mapping[str, HeadPilot], pattern: SearchPattern
+        self, pipeline: Pipeline, pairing: FramePairer, heads: Mapping[str, HeadController], pattern: SearchPattern
     ) -> None:
         self.pipeline = pipeline
         self.status = TrackStatus.SEARCHING
@@ -224,7 +224,7 @@ class LiveCore:
                 self._hold_throttle.take(now_s, f"{name}: {head.keep_out.held}")
         return commands
 
-    def _command(self, name: str, head: HeadPilot, now_s: float) -> PointingCommand:
+    def _command(self, name: str, head: HeadController, now_s: float) -> PointingCommand:
         if self._parking is not None:
             if name not in self._parking:
                 return head.hold(now_s)

@@ -24,7 +24,7 @@ from groundstation.live.station_file import StationFile
 from groundstation.live.status_board import DeviceState, LiveStatus, StatusBoard
 from groundstation.messages import Event, Frame, PtuSample, TrackStatus
 from groundstation.pointing.keep_out import KeepOut
-from groundstation.pointing.pointing_law import HeadPilot
+from groundstation.pointing.pointing_law import HeadController
 from groundstation.pointing.search_pattern import SearchPattern
 from groundstation.rig.rig import Rig
 from groundstation.sinks.sink import Sink
@@ -287,14 +287,14 @@ class Operation:
     def _core(self, heads: HeadManager) -> LiveCore:
         geometries = {s.name: s.geometry() for s in self._rig.stations}
         closed = {s.name: s.head.keep_out for s in self._file.stations if s.head is not None}
-        pilots = {
-            n: HeadPilot(geometries[n], h.limits, self._file.pointing, _since(closed.get(n), self.start_s))
+        controllers = {
+            n: HeadController(geometries[n], h.limits, self._file.pointing, _since(closed.get(n), self.start_s))
             for n, h in heads.states.items()
         }
         period_s = 1.0 / self._file.rate_hz
         pairing = FramePairer(self._rig.names, period_s)
         self._load_shedder = LoadShedder(pairing, period_s, most=len(self._rig.names) + 1)
-        return LiveCore(self._pipeline(), pairing, pilots, SearchPattern(geometries, self._file.search))
+        return LiveCore(self._pipeline(), pairing, controllers, SearchPattern(geometries, self._file.search))
 
 
 def _since(keep_out: KeepOut | None, start_s: float) -> KeepOut | None:

@@ -1,4 +1,4 @@
-"""The reference receiver of a station file, set up: its clock, its place, where its positions go."""
+"""The reference receiver of a station file, set up: clock, conversion of its positions, output table."""
 
 import dataclasses
 import time
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from groundstation.live.input_queue import InputQueue
 from groundstation.live.reference_device import ReferenceDevice
-from groundstation.live.reference_place import ReferenceClock, ReferencePlace
+from groundstation.live.reference_fixes import ReferenceClock, ReferenceConverter
 from groundstation.live.reference_table import DgpsTable
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.station_file import StationFile
@@ -58,8 +58,8 @@ class ReferenceReceiver:
         if device is None or origin is None:
             return
         clock = ReferenceClock(gps_time_of(start_s), device.clock_offset_s)
-        place = ReferencePlace(origin, clock, known.antenna_in_body_m, known.offset_s)
-        self.worker = ReferenceWorker(device, place, input_queue, self._table, start_s=start_s)
+        converter = ReferenceConverter(origin, clock, known.antenna_in_body_m, known.offset_s)
+        self.worker = ReferenceWorker(device, converter, input_queue, self._table, start_s=start_s)
 
     def close(self, recorder: Recorder | None = None) -> None:
         """Close the table and add it to the recording; twice does no harm."""

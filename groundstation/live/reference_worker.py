@@ -14,8 +14,8 @@ from groundstation.errors import GroundstationError, LogError
 from groundstation.live.head_worker import ItemSink
 from groundstation.live.input_queue import DeviceLogLine
 from groundstation.live.reference_device import ReferenceDevice
+from groundstation.live.reference_fixes import ReferenceConverter
 from groundstation.live.reference_line import ReceiverLine, open_reference_line
-from groundstation.live.reference_place import ReferencePlace
 from groundstation.live.status_board import GONE_S, ReferenceState
 from groundstation.messages import DgpsFix
 from groundstation.session.logs.fixes import LogFix, LogOptions
@@ -43,7 +43,7 @@ class ReferenceWorker:
 
     Parameters
     ----------
-    place : puts a position into the runway frame and onto the session's clock.
+    converter : converts a position to the runway frame and to the session's clock.
     input_queue : takes the positions for the filter, if it is to learn, and messages.
     table : takes all of them, None for nowhere.
     start_s : the session's time zero on ``clock``.
@@ -54,7 +54,7 @@ class ReferenceWorker:
     def __init__(
         self,
         device: ReferenceDevice,
-        place: ReferencePlace,
+        converter: ReferenceConverter,
         input_queue: ItemSink,
         table: FixTable | None,
         *,
@@ -67,7 +67,7 @@ class ReferenceWorker:
         self.refused: Counter[str] = Counter()
         self.quality = ""
         self.newest_s = -math.inf
-        self._device, self._place, self._input_queue, self._table = device, place, input_queue, table
+        self._device, self._converter, self._input_queue, self._table = device, converter, input_queue, table
         self._start_s, self._clock, self._utc, self._connect = start_s, clock, utc, connect
         self._stream = NmeaStream("DGPS", LogOptions(geoid_separation_m=device.geoid_separation_m))
         self._stop = threading.Event()
@@ -146,10 +146,10 @@ class ReferenceWorker:
 
     def _take(self, fix: LogFix) -> None:
         arrived_s = self._now_s()
-        placed = self._place.place(fix, arrived_s)
-        if self._place.clock.adopted != self._adopted:
-            self._adopted = self._place.clock.adopted
-            offset_s = self._place.clock.offset_s
+        placed = self._converter.convert(fix, arrived_s)
+        if self._converter.clock.adopted != self._adopted:
+            self._adopted = self._converter.clock.adopted
+            offset_s = self._converter.clock.offset_s
             text = f"its clock is {offset_s:+.1f} s off this machine's; taken from when its positions come"
             text = (
                 f"{text}: set one of them, or clock_offset_s"

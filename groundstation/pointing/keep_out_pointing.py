@@ -22,7 +22,7 @@ _SHARES = (1.0, 0.6, 0.3, 0.1)
 _STEP_SHARES = (*_SHARES, 0.03, 0.01)
 
 
-class KeepOutPilot:
+class KeepOutController:
     """Keep-out rules of one head.
 
     Parameters

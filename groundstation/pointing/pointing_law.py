@@ -21,7 +21,7 @@ from groundstation.geometry.station import StationGeometry
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
 from groundstation.pointing.keep_out import KeepOut
-from groundstation.pointing.keep_out_pointing import KeepOutPilot
+from groundstation.pointing.keep_out_pointing import KeepOutController
 
 _GAIN_TIMES_LATENCY = 0.3
 # a driver refuses a rate from which the axis could not stop before its limit if the stop command came so late
@@ -59,7 +59,7 @@ class PointingConfig:
             raise ValueError("rate_share and acceleration_share must be in (0, 1], margin_deg ≥ 0")
 
 
-class AxisPilot:
+class AxisController:
     """One axis: where it will be, and the rate that brings it where it should be."""
 
     def __init__(self, limits: AxisLimits, config: PointingConfig) -> None:
@@ -163,7 +163,7 @@ def _fastest_within(room_rad: float, brakes_rad_s2: float) -> float:
     return math.sqrt(late * late + 2.0 * brakes_rad_s2 * room_rad) - late
 
 
-class HeadPilot:
+class HeadController:
     """Controls one station's PTU: follows a target, moves to angles, holds; around its lens's keep-out zones, if any.
 
     ``keep_out`` is at session times.
@@ -173,10 +173,12 @@ class HeadPilot:
         self, geometry: StationGeometry, limits: HeadLimits, config: PointingConfig, keep_out: KeepOut | None = None
     ) -> None:
         self.geometry = geometry
-        self.keep_out = None if keep_out is None or keep_out.is_empty else _keep_out_pilot(keep_out, limits, config)
+        self.keep_out = (
+            None if keep_out is None or keep_out.is_empty else _keep_out_controller(keep_out, limits, config)
+        )
         self.latency_s = config.latency_s
         self._config = config
-        self._pan, self._tilt = AxisPilot(limits.pan, config), AxisPilot(limits.tilt, config)
+        self._pan, self._tilt = AxisController(limits.pan, config), AxisController(limits.tilt, config)
 
     def read(self, sample: PtuSample) -> None:
         """Take a reading of this station's PTU."""
@@ -281,7 +283,7 @@ class HeadPilot:
         )
 
     def _kept_out(
-        self, keep_out: KeepOutPilot, now_s: float, here: FloatArray, rates: tuple[float, float]
+        self, keep_out: KeepOutController, now_s: float, here: FloatArray, rates: tuple[float, float]
     ) -> tuple[float, float]:
         """Return rates that lead near no closed zone, and that the axes can turn at."""
         act_s = now_s + self.latency_s
@@ -297,9 +299,9 @@ class HeadPilot:
         return np.array([a.replace_rate(float(v), now_s, self.latency_s) for a, v in zip(axes, rates, strict=True)])
 
 
-def _keep_out_pilot(keep_out: KeepOut, limits: HeadLimits, config: PointingConfig) -> KeepOutPilot:
+def _keep_out_controller(keep_out: KeepOut, limits: HeadLimits, config: PointingConfig) -> KeepOutController:
     axes, margin = (limits.pan, limits.tilt), math.radians(config.margin_deg)
-    return KeepOutPilot(
+    return KeepOutController(
         keep_out,
         np.array([a.low_rad + margin for a in axes]),
         np.array([a.high_rad - margin for a in axes]),

@@ -6,7 +6,7 @@ from pathlib import Path
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, write_summary
-from groundstation.evaluation.report import write_report
+from groundstation.evaluation.html_report import write_report
 from groundstation.recording.recorder import Recorder
 from groundstation.replay.replay_request import ReplayRequest
 from groundstation.session import Session

@@ -21,7 +21,7 @@ from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.input_queue import Item
 from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackState, TrackStatus
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
-from groundstation.pointing.pointing_law import HeadPilot, PointingConfig
+from groundstation.pointing.pointing_law import HeadController, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.rig.rig import Rig, Station
 from groundstation.simulation.closed_loop_head import ClosedLoopHead
@@ -337,6 +337,9 @@ class ClosedLoopSimulation:
         return LiveCore(
             Pipeline(self._rig, config, span_m=self._span_m, reference_errors=clock if h.dgps_rate_hz > 0.0 else None),
             FramePairer(self._rig.names, 1.0 / h.frame_rate_hz),
-            {n: HeadPilot(g, limits, PointingConfig(latency_s=h.head_latency_s)) for n, g in self._geometries.items()},
+            {
+                n: HeadController(g, limits, PointingConfig(latency_s=h.head_latency_s))
+                for n, g in self._geometries.items()
+            },
             SearchPattern(self._geometries, SearchConfig()),
         )

@@ -26,7 +26,7 @@ _ON_ITS_WHEELS_FT = 4.3
 _SETTLE_S, _THROTTLE_S, _RELEASE_S = 2.0, 4.0, 6.0
 _ROTATE_KT, _CLIMB_KT, _CLIMB_RAD = 55.0, 70.0, math.radians(8.0)
 _MOST_S = 150.0
-# of the pilot: rudder and brakes by heading (1/rad) and its rate (s/rad), heading by metres and by speed off the line,
+# gains: rudder and brakes by heading (1/rad) and its rate (s/rad), heading by metres and by speed off the line,
 # aileron by bank, its rate and its sum (1/rad s)
 _RUDDER, _BRAKE, _MOST_BRAKE, _BRAKES_TO_KT = (12.0, 4.0), (4.0, 4.0), 0.4, 30.0
 _HEADING_BY_PLACE, _HEADING_BY_SPEED, _MOST_HEADING = 0.01, 0.006, 0.15
@@ -35,7 +35,7 @@ _ELEVATOR, _PITCH_BY_KT, _PITCH = (2.5, 1.0), 0.01, (math.radians(3.0), math.rad
 
 
 @dataclass(slots=True)
-class _Pilot:
+class _TakeOffController:
     """Control law of the take-off; ``rotated`` is set above the rotation speed."""
 
     model: Any
@@ -105,14 +105,14 @@ def take_off_by_jsbsim(
     model.run_ic()
     start_turbulence(model, seed, wind_m_s)
     model["propulsion/set-running"], model["fcs/mixture-cmd-norm"] = -1.0, 0.9
-    pilot, rows = _Pilot(model), []
+    controller, rows = _TakeOffController(model), []
     far_m = (start_y_m - end_y_m) / scale
     for k in range(round(_MOST_S / _STEP_S)):
         t_s = k * _STEP_S
-        pilot.act(t_s)
+        controller.act(t_s)
         model.run()
         place = _nose(model)
-        pilot.east_m = float(place[1])
+        controller.east_m = float(place[1])
         if t_s >= _SETTLE_S:
             rows.append(place)
             if place[0] - rows[0][0] > far_m:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from groundstation.bank.factor_shares import FactorShare, factor_shares
+from groundstation.bank.factor_figures import ClassFigures, factor_figures
 from groundstation.bank.frame_classes import FRAME_FACTORS
 from groundstation.bank.pooled_figures import HIT, POOLED, distributions, pooled, session_values
 from groundstation.sources.visibility_table import FrameVisibility
@@ -46,29 +46,29 @@ def test_a_detector_that_is_a_fifth_worse_is_outside_the_interval() -> None:
     assert after.high < before.low
 
 
-def shares_by_class(rows: list[dict[str, object]]) -> dict[tuple[str, str], FactorShare]:
-    return {(share.factor, share.kind): share for share in factor_shares(rows)}
+def figures_by_class(rows: list[dict[str, object]]) -> dict[tuple[str, str], ClassFigures]:
+    return {(figures.factor, figures.kind): figures for figures in factor_figures(rows)}
 
 
 def test_the_condition_with_the_most_misses_comes_first() -> None:
     """Expected: without dusk the share of hits is 0.9 instead of 0.7: harm of 0.2; frames count, not sessions."""
     rows = [drawn_row(0, hit=90), drawn_row(1, hit=90), drawn_row(2, hit=30, sky="dusk")]
-    found = factor_shares(rows)
+    found = factor_figures(rows)
     assert (found[0].factor, found[0].kind) == ("sky", "dusk")
     assert found[0].harm == pytest.approx(0.2)
     assert (found[0].sessions, found[0].frames) == (1, 100)
     assert found[0].hit == pytest.approx(0.3)
-    clear = shares_by_class(rows)["sky", "clear"]
+    clear = figures_by_class(rows)["sky", "clear"]
     assert clear.harm == pytest.approx(0.3 - 0.7)
     assert clear.excluded == pytest.approx(20 / 220)
 
 
 def test_classes_of_frames_have_the_frames_of_all_sessions() -> None:
-    found = shares_by_class([drawn_row(0), drawn_row(1, hit=50)])
+    found = figures_by_class([drawn_row(0), drawn_row(1, hit=50)])
     for factor in FRAME_FACTORS:
-        share = found[factor.name, factor.classes[0]]
-        assert (share.frames, share.coverage) == (200, None)
-        assert share.hit == pytest.approx(0.7)
+        figures = found[factor.name, factor.classes[0]]
+        assert (figures.frames, figures.coverage) == (200, None)
+        assert figures.hit == pytest.approx(0.7)
         assert (factor.name, factor.classes[1]) not in found
 
 

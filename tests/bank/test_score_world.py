@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from groundstation.bank import score_world
+from groundstation.bank.contact_sheet import TILES
 from groundstation.bank.csrt_process import require_csrt
 from groundstation.bank.frame_classes import FRAME_FACTORS, class_column
-from groundstation.bank.frame_sheet import TILES
 from groundstation.bank.score_world import WorldJob
 from groundstation.errors import InputError
 from groundstation.simulation.drawn_cameras import CameraSpec

@@ -15,7 +15,7 @@ from groundstation.evaluation.accuracy_table import format_accuracy_table
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
-from groundstation.evaluation.report import report_page, write_report
+from groundstation.evaluation.html_report import report_page, write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.messages import DgpsFix, StepReport, TrackEvent
 from groundstation.rig.rig import Rig

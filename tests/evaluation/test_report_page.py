@@ -14,11 +14,11 @@ import pytest
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run
-from groundstation.evaluation.report import write_report
+from groundstation.evaluation.html_report import write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.experiments.detection_tables import ROI_COLUMNS
 from groundstation.experiments.experiment import Experiment, Findings, Paper, PaperFigure
-from groundstation.experiments.page import paper_page
+from groundstation.experiments.html_report import paper_page
 from groundstation.experiments.tables import ResultTable
 from groundstation.files.html_page import MAX_UNSTACKED, PAGE_CSS, Column, axes_cell, page_table
 from groundstation.messages import CarriedError, DgpsFix

@@ -17,10 +17,10 @@ from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.experiments.canny import canny_edges
 from groundstation.experiments.experiment import Findings
+from groundstation.experiments.html_report import paper_page
 from groundstation.experiments.localisation import failing
 from groundstation.experiments.onboard_energies import FLAT, HOUGH, PRINTED, EnergyApproach, deciding, order_words
 from groundstation.experiments.onboard_pictures import PANEL_PX, panel, sheet
-from groundstation.experiments.page import paper_page
 from groundstation.experiments.registry import EXPERIMENTS, named
 from groundstation.experiments.reproduce import ReproduceRequest, reproduce
 from groundstation.experiments.tables import ResultTable
@@ -200,7 +200,7 @@ def test_canny_finds_a_step_and_nothing_in_a_plain_picture() -> None:
     assert not canny_edges(np.full((60, 80), 7.0), 1.0).any()
 
 
-def test_the_page_says_both_sides_and_loads_nothing(found: dict[str, Findings], tmp_path: Path) -> None:
+def test_the_page_has_both_sides_and_loads_nothing(found: dict[str, Findings], tmp_path: Path) -> None:
     shown = [(e, found[e.name]) for e in EXPERIMENTS]
     for findings in found.values():
         for figure in findings.figures:
@@ -356,7 +356,7 @@ def test_a_runway_is_cut_out_where_it_is() -> None:
     assert (whole[: -2 * PANEL_PX[1]].reshape(-1, 3) == (0, 0, 255)).all(axis=1).sum() > 20
 
 
-def test_each_round_leads_astray_as_far_as_the_filter_says(found: dict[str, Findings]) -> None:
+def test_each_round_leads_astray_as_far_as_the_filter_predicts(found: dict[str, Findings]) -> None:
     """Expected: in every pass the runway corrects the filter, and before it the filter's covariance is consistent."""
     (table,) = found["passes"].tables
     rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]

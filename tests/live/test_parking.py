@@ -8,7 +8,7 @@ from groundstation.live.core import LiveCore
 from groundstation.live.frame_pairing import FramePairer
 from groundstation.messages import PtuSample
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
-from groundstation.pointing.pointing_law import HeadPilot, PointingConfig
+from groundstation.pointing.pointing_law import HeadController, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
@@ -22,11 +22,15 @@ def core() -> LiveCore:
     rig = make_rig()
     geometries = {s.name: s.geometry() for s in rig.stations}
     axis = AxisLimits(low_rad=-1.5, high_rad=1.5, fastest_rad_s=1.0, acceleration_rad_s2=1.0)
-    pilots = {
-        n: HeadPilot(g, HeadLimits(pan=axis, tilt=axis), PointingConfig(latency_s=0.02)) for n, g in geometries.items()
+    controllers = {
+        n: HeadController(g, HeadLimits(pan=axis, tilt=axis), PointingConfig(latency_s=0.02))
+        for n, g in geometries.items()
     }
     core = LiveCore(
-        Pipeline(rig, Config()), FramePairer(rig.names, 1.0 / 30.0), pilots, SearchPattern(geometries, SearchConfig())
+        Pipeline(rig, Config()),
+        FramePairer(rig.names, 1.0 / 30.0),
+        controllers,
+        SearchPattern(geometries, SearchConfig()),
     )
     core.park(dict.fromkeys(rig.names, (0.0, 0.0)))
     return core

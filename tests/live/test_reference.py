@@ -1,4 +1,4 @@
-"""A reference receiver in operation: its sentences become positions at their time and place, or a reason."""
+"""A reference receiver in operation: its sentences become positions in the runway frame, or a reason."""
 
 import socket
 import threading
@@ -18,8 +18,8 @@ from groundstation.live.check_reference import check_reference
 from groundstation.live.head_device import DeviceError
 from groundstation.live.input_queue import DeviceLogLine, InputQueue, Item
 from groundstation.live.reference_device import ReferenceDevice, sender_networks
+from groundstation.live.reference_fixes import ReferenceClock, ReferenceConverter, Refusal
 from groundstation.live.reference_line import open_reference_line
-from groundstation.live.reference_place import ReferenceClock, ReferencePlace, Refusal
 from groundstation.live.reference_table import DgpsTable
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.messages import DgpsFix, ReferenceFix
@@ -97,15 +97,17 @@ def test_unexplained_heights_are_reported_and_the_line_continues() -> None:
     assert len(listener.quiet(UNIX_S)) == 1
 
 
-# ------------------------------------------------------------------------------------------- place
-def placing(offset_s: float | None = None, antenna: tuple[float, float, float] | None = None) -> ReferencePlace:
+# ---------------------------------------------------------------------------------------- conversion
+def converter_of(
+    offset_s: float | None = None, antenna: tuple[float, float, float] | None = None
+) -> ReferenceConverter:
     lever = None if antenna is None else np.array(antenna)
-    return ReferencePlace(SIMULATED_ORIGIN, ReferenceClock(GPS_ZERO_S, offset_s), lever)
+    return ReferenceConverter(SIMULATED_ORIGIN, ReferenceClock(GPS_ZERO_S, offset_s), lever)
 
 
 def test_a_position_is_where_and_when_it_was_true() -> None:
     (fix,) = fixes_of(said_at(4.0))
-    placed = placing().place(fix, 4.1)
+    placed = converter_of().convert(fix, 4.1)
     assert placed.nose is not None
     assert placed.antenna is not None
     assert placed.nose.t_s == pytest.approx(4.0, abs=1e-6)
@@ -118,8 +120,8 @@ def test_a_position_is_where_and_when_it_was_true() -> None:
 
 
 def test_the_antenna_is_taken_to_the_nose_along_the_flight() -> None:
-    place = placing(antenna=(-1.0, 0.2, -0.1))
-    placed = [place.place(fixes_of(said_at(0.2 * k))[0], 0.2 * k + 0.1) for k in range(6)]
+    converter = converter_of(antenna=(-1.0, 0.2, -0.1))
+    placed = [converter.convert(fixes_of(said_at(0.2 * k))[0], 0.2 * k + 0.1) for k in range(6)]
     assert placed[0].refusal is Refusal.NO_HEADING
     nose = placed[-1].nose
     assert nose is not None
@@ -131,18 +133,18 @@ def test_the_antenna_is_taken_to_the_nose_along_the_flight() -> None:
 
 
 def test_a_clock_that_is_off_is_found_out_unless_it_is_given() -> None:
-    found = placing()
-    placed = [found.place(fixes_of(said_at(0.2 * k, 37.0))[0], 0.2 * k + 0.15) for k in range(8)]
+    found = converter_of()
+    placed = [found.convert(fixes_of(said_at(0.2 * k, 37.0))[0], 0.2 * k + 0.15) for k in range(8)]
     assert [p.refusal for p in placed[:4]] == [Refusal.CLOCK] * 4
     assert all(p.nose is not None for p in placed[4:])
     assert found.clock.adopted == 1
     # they come 0.15 s late, and are taken to come 0.1 s late
     assert found.clock.offset_s == pytest.approx(36.95, abs=1e-6)
-    given_as_right = placing(0.0)
+    given_as_right = converter_of(0.0)
     for k in range(30):
-        placed_by_it = given_as_right.place(fixes_of(said_at(0.2 * k, 37.0))[0], 0.2 * k)
+        placed_by_it = given_as_right.convert(fixes_of(said_at(0.2 * k, 37.0))[0], 0.2 * k)
         assert placed_by_it.refusal is Refusal.CLOCK
-    right = placing(37.0).place(fixes_of(said_at(1.0, 37.0))[0], 1.1)
+    right = converter_of(37.0).convert(fixes_of(said_at(1.0, 37.0))[0], 1.1)
     assert right.nose is not None
     assert right.nose.t_s == pytest.approx(1.0, abs=1e-6)
 
@@ -150,18 +152,18 @@ def test_a_clock_that_is_off_is_found_out_unless_it_is_given() -> None:
 @pytest.mark.parametrize("rate_hz", [1.0, 5.0])
 def test_a_clock_that_steps_and_returns_is_right_again(rate_hz: float) -> None:
     """Ahead by 1.5 s for eight seconds: the way back is a step, too, and no delay of 1.5 s."""
-    place, late_s = placing(), 0.12
+    converter, late_s = converter_of(), 0.12
     off_s = list[float]()
     for k in range(int(24 * rate_hz)):
         t_s = k / rate_hz
         stepped_s = 1.5 if 4.0 <= t_s < 12.0 else 0.0
-        placed = place.place(fixes_of(said_at(t_s, stepped_s))[0], t_s + late_s)
+        placed = converter.convert(fixes_of(said_at(t_s, stepped_s))[0], t_s + late_s)
         if placed.antenna is not None:
             off_s.append(placed.antenna.t_s - t_s)
         else:
             assert placed.refusal is Refusal.CLOCK
-    assert place.clock.adopted == 2
-    assert place.clock.offset_s == 0.0
+    assert converter.clock.adopted == 2
+    assert converter.clock.offset_s == 0.0
     # four are refused each time; what is adopted by arrival is off by what the usual delivery is off
     assert len(off_s) == int(24 * rate_hz) - 8
     assert max(abs(v) for v in off_s) < 0.03
@@ -169,35 +171,35 @@ def test_a_clock_that_steps_and_returns_is_right_again(rate_hz: float) -> None:
 
 
 def test_a_link_that_gets_slow_is_no_step_and_overtaking_is_none_either() -> None:
-    place = placing()
+    converter = converter_of()
     for k in range(60):
         # first at once, then 1.4 s late, as if a buffer had filled
         arrived_s = 0.2 * k + 0.1 if k < 20 else 0.2 * k + 1.5
-        placed = place.place(fixes_of(said_at(0.2 * k))[0], arrived_s)
+        placed = converter.convert(fixes_of(said_at(0.2 * k))[0], arrived_s)
         assert placed.antenna is not None
         assert placed.antenna.t_s == pytest.approx(0.2 * k, abs=1e-6)
     order = [60, 62, 61, *range(63, 80)]
-    refused = [place.place(fixes_of(said_at(0.2 * k))[0], 0.2 * max(k, 62) + 1.5).refusal for k in order]
+    refused = [converter.convert(fixes_of(said_at(0.2 * k))[0], 0.2 * max(k, 62) + 1.5).refusal for k in order]
     assert refused.count(None) == len(order) - 1
-    assert place.clock.adopted == 0
+    assert converter.clock.adopted == 0
 
 
 def test_a_step_back_under_a_given_offset_is_refused_until_it_is_over() -> None:
-    place, refused = placing(0.0), list[Refusal | None]()
+    converter, refused = converter_of(0.0), list[Refusal | None]()
     for k in range(60):
         stepped_s = -1.5 if 20 <= k < 40 else 0.0
-        refused.append(place.place(fixes_of(said_at(0.2 * k, stepped_s))[0], 0.2 * k + 0.1).refusal)
+        refused.append(converter.convert(fixes_of(said_at(0.2 * k, stepped_s))[0], 0.2 * k + 0.1).refusal)
     assert refused == [None] * 20 + [Refusal.CLOCK] * 20 + [None] * 20
 
 
 def test_what_is_no_new_position_is_named() -> None:
-    place = placing()
+    converter = converter_of()
     (fix,) = fixes_of(said_at(1.0))
-    assert place.place(fix, 1.1).refusal is None
-    assert place.place(fix, 1.1).refusal is Refusal.BACKWARDS
+    assert converter.convert(fix, 1.1).refusal is None
+    assert converter.convert(fix, 1.1).refusal is Refusal.BACKWARDS
     later = replace(fix, second=fix.second + 0.2)
-    assert place.place(later, 1.3).refusal is Refusal.REPEATED
-    assert place.place(replace(fix, second=fix.second + 0.4, lat_deg=48.0), 1.5).refusal is Refusal.FAR
+    assert converter.convert(later, 1.3).refusal is Refusal.REPEATED
+    assert converter.convert(replace(fix, second=fix.second + 0.4, lat_deg=48.0), 1.5).refusal is Refusal.FAR
 
 
 # ------------------------------------------------------------------------------------------ worker
@@ -264,7 +266,7 @@ def listening(
     device = ReferenceDevice(url="scripted", learn=learn)
     worker = ReferenceWorker(
         device,
-        placing(),
+        converter_of(),
         input_queue,
         table,
         start_s=0.0,

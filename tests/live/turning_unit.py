@@ -48,7 +48,7 @@ class TurningUnit(PanTiltUnit):
         self.angles = np.radians([pan_deg, tilt_deg])
         self.rates = np.zeros(2)
         self.log: list[tuple[float, float, float]] = []
-        self.silent = self.told_acceleration = False
+        self.silent = False
         self._steepest = math.radians(acceleration_deg_s2)
         self._latency_s = latency_s
         self._waiting: list[tuple[float, str, FloatArray, float]] = []

@@ -12,7 +12,7 @@ from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.messages import PtuSample, Purpose
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
 from groundstation.pointing.keep_out import KeepOut, Sector, SunZone
-from groundstation.pointing.pointing_law import HeadPilot, PointingConfig
+from groundstation.pointing.pointing_law import HeadController, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from ptu_drivers.messages import Reading
 from tests.live.test_keep_out_unit import LENS, NOON_S, PLACE, insist_outside, zones
@@ -28,13 +28,13 @@ HEAD = HeadLimits(
 
 
 class Flight:
-    """A pilot, a guarded unit, and time: read at 50 Hz, commanded at 33 Hz."""
+    """A controller, a guarded unit, and time: read at 50 Hz, commanded at 33 Hz."""
 
     def __init__(self, keep_out: KeepOut, start_deg: tuple[float, float]) -> None:
         self.unit = TurningUnit(*start_deg)
         self.keep_out = keep_out
         self.guard = KeepOutUnit(self.unit, keep_out, self.unit.clock, watch=False)
-        self.pilot = HeadPilot(GEOMETRY, HEAD, PointingConfig(latency_s=0.03), keep_out)
+        self.controller = HeadController(GEOMETRY, HEAD, PointingConfig(latency_s=0.03), keep_out)
         self.purposes: list[Purpose] = []
         self.refusals: list[str] = []
 
@@ -47,7 +47,7 @@ class Flight:
             sample = PtuSample(
                 t_s=self.unit.now_s, station="left", pan_rad=got.pan.angle_rad, tilt_rad=got.tilt.angle_rad
             )
-            self.pilot.read(sample)
+            self.controller.read(sample)
             command = goal(self.unit.now_s)
             self.purposes.append(command.purpose)
             try:
@@ -61,7 +61,7 @@ class Flight:
                 self.refusals.append(str(fault))
 
     def park(self, pan_deg: float, tilt_deg: float):  # type: ignore[no-untyped-def]
-        return lambda t_s: self.pilot.go_to(t_s, pan_deg * DEG, tilt_deg * DEG, Purpose.PARK)
+        return lambda t_s: self.controller.go_to(t_s, pan_deg * DEG, tilt_deg * DEG, Purpose.PARK)
 
     def off_deg(self, pan_deg: float, tilt_deg: float) -> float:
         return float(np.abs(np.degrees(self.unit.angles) - [pan_deg, tilt_deg]).max())
@@ -99,7 +99,7 @@ def test_parking_and_following_never_enter_a_zone(
         return np.array([-300.0 + 60.0 * t_s, 200.0, 40.0])
 
     flight.fly(6.0, flight.park(*park), by_rate=by_rate)
-    flight.fly(6.0, lambda t_s: flight.pilot.follow(t_s, passing), by_rate=by_rate)
+    flight.fly(6.0, lambda t_s: flight.controller.follow(t_s, passing), by_rate=by_rate)
     insist_outside(flight.unit, keep_out)
 
 
@@ -113,7 +113,7 @@ def test_it_goes_round_the_sun_over_the_horizon(goal: tuple[float, float], by_ra
     assert flight.off_deg(*goal) < 1.0
     insist_outside(flight.unit, keep_out)
     if by_rate:
-        # the unit refuses no command of the pilot
+        # the unit refuses no command of the controller
         assert not flight.refusals
         assert flight.guard.stops == 0
 
@@ -125,18 +125,18 @@ def test_a_target_that_passes_before_the_sun_is_waited_for_at_the_edge() -> None
     def passing(t_s: float) -> np.ndarray:
         return np.array([-150.0 + 15.0 * t_s, 200.0, 25.0])
 
-    flight.fly(4.0, lambda t_s: flight.pilot.follow(t_s, passing))
+    flight.fly(4.0, lambda t_s: flight.controller.follow(t_s, passing))
     aim = aim_at(GEOMETRY, passing(flight.unit.now_s))
     assert aim is not None
     assert flight.off_deg(math.degrees(aim.pan_rad), math.degrees(aim.tilt_rad)) < 1.0
-    flight.fly(6.0, lambda t_s: flight.pilot.follow(t_s, passing))
-    assert flight.pilot.keep_out is not None
-    assert flight.pilot.keep_out.held.startswith("held outside the Sun (")
-    flight.fly(9.0, lambda t_s: flight.pilot.follow(t_s, passing))
+    flight.fly(6.0, lambda t_s: flight.controller.follow(t_s, passing))
+    assert flight.controller.keep_out is not None
+    assert flight.controller.keep_out.held.startswith("held outside the Sun (")
+    flight.fly(9.0, lambda t_s: flight.controller.follow(t_s, passing))
     aim = aim_at(GEOMETRY, passing(flight.unit.now_s))
     assert aim is not None
     assert flight.off_deg(math.degrees(aim.pan_rad), math.degrees(aim.tilt_rad)) < 1.0
-    assert flight.pilot.keep_out.held == ""
+    assert flight.controller.keep_out.held == ""
     insist_outside(flight.unit, keep_out)
     assert not flight.refusals
 
@@ -146,10 +146,10 @@ def test_a_target_that_stays_in_a_closed_sector_is_not_followed_and_the_head_sta
     keep_out = KeepOut(lens=LENS, sun=None, sectors=(closed,), utc_zero_s=NOON_S)
     flight = Flight(keep_out, (-40.0, 5.0))
     there = GEOMETRY.packed[9:12] + np.array([0.0, 200.0, 20.0])
-    flight.fly(9.0, lambda t_s: flight.pilot.follow(t_s, lambda _: there))
+    flight.fly(9.0, lambda t_s: flight.controller.follow(t_s, lambda _: there))
     assert flight.purposes[-1] is Purpose.HOLD
-    assert flight.pilot.keep_out is not None
-    assert flight.pilot.keep_out.held.startswith("held outside sector 1 (")
+    assert flight.controller.keep_out is not None
+    assert flight.controller.keep_out.held.startswith("held outside sector 1 (")
     assert not np.any(flight.unit.rates)
     assert flight.off_deg(-10.0, 5.0) < 4.0
     insist_outside(flight.unit, keep_out)
@@ -161,7 +161,7 @@ def test_a_head_at_rest_is_moved_out_of_the_suns_way() -> None:
     pans = np.linspace(0.0, 40.0, 4001)
     away = keep_out.zones(0.0).clearance(pans * DEG, np.full(4001, 5.0 * DEG))
     flight = Flight(keep_out, (float(pans[np.argmin(np.abs(away - 0.5 * DEG))]), 5.0))
-    flight.fly(4.0, flight.pilot.hold)
+    flight.fly(4.0, flight.controller.hold)
     assert Purpose.KEEP_OUT in flight.purposes
     assert flight.purposes[-1] is Purpose.HOLD
     left = keep_out.zones(flight.unit.now_s).at((float(flight.unit.angles[0]), float(flight.unit.angles[1])))

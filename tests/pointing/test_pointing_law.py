@@ -12,7 +12,7 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.aim import aim_at
 from groundstation.messages import Kinematics, PtuSample, Purpose
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
-from groundstation.pointing.pointing_law import HeadPilot, PointingConfig
+from groundstation.pointing.pointing_law import HeadController, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from tests.stereo_rig import make_rig
 
@@ -53,7 +53,7 @@ def landing(t_s: float) -> FloatArray:
 def flown(latency_s: float, assumed_s: float, seconds: float = 22.0) -> tuple[list[float], Head]:
     """Return how far off the aim was, in rad, over a landing, with readings at 40 Hz and commands at 25 Hz."""
     geometry = make_rig().stations[0].geometry()
-    pilot = HeadPilot(geometry, HEAD, PointingConfig(latency_s=assumed_s))
+    controller = HeadController(geometry, HEAD, PointingConfig(latency_s=assumed_s))
     begin = aim_at(geometry, landing(0.0))
     assert begin is not None
     head = Head(begin.pan_rad + 2 * DEG, begin.tilt_rad, latency_s, LIMITS)
@@ -62,9 +62,9 @@ def flown(latency_s: float, assumed_s: float, seconds: float = 22.0) -> tuple[li
         t = 0.001 * k
         if k % 25 == 0:
             # read 10 ms ago
-            pilot.read(PtuSample(t_s=t - 0.01, station="left", pan_rad=head.angles[0], tilt_rad=head.angles[1]))
+            controller.read(PtuSample(t_s=t - 0.01, station="left", pan_rad=head.angles[0], tilt_rad=head.angles[1]))
         if k % 40 == 0:
-            command = pilot.follow(t, landing)
+            command = controller.follow(t, landing)
             new = np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s])
             head.fastest = max(head.fastest, float(np.abs(new).max()))
             head.steepest = max(head.steepest, float(np.abs(new - commanded).max()) / 0.04)
@@ -95,12 +95,12 @@ def test_a_wrong_latency_costs_a_fraction_of_a_view(assumed_s: float) -> None:
 def test_no_command_leads_beyond_a_limit(pan: float, tilt: float, goal_pan: float, goal_tilt: float) -> None:
     geometry = make_rig().stations[0].geometry()
     limits = AxisLimits(low_rad=-1.0, high_rad=1.0, fastest_rad_s=0.8, acceleration_rad_s2=1.0, slowest_rad_s=0.01)
-    pilot = HeadPilot(geometry, HeadLimits(pan=limits, tilt=limits), PointingConfig(margin_deg=1.0))
+    controller = HeadController(geometry, HeadLimits(pan=limits, tilt=limits), PointingConfig(margin_deg=1.0))
     head = Head(np.clip(pan, -0.95, 0.95), np.clip(tilt, -0.95, 0.95), 0.0, limits)
     for k in range(200):
         t = 0.02 * k
-        pilot.read(PtuSample(t_s=t, station="left", pan_rad=head.angles[0], tilt_rad=head.angles[1]))
-        command = pilot.go_to(t, goal_pan, goal_tilt, Purpose.PARK)
+        controller.read(PtuSample(t_s=t, station="left", pan_rad=head.angles[0], tilt_rad=head.angles[1]))
+        command = controller.go_to(t, goal_pan, goal_tilt, Purpose.PARK)
         rates = np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s])
         assert np.all((rates == 0.0) | (np.abs(rates) >= 0.01))
         assert np.all(np.abs(rates) <= 0.8)
@@ -117,29 +117,31 @@ def test_no_command_leads_beyond_a_limit(pan: float, tilt: float, goal_pan: floa
 def test_no_rate_is_commanded_that_a_driver_refuses(at: float, goal: float, acceleration: float) -> None:
     """Expected: by the driver's own rule, a stop command 0.1 s later would still stop the head before its limit."""
     limits = AxisLimits(low_rad=-1.0, high_rad=1.0, fastest_rad_s=2.0, acceleration_rad_s2=acceleration)
-    pilot = HeadPilot(make_rig().stations[0].geometry(), HeadLimits(pan=limits, tilt=limits), PointingConfig())
+    controller = HeadController(
+        make_rig().stations[0].geometry(), HeadLimits(pan=limits, tilt=limits), PointingConfig()
+    )
     for k in range(40):
         # held at its position while the command grows to its maximum there
-        pilot.read(PtuSample(t_s=0.03 * k, station="left", pan_rad=at, tilt_rad=at))
-        rate = pilot.go_to(0.03 * k, goal, goal, Purpose.TRACK).tilt_rate_rad_s
+        controller.read(PtuSample(t_s=0.03 * k, station="left", pan_rad=at, tilt_rad=at))
+        rate = controller.go_to(0.03 * k, goal, goal, Purpose.TRACK).tilt_rate_rad_s
         reach = at + rate * abs(rate) / (2.0 * acceleration) + 0.1 * rate
         assert reach < 1.0 if rate > 0 else reach > -1.0 if rate < 0 else True
 
 
 def test_without_readings_the_head_stands() -> None:
     geometry = make_rig().stations[0].geometry()
-    pilot = HeadPilot(geometry, HEAD, PointingConfig(stale_s=0.5))
-    assert pilot.follow(0.0, landing).pan_rate_rad_s == 0.0
-    pilot.read(PtuSample(t_s=0.0, station="left", pan_rad=0.3, tilt_rad=0.0))
-    assert pilot.follow(0.1, landing).pan_rate_rad_s != 0.0
-    assert pilot.follow(0.7, landing).pan_rate_rad_s == 0.0
+    controller = HeadController(geometry, HEAD, PointingConfig(stale_s=0.5))
+    assert controller.follow(0.0, landing).pan_rate_rad_s == 0.0
+    controller.read(PtuSample(t_s=0.0, station="left", pan_rad=0.3, tilt_rad=0.0))
+    assert controller.follow(0.1, landing).pan_rate_rad_s != 0.0
+    assert controller.follow(0.7, landing).pan_rate_rad_s == 0.0
 
 
 def test_a_target_that_is_gone_stops_the_head() -> None:
     geometry = make_rig().stations[0].geometry()
-    pilot = HeadPilot(geometry, HEAD, PointingConfig())
-    pilot.read(PtuSample(t_s=0.0, station="left", pan_rad=0.1, tilt_rad=0.0))
-    command = pilot.follow(0.01, lambda _: None)
+    controller = HeadController(geometry, HEAD, PointingConfig())
+    controller.read(PtuSample(t_s=0.0, station="left", pan_rad=0.1, tilt_rad=0.0))
+    command = controller.follow(0.01, lambda _: None)
     assert command.purpose is Purpose.HOLD
     assert (command.pan_rate_rad_s, command.tilt_rate_rad_s) == (0.0, 0.0)
 

@@ -12,7 +12,7 @@ from groundstation.estimation.updates.update import (
     CorrectedModes,
     Correction,
     LinearCorrection,
-    MomentReplacement,
+    MomentMatching,
     TargetReset,
     VarianceInflation,
 )
@@ -33,7 +33,7 @@ def apply_correction(
             mask = estimated() if correction.estimated is None else correction.estimated
             share, updates_weights = correction.gain_share, correction.updates_weights
             imm.correct(correction.measurement, mask, updates_weights=updates_weights, share=share)
-        case MomentReplacement():
+        case MomentMatching():
             imm.replace_moments(correction.jacobian, correction.shift, correction.covariance, estimated())
         case VarianceInflation():
             imm.inflate(correction.part, correction.variances)

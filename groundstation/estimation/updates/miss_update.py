@@ -13,7 +13,7 @@ from groundstation.estimation.kalman_kernels import innovation_covariance
 from groundstation.estimation.out_of_view_weight import probability_in_view
 from groundstation.estimation.updates.measurements import MissedDetection
 from groundstation.estimation.updates.pixel_model import PixelModel
-from groundstation.estimation.updates.update import MomentReplacement, PredictedState
+from groundstation.estimation.updates.update import MomentMatching, PredictedState
 from groundstation.geometry.station import StationGeometry
 
 # no effect if the probability inside the image is this close to 0 or 1
@@ -27,7 +27,7 @@ class MissUpdate:
     def __init__(self, stations: Mapping[str, StationGeometry], pixels: Mapping[str, PixelModel]) -> None:
         self._stations, self._pixels = stations, pixels
 
-    def __call__(self, state: PredictedState, miss: MissedDetection) -> MomentReplacement | None:
+    def __call__(self, state: PredictedState, miss: MissedDetection) -> MomentMatching | None:
         """Return the correction; None if the prediction is completely inside the image, or behind the camera."""
         prediction = self._pixels[miss.station].predict(state.x, 0.0, state.age_s)
         if prediction is None:
@@ -39,7 +39,7 @@ class MissUpdate:
             return None
         mean, covariance = moments_after_miss(prediction.pixel, S, size, miss.detection_probability)
         shift = mean - prediction.pixel
-        return MomentReplacement(jacobian=prediction.jacobian, shift=shift, covariance=covariance)
+        return MomentMatching(jacobian=prediction.jacobian, shift=shift, covariance=covariance)
 
 
 def moments_after_miss(

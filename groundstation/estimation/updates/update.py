@@ -73,7 +73,7 @@ class TargetReset:
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class MomentReplacement:
+class MomentMatching:
     """New moments of a predicted measurement with Jacobian (m, n): shifted mean (m,) and covariance (m, m)."""
 
     jacobian: FloatArray
@@ -81,7 +81,7 @@ class MomentReplacement:
     covariance: FloatArray
 
 
-Correction = LinearCorrection | CorrectedModes | VarianceInflation | TargetReset | MomentReplacement
+Correction = LinearCorrection | CorrectedModes | VarianceInflation | TargetReset | MomentMatching
 
 
 class Update(NamedTuple):

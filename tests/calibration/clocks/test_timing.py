@@ -10,9 +10,9 @@ import pytest
 from scipy.stats import chi2
 
 from calibration.clocks.calibrate import timed_rig
+from calibration.clocks.html_report import turned_by_readings
 from calibration.clocks.image_motion import ImageMotion, StationMotion, gather_motion
 from calibration.clocks.motion_spline import CUBIC, MotionSpline
-from calibration.clocks.page import turned_by_readings
 from calibration.clocks.ptu_clock_fit import TimingFit, TimingFitError, solve_timing
 from calibration.flight.parameters import FLOOR_CLOCK_S
 from groundstation.cli.main import main

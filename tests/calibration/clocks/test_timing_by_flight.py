@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration.clocks.calibrate import TimingRequest, calibrate_timing
-from calibration.clocks.report import format_timing
+from calibration.clocks.text_report import format_timing
 from calibration.flight.observations import gather_flight
 from calibration.flight.problem import FlightProblem, angles_at
 from groundstation.session import load_session

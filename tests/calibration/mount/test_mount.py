@@ -14,9 +14,9 @@ from calibration.mount.fit import MountFitError
 from calibration.mount.parameters import USUAL_WORDS, choose_mount, mount_words
 from calibration.mount.pointing import pointing_sigma
 from calibration.mount.problem import Mark, MarkKind, MountProblem, MountSightings
-from calibration.mount.report import format_mount, verdict
 from calibration.mount.sightings_from_pictures import find_lamp
 from calibration.mount.standstills import standstills, with_shared_error
+from calibration.mount.text_report import format_mount, verdict
 from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.geometry.rotation import rotation_from_vector, rotation_x, rotation_y, wxyz_from_matrix

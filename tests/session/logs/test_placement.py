@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from groundstation.geometry.geodesy import ecef_from_geodetic, enu_axes
-from groundstation.live.reference_place import ReferenceClock, ReferencePlace
+from groundstation.live.reference_fixes import ReferenceClock, ReferenceConverter
 from groundstation.session.folder import GeoOrigin
 from groundstation.session.logs.fixes import FixQuality, LogFix
 from groundstation.session.logs.gps_time import TimeScale, gps_from_civil
@@ -103,7 +103,7 @@ def test_a_live_fix_is_turned_as_a_log_is(tmp_path: Path) -> None:
     )
     clock = ReferenceClock(gps_from_civil(20000, 43200.0, TimeScale.GPS), 0.0)
     origin = GeoOrigin(lat_deg=lat, lon_deg=lon, height_m=height, y_axis_azimuth_deg=45.0)
-    placed = ReferencePlace(origin, clock, None, later_s=0.1).place(fix, 10.5)
+    placed = ReferenceConverter(origin, clock, None, later_s=0.1).convert(fix, 10.5)
     assert placed.nose is not None
     assert placed.nose.t_s == pytest.approx(9.9)
     assert placed.nose.sigma_m == pytest.approx(placed_sigmas(log, 45.0), rel=1e-6)

@@ -1,4 +1,4 @@
-"""A receiver's positions as the filter takes them: in the runway frame, of the nose, at session time."""
+"""Conversion of a receiver's positions for the filter: runway frame, point of the nose, session time."""
 
 import math
 from collections import deque
@@ -37,7 +37,7 @@ class Refusal(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PlacedFix:
+class ConvertedFix:
     """A position of the antenna as the table keeps it, and of the nose as the filter takes it, or why it does not."""
 
     antenna: DgpsFix | None
@@ -102,22 +102,22 @@ class ReferenceClock:
         self._set_back_from_s = None
 
 
-class ReferencePlace:
-    """Places one position after the other.
+class ReferenceConverter:
+    """Converts positions of a receiver to the runway frame and to session time, one after the other.
 
     Parameters
     ----------
     origin : of the runway frame.
     clock : of the receiver.
     antenna_in_body_m : (3,) from the nose: forward, right, down; None takes the position for the nose's.
-    later_s : what the rig says that its clock is late, besides.
+    later_s : delay of the receiver's clock as stated by the rig, in addition.
     """
 
     def __init__(
         self, origin: GeoOrigin, clock: ReferenceClock, antenna_in_body_m: FloatArray | None, later_s: float = 0.0
     ) -> None:
         self.clock = clock
-        self._place = (origin.lat_deg, origin.lon_deg, origin.height_m)
+        self._origin = (origin.lat_deg, origin.lon_deg, origin.height_m)
         self._azimuth_deg = origin.y_axis_azimuth_deg
         self._antenna = None if antenna_in_body_m is None or not np.any(antenna_in_body_m) else antenna_in_body_m
         self._later_s = later_s
@@ -125,13 +125,13 @@ class ReferencePlace:
         self._last_m: FloatArray | None = None
         self._track: deque[tuple[float, FloatArray]] = deque()
 
-    def place(self, fix: LogFix, arrived_s: float) -> PlacedFix:
-        """Return a position that came at session time ``arrived_s`` in its place."""
+    def convert(self, fix: LogFix, arrived_s: float) -> ConvertedFix:
+        """Return a position that came at session time ``arrived_s``, converted, or the reason why it is not used."""
         t_s = self.clock.session_s(fix, arrived_s)
         if t_s is None:
             return _refused(Refusal.CLOCK)
         try:
-            antenna = place_log(_log_of(fix), self._place, self._azimuth_deg, 0.0)[0]
+            antenna = place_log(_log_of(fix), self._origin, self._azimuth_deg, 0.0)[0]
         except LogError:
             return _refused(Refusal.FAR)
         antenna = DgpsFix(
@@ -144,13 +144,13 @@ class ReferencePlace:
         repeated = self._last_m is not None and bool(np.all(place_m == self._last_m))
         self._last_m = place_m
         if repeated:
-            return PlacedFix(antenna=antenna, nose=None, refusal=Refusal.REPEATED)
+            return ConvertedFix(antenna=antenna, nose=None, refusal=Refusal.REPEATED)
         nose_m = self._nose(t_s, place_m)
         if nose_m is None:
-            return PlacedFix(antenna=antenna, nose=None, refusal=Refusal.NO_HEADING)
+            return ConvertedFix(antenna=antenna, nose=None, refusal=Refusal.NO_HEADING)
         sigma_m = np.asarray(antenna.sigma_m, dtype=np.float64)
         nose = ReferenceFix(t_s=t_s - self._later_s, position_runway_m=nose_m, sigma_m=sigma_m)
-        return PlacedFix(antenna=antenna, nose=nose, refusal=None)
+        return ConvertedFix(antenna=antenna, nose=nose, refusal=None)
 
     def _nose(self, t_s: float, place_m: FloatArray) -> FloatArray | None:
         """Return nose = antenna − R_runway_from_body · antenna_in_body, forward along the last half second's track."""
@@ -175,8 +175,8 @@ class ReferencePlace:
         return np.asarray(place_m - axes @ self._antenna)
 
 
-def _refused(why: Refusal) -> PlacedFix:
-    return PlacedFix(antenna=None, nose=None, refusal=why)
+def _refused(why: Refusal) -> ConvertedFix:
+    return ConvertedFix(antenna=None, nose=None, refusal=why)
 
 
 def _log_of(fix: LogFix) -> GnssLog:

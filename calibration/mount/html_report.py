@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from calibration.mount.calibrate import StationMount
-from calibration.mount.report import format_mount, verdict
+from calibration.mount.text_report import format_mount, verdict
 from groundstation.files.html_page import (
     bullet_list,
     html_page,

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibration.flight.fit import FlightFit
-from calibration.flight.report import gross_times, parameter_row
 from calibration.flight.report_pictures import flight_pictures
+from calibration.flight.text_report import gross_times, parameter_row
 from calibration.flight.verdict import FlightVerdict
 from calibration.report.picture import ReportPicture, write_page
 from groundstation.arrays import FloatArray

@@ -1,4 +1,4 @@
-"""A sheet of a session's worst frames: the picture around the aircraft, its silhouette and the reported point."""
+"""Contact sheet of a session's worst frames: the picture around the aircraft, its silhouette and the reported point."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ _SILHOUETTE, _POINT, _TEXT = (120, 230, 120), (60, 60, 255), (255, 255, 255)
 _ARM_PX = 7
 
 
-def frame_sheet(truth: SessionTruth, outcomes: Sequence[FrameOutcome]) -> bytes:
+def contact_sheet(truth: SessionTruth, outcomes: Sequence[FrameOutcome]) -> bytes:
     """Return a JPEG of `TILES` frames side by side; empty bytes for a session without any visible frame.
 
     Frames with a wrong point come first, then those without one, then hits; of each kind some spread over the session.

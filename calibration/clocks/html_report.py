@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from calibration.clocks.calibrate import TimingCalibration
 from calibration.clocks.image_motion import StationMotion
 from calibration.clocks.ptu_clock_fit import TimingFit
-from calibration.clocks.report import format_timing
+from calibration.clocks.text_report import format_timing
 from calibration.report.picture import ReportPicture, write_page
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError

@@ -13,7 +13,7 @@ PREFIX = "factor "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FactorShare:
+class ClassFigures:
     """Figures of the sessions, or of the frames, of one class of a factor.
 
     Attributes
@@ -53,33 +53,35 @@ class _Columns:
 _SESSION_COLUMNS = _Columns(visible="visible_frames", hit="hit", wrong="wrong_visible")
 
 
-def factor_shares(rows: Sequence[Row]) -> list[FactorShare]:
-    """Return the shares of every class of every factor, the most harmful first."""
+def factor_figures(rows: Sequence[Row]) -> list[ClassFigures]:
+    """Return the figures of every class of every factor, the most harmful first."""
     found = [*_by_session(rows), *_by_frame(rows)]
-    return sorted(found, key=lambda share: (-share.harm, share.factor, share.kind))
+    return sorted(found, key=lambda figures: (-figures.harm, figures.factor, figures.kind))
 
 
-def _by_session(rows: Sequence[Row]) -> Iterator[FactorShare]:
+def _by_session(rows: Sequence[Row]) -> Iterator[ClassFigures]:
     factors = sorted({name for row in rows for name in row if name.startswith(PREFIX)})
     for factor in factors:
         for kind in sorted({str(row[factor]) for row in rows if row.get(factor) is not None}):
             own = [row for row in rows if row.get(factor) == kind]
-            share = _share(rows, own, _SESSION_COLUMNS, factor.removeprefix(PREFIX), kind)
-            if share is not None:
-                yield share
+            figures = _class_figures(rows, own, _SESSION_COLUMNS, factor.removeprefix(PREFIX), kind)
+            if figures is not None:
+                yield figures
 
 
-def _by_frame(rows: Sequence[Row]) -> Iterator[FactorShare]:
+def _by_frame(rows: Sequence[Row]) -> Iterator[ClassFigures]:
     for factor in FRAME_FACTORS:
         for kind in factor.classes:
             columns = _Columns(**{what: class_column(factor, kind, what) for what in ("visible", "hit", "wrong")})
-            share = _share(rows, rows, columns, factor.name, kind)
-            if share is not None:
-                yield share
+            figures = _class_figures(rows, rows, columns, factor.name, kind)
+            if figures is not None:
+                yield figures
 
 
-def _share(rows: Sequence[Row], own: Sequence[Row], columns: _Columns, factor: str, kind: str) -> FactorShare | None:
-    """Return the shares of one class; None without a visible frame."""
+def _class_figures(
+    rows: Sequence[Row], own: Sequence[Row], columns: _Columns, factor: str, kind: str
+) -> ClassFigures | None:
+    """Return the figures of one class; None without a visible frame."""
     used = [row for row in own if row.get(columns.visible)]
     visible, hit, wrong = (
         np.array([float(row[column] or 0.0) for row in used])
@@ -92,7 +94,7 @@ def _share(rows: Sequence[Row], own: Sequence[Row], columns: _Columns, factor: s
     if len(used) > 1:
         low, high = bootstrap_interval(len(used), lambda drawn: float(hit[drawn].sum() / visible[drawn].sum()))
     of_sessions = columns is _SESSION_COLUMNS
-    return FactorShare(
+    return ClassFigures(
         factor=factor,
         kind=kind,
         sessions=len(used),

@@ -10,7 +10,7 @@ from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import Innovation
 
 
-class PlainEncoderUpdate(EncoderUpdate):
+class NumpyEncoderUpdate(EncoderUpdate):
     """Update with the readings of one station's PTU, that leaves the correction of the modes to the filter."""
 
     def __call__(self, state: PredictedState, reading: EncoderReading) -> Update:
