@@ -6,8 +6,14 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
-from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z, wxyz_from_matrix
-from groundstation.onboard.pose.inertial_filter import CameraMount, ImuSample, InertialConfig, rotation_vector
+from groundstation.geometry.rotation import rotation_x, rotation_y, rotation_z
+from groundstation.geometry.rotation_series import (
+    matrices_from_vectors,
+    matrices_from_wxyz,
+    rotation_vectors,
+    wxyz_from_matrices,
+)
+from groundstation.onboard.pose.inertial_filter import CameraMount, ImuSample, InertialConfig
 from groundstation.onboard.pose.inertial_kernel import GRAVITY_M_S2
 from groundstation.onboard.pose.pose_solver import PointCorrespondences
 from groundstation.onboard.pose.runway import Runway, rectangle
@@ -208,24 +214,11 @@ def inertial_samples(
     gravity = np.array([0.0, 0.0, GRAVITY_M_S2])
     force_noise = config.force_noise / np.sqrt(dt) * rng.standard_normal((len(t), 3))
     rate_noise = config.rate_noise / np.sqrt(dt) * rng.standard_normal((len(t), 3))
-    samples = []
-    rate = np.zeros(3)
-    for k in range(len(t)):
-        R = runway_from_body[k]
-        if k + 1 < len(t):
-            rate = rotation_vector(R.T @ runway_from_body[k + 1]) / dt
-        half = matrix_from_wxyz(wxyz_from_matrix(R)) @ _exp(0.5 * dt * rate)
-        samples.append(
-            ImuSample(
-                t_s=float(t[k]),
-                force_m_s2=half.T @ (acceleration[k] + gravity) + biases[0][k] + force_noise[k],
-                rate_rad_s=rate + biases[1][k] + rate_noise[k],
-            )
-        )
-    return samples
-
-
-def _exp(vector: FloatArray) -> FloatArray:
-    angle = float(np.linalg.norm(vector))
-    share = 0.5 * np.sinc(0.5 * angle / np.pi)
-    return matrix_from_wxyz(np.array([np.cos(0.5 * angle), *(share * vector)]))
+    body_from_runway = runway_from_body.transpose(0, 2, 1)
+    rate = rotation_vectors(body_from_runway[:-1] @ runway_from_body[1:]) / dt
+    # after the last sample it turns as before it
+    rate = np.vstack([rate, rate[-1:]])
+    half = matrices_from_wxyz(wxyz_from_matrices(runway_from_body)) @ matrices_from_vectors(0.5 * dt * rate)
+    force = (half.transpose(0, 2, 1) @ (acceleration + gravity)[:, :, None])[:, :, 0] + biases[0] + force_noise
+    turning = rate + biases[1] + rate_noise
+    return [ImuSample(t_s=float(t[k]), force_m_s2=force[k], rate_rad_s=turning[k]) for k in range(len(t))]
