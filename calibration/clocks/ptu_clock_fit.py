@@ -247,7 +247,7 @@ def _answer(name: str, model: MotionSpline, p: FloatArray, kept: MaskArray) -> T
         raise TimingFitError(f"station {name}: got {got}; wanted a PTU that swings, 5 deg at 0.3 Hz or so")
     if abs(p[0]) > _SEARCH_S + _SEARCH_STEP_S:
         got = f"an offset beyond {_SEARCH_S:g} s"
-        raise TimingFitError(f"station {name}: got {got}; wanted clocks, with what the rig says, closer than that")
+        raise TimingFitError(f"station {name}: got {got}; wanted clocks that differ less from those of the rig")
     n, m = 2 * len(model.readings), 2 * len(model.motion.from_s)
     left = model.residual(p)
     off = (left[n : n + m] / model.weight_turn.T.ravel()).reshape(2, -1).T

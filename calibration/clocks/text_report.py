@@ -74,12 +74,12 @@ def _cameras(found: TimingCalibration) -> list[str]:
             a, b = found.by_pictures[first], found.by_pictures[other]
             gap = ClockDifference(value_s=a.offset_s - b.offset_s, sigma_s=float(np.hypot(a.sigma_s, b.sigma_s)))
             lines.append(
-                f"camera {other} against camera {first}, if one clock stamps both PTUs: {_ms(gap)} later than it says"
+                f"camera {other} against camera {first}, if one clock stamps both PTUs: {_ms(gap)} later than stated"
                 " (--one-ptu-clock writes it)"
             )
         flown = found.flight_cameras(first, other)
         if flown is not None:
-            lines.append(f"camera {other} against camera {first}, by the flight: {_ms(flown)} later than it says")
+            lines.append(f"camera {other} against camera {first}, by the flight: {_ms(flown)} later than stated")
     return lines
 
 

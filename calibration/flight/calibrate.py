@@ -193,7 +193,7 @@ def _require_agreement(session: Session, fit: FlightFit) -> None:
         if stated and short.startswith(_POSES) and off > _MOST_SIGMAS_OFF:
             prior = fit.problem.prior_sigma[k]
             unit = f"{prior:.3g} m" if short.startswith("ptu_position") else f"{np.degrees(prior):.3g}°"
-            got = f"{off:.0f} sigmas from what {session.rig.path or 'the rig'} says (± {unit})"
+            got = f"{off:.0f} sigmas from the value in {session.rig.path or 'the rig'} (± {unit})"
             wanted = "DGPS in the rig's own frame and of the same flight; or a larger sigma there, if it has moved"
             raise FlightFitError(f"{name}: got {got}; wanted {wanted}")
 

@@ -58,7 +58,7 @@ def flight_page(content: FlightPage, pictures: Sequence[ReportPicture]) -> str:
         verdict_line(verdict.summary),
     ]
     if verdict.apart:
-        parts.append("<h2>What this flight could not tell</h2>" + bullet_list(verdict.apart))
+        parts.append("<h2>What this flight does not determine</h2>" + bullet_list(verdict.apart))
     parts += [
         "<h2>What to do next</h2>" + bullet_list(verdict.next_steps),
         _ranges(verdict),

@@ -56,7 +56,7 @@ _ADVICE: tuple[tuple[frozenset[str], str], ...] = (
     (frozenset({"focal"}), "fly across the whole width of the picture; or keep the board's lens"),
     (frozenset({"drift"}), "fly for longer, or twice with half an hour between"),
     (frozenset({"camera_clock"}), "fly across the view, fast, in both directions"),
-    (frozenset({"ptu_clock"}), "let the head turn fast, to and fro, while it sees the aircraft"),
+    (frozenset({"ptu_clock"}), "turn the head fast, to and fro, while the aircraft is in its picture"),
     (
         frozenset({"runway_from_base"}),
         "leave the straight line: weave from side to side and climb by a few degrees as seen from the stations",

@@ -70,7 +70,7 @@ def choose_parameters(rig: Rig, words: Sequence[str], dgps_clock_open: bool) -> 
     if "antenna" in words:
         chosen.update(dict.fromkeys(ANTENNA, KNOWN_ANTENNA_M))
     if not chosen:
-        got = "a rig that knows everything"
+        got = "a rig without unknown parameters"
         raise InputError(rig.path or "rig", got=got, wanted="--free LIST with some of " + ", ".join(FREE_WORDS))
     if dgps_clock_open:
         chosen[DGPS_OFFSET] = DGPS_CLOCK_S

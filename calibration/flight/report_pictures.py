@@ -66,9 +66,9 @@ def _pictures_of(content: _Content) -> list[_WantedPicture]:
     return [
         (
             "geometry",
-            "Where it flew, and who saw it",
-            "Stations, the DGPS path (grey), and what each station saw of it. A path that leaves the straight line, "
-            "near and far, tells parameters apart.",
+            "Flight path, and observations by station",
+            "Stations, the DGPS path (grey), and the part that each station observed. A path that leaves the straight "
+            "line, near and far, separates parameters.",
             (6.4, 6.4),
             _geometry,
         ),
@@ -90,7 +90,7 @@ def _pictures_of(content: _Content) -> list[_WantedPicture]:
         ),
         (
             "correlations",
-            "What goes together",
+            "Correlations of the parameters",
             "Correlations of all parameters: dark squares off the diagonal are pairs of which the flight knows a "
             "combination only.",
             (6.4, 6.0),
@@ -98,7 +98,7 @@ def _pictures_of(content: _Content) -> list[_WantedPicture]:
         ),
         (
             "learnt",
-            "How much was learnt",
+            "Reduction of the uncertainty",
             "One sigma after the flight over one sigma before it, where something was known before. Near 1, nothing "
             "was learnt.",
             (6.4, 1.2 + 0.22 * min(len(content.fit.problem.names), 80)),

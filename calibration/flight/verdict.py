@@ -45,11 +45,11 @@ class FlightVerdict:
 def judge_flight(after: Rig, fit: FlightFit) -> FlightVerdict:
     """Evaluate a fit and the resulting rig."""
     mixed, weak, ranges = correlated_parameters(fit), unobservable_parameters(fit), range_qualities(after, fit)
-    apart = [f"cannot tell apart: {c.words}" for c in mixed[:_MOST]]
+    apart = [f"cannot separate: {c.words}" for c in mixed[:_MOST]]
     if len(mixed) > _MOST:
         apart.append(f"and {len(mixed) - _MOST} more such combinations (see the correlations)")
     if weak:
-        apart.append("not learnt, hardly better known than before: " + ", ".join(weak))
+        apart.append("hardly improved by this flight: " + ", ".join(weak))
     wanted = [c.advice for c in mixed] + [advice_for([name]) for name in weak]
     if not wanted and not _good_everywhere(ranges):
         wanted.append(advice_for([name for name in fit.problem.names if "runway_from_base" in name]))
@@ -89,7 +89,7 @@ def _summary(fit: FlightFit, mixed: list[CorrelatedParameters], weak: list[str],
     known = f"{alone} of {len(fit.problem.names)} parameters are determined by themselves"
     good = [q for q in ranges if q.good]
     if not ranges:
-        return known + "; what a fix is worth cannot be said with one station"
+        return known + "; the accuracy of a fix cannot be stated for one station"
     if contradicted := _far_off(fit, _CONTRADICTED):
         return f"not to be trusted: the flight contradicts what was known of {', '.join(contradicted)}; {known}"
     if misfits := _misfits(fit):
@@ -143,7 +143,7 @@ def _of_slow_readings(fit: FlightFit) -> list[str]:
             if step > SLOW_S:
                 lines.append(
                     f"the PTU of {name} was read every {1e3 * step:.0f} ms only: between readings its head is taken to"
-                    " move as smoothly as they say, and the sigmas allow for what that leaves open"
+                    " move as smoothly as the readings do, and the sigmas include the uncertainty of that"
                 )
     return lines
 

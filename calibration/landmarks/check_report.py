@@ -54,7 +54,7 @@ def notes(check: Check, alarm_deg: float) -> list[str]:
         blind = [f"{axis} {least[k]:.3f}" for axis, k in _AXES[:2] if least[k] > alarm_deg]
         if blind and not movement.moved:
             found.append(
-                f"{movement.station}: a turn of {alarm_deg:g} deg could have been missed, this check surely sees "
+                f"{movement.station}: a turn of {alarm_deg:g} deg could have been missed, this check detects "
                 f"{' and '.join(blind)} deg: more readings, better or farther landmarks, or --reference"
             )
     if check.fit.raised > 1.0:
@@ -63,7 +63,7 @@ def notes(check: Check, alarm_deg: float) -> list[str]:
         )
     silent = [s.name for s in check.rig.stations if not _states_orientation(check.rig, s.name)]
     if silent:
-        found.append(f"the rig does not say how well {', '.join(silent)} is oriented: taken as exact")
+        found.append(f"the rig states no covariance for the orientation of {', '.join(silent)}: taken as exact")
     return found
 
 

@@ -44,7 +44,7 @@ def survey_pictures(survey: Survey) -> list[SurveyPicture]:
         for name, title, caption, draw in (
             (
                 "map",
-                "Who saw what",
+                "Observations by station",
                 "From above. Lines of sight that are dashed were left out. Landmarks in many directions and at many "
                 "distances fix a pose; along one bearing they do not.",
                 _map,

@@ -96,7 +96,7 @@ def fit_lines(survey: Survey) -> list[str]:
 def rejected(fit: LandmarkFit) -> list[str]:
     """Return the omissions and their reasons."""
     lines = [
-        f"landmark {name}: its coordinates are {value:.0f} sigma off what the others say"
+        f"landmark {name}: its coordinates are {value:.0f} sigma off those by the other landmarks"
         for name, value in fit.rejected_landmarks.items()
     ]
     start = 0

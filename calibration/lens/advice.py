@@ -88,9 +88,9 @@ def _notes(found: Intrinsics) -> list[str]:
     ]
     rho = fit.focal_distance_correlation
     part = 100 * float(np.max(fit.sigma[:2] / fit.lens.focal_px))
-    tell = "cannot tell" if abs(rho) > _STRONG else "can tell"
+    tell = "cannot distinguish" if abs(rho) > _STRONG else "distinguish"
     notes.append(
-        f"Focal length and the boards' distance correlate by {rho:+.4f}: these views {tell} a longer lens from a "
+        f"Focal length and the boards' distance correlate by {rho:+.4f}: these views {tell} a longer lens and a "
         f"nearer board well; the focal length is known to {part:.2g} %."
     )
     free = fit.sigma > 0

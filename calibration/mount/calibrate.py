@@ -179,7 +179,7 @@ def _require_determined(fit: MountFit, words: Sequence[str]) -> None:
         _require_aimed(fit, determined_deg)
     if standing >= unknowns and (determined_deg <= _WORST_DEG or not tied):
         return
-    got = f"{count} sightings at {standing} pairs of angles for {unknowns} unknowns, where the camera looks known to"
+    got = f"{count} sightings at {standing} pairs of angles for {unknowns} unknowns, the camera's orientation known to"
     got += f" {determined_deg:.2g} deg"
     needed = max(2 * unknowns, int(np.ceil(count * (determined_deg / USABLE_DEG) ** 2)))
     # no patience makes up for marks in a line
@@ -199,7 +199,7 @@ def _require_aimed(fit: MountFit, determined_deg: float) -> None:
     if determined_deg <= _WORST_UNTIED_DEG or any(mark.kind is MarkKind.BOARD for mark in marks):
         return
     count, what = len(marks), "one mark" if len(marks) == 1 else f"{len(marks)} marks"
-    got = f"{len(fit.problem.sightings)} sightings of {what} of unknown place, which leave where the camera looks open"
+    got = f"{len(fit.problem.sightings)} sightings of {what} of unknown place: the camera's orientation is undetermined"
     got += f" by {determined_deg:.2g} deg"
     place, other = ("its place", "a second mark") if count == 1 else ("their places", "another mark")
     wanted = f"{place} (--landmarks), {other} 40 deg or more above the horizon, or a board (--board)"

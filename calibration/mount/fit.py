@@ -108,7 +108,7 @@ def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
     held = undetermined(problem, change, kept)
     if missing := [name for name in (*BORESIGHT, *BASE) if held.get(name) == np.inf]:
         wanted = "known marks or directions far apart in pan, and some 20 deg or more apart in tilt"
-        raise MountFitError(f"station {problem.station.name}: got nothing that tells {missing[0]}; wanted {wanted}")
+        raise MountFitError(f"station {problem.station.name}: no sighting determines {missing[0]}; wanted {wanted}")
     freed = problem.without(tuple(held))
     at = np.array([change[problem.names.index(name)] for name in freed.names])
     # fixed means at the rig's value, not at that of the fit

@@ -122,7 +122,7 @@ def find_lamp(grey: ImageArray) -> FloatArray | str:
     smooth = cv2.GaussianBlur(raised, (0, 0), 1.0)
     peak = float(smooth.max())
     if peak < max(_LEAST_GREY, _LAMP_SIGMAS * scatter):
-        return "nothing that shines"
+        return "no bright spot"
     count, labels, boxes, _ = cv2.connectedComponentsWithStats((smooth > _LAMP_SHARE_OF_PEAK * peak).astype(np.uint8))
     peaks = np.array([smooth[labels == k].max() if boxes[k, cv2.CC_STAT_AREA] else 0.0 for k in range(1, count)])
     order = np.argsort(-peaks)
@@ -146,11 +146,11 @@ def _grey(folder: Path, item: _ListedPicture, rig: Rig) -> ImageArray:
     decoded = read_image(folder / item.file)
     where = f"{folder.name}/{item.file}"
     if not isinstance(decoded, np.ndarray):
-        raise InputError(where, got="nothing that can be decoded", wanted="a picture, as pictures.csv says")
+        raise InputError(where, got="nothing that can be decoded", wanted="a picture, as stated in pictures.csv")
     w, h = rig[item.station].lens.image_size_px
     if decoded.shape[:2] != (h, w):
         got = f"{decoded.shape[1]}x{decoded.shape[0]} px"
-        raise InputError(where, got=got, wanted=f"{w}x{h} px, as the rig says of {item.station}")
+        raise InputError(where, got=got, wanted=f"{w}x{h} px, as stated in the rig for {item.station}")
     return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 

@@ -98,7 +98,7 @@ def verdict(one: StationMount) -> list[str]:
     word = "good" if at.worst_deg <= GOOD_DEG else "usable" if at.worst_deg <= USABLE_DEG else "not good enough"
     tied = any(mark.kind.known for mark in fit.problem.marks)
     lines = [
-        f"{word}: where the camera looks is known to {at.pan_deg:.4f} deg in pan, {at.tilt_deg:.4f} deg in tilt,"
+        f"{word}: the camera's orientation is known to {at.pan_deg:.4f} deg in pan, {at.tilt_deg:.4f} deg in tilt,"
         f" {at.roll_deg:.4f} deg in roll (1 sigma, {'from the runway' if tied else 'from its base'},"
         " pan -30 to 30, tilt 0 to 15 deg)"
     ]

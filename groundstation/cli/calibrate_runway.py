@@ -77,7 +77,7 @@ def _near(one: LandmarkSighting, other: LandmarkSighting) -> bool:
 def _line(check: StationCheck) -> str:
     """Return one station's line."""
     if check.pose is None:
-        return f"  {check.station}: no pose sees these corners so"
+        return f"  {check.station}: no pose fits these corners"
     off = ", ".join(f"{value:+.3f}" for value in check.difference[:3])
     turn = ", ".join(f"{value:+.3f}" for value in np.degrees(check.difference[3:]))
     sigma = ", ".join(f"{value:.3f}" for value in np.degrees(np.sqrt(np.diag(check.covariance)[3:])))

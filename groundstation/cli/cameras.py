@@ -24,7 +24,7 @@ _LIST_MORE = """example:
   groundstation cameras list --cti /opt/vendor/producer.cti
 
 exit code: 0 there are cameras; 1 there is none; 2 wrong usage"""
-_SHOW = """Open a camera as `live` would, and say what it is set to, how fast and how
+_SHOW = """Open a camera as `live` would, and print its settings, how fast and how
 regularly its frames come, and how well its clock is known."""
 _SHOW_MORE = """examples:
   groundstation cameras show gige:192.168.1.10 --seconds 10 --exposure-ms 4

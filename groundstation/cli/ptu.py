@@ -68,7 +68,7 @@ def _add_line(parser: argparse.ArgumentParser) -> None:
         metavar=("FILE", "NAME"),
         help="in place of URL: the head of a station file, with its settings, kept from the Sun and closed sectors",
     )
-    parser.add_argument("--protocol", choices=tuple(PROTOCOLS), default="flir", help="what it speaks (flir)")
+    parser.add_argument("--protocol", choices=tuple(PROTOCOLS), default="flir", help="protocol (flir)")
     parser.add_argument(
         "--baud", type=_baud, default=0, metavar="N", help="speed of the line; FLIR units are raised to it"
     )
@@ -99,7 +99,7 @@ def _add_simulate(kinds: Commands) -> None:
     simulate.add_argument("--series", choices=("e", "d"), help="E series, or D: 10 commands/s (e)")
     simulate.add_argument("--latency-ms", type=_latency, metavar="LOW,HIGH", help="of replies (2,8)")
     simulate.add_argument("--backlash-deg", type=finite_number, default=0.0, metavar="DEG", help="play of the head (0)")
-    simulate.add_argument("--no-combined", action="store_true", help="knows neither B nor BT")
+    simulate.add_argument("--no-combined", action="store_true", help="supports neither B nor BT")
     simulate.add_argument("--banner", default="", metavar="TEXT", help="sent to each client that connects (TCP)")
     simulate.add_argument("--seed", type=int, default=0, metavar="N", help="of latencies and faults (0)")
     simulate.add_argument(

@@ -71,7 +71,7 @@ def status_table(status: LiveStatus | None, warning: str = "") -> Table:
     for number, line in enumerate(lines):
         style = ""
         if number == 0 and status is not None:
-            style = "bold red" if line.startswith("not known") else _TRACK_STYLES[status.track]
+            style = "bold red" if line.startswith("unknown") else _TRACK_STYLES[status.track]
         elif number <= len(devices) and devices[number - 1].age_s > _SILENT_S:
             style = _SILENT_STYLE
         table.add_row(Text("•", style=style), Text(line, style=style))

@@ -106,7 +106,7 @@ def _notes(done: WrittenCounts, stream: Source) -> list[str]:
         missing = stream.missing
         notes.append(f"the recording lacks the pictures of {missing.frames} frames and {missing.events} events")
     if done.out_of_order:
-        notes.append(f"{done.out_of_order} records came twice or out of order, which a folder cannot say")
+        notes.append(f"{done.out_of_order} records came twice or out of order, which a folder cannot represent")
     if done.references:
         notes.append(f"{done.references} positions that the filter learnt from are not in the folder, only dgps.csv")
     if done.heartbeats:

@@ -9,7 +9,7 @@ from groundstation.evaluation.key_figures import AXES, FigureChange, figures_of
 _REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
 _MOST_SETTINGS = 12
 _OWN_PAIRS = """EKF and triangulation (tri.) each on all pairs where it has a position. A replay's own table and report
-set the two against each other on the pairs that both have, and say these figures besides."""
+set the two against each other on the pairs that both have, and give these figures as well."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,7 @@ def format_comparison(runs: Sequence[ScoredRun], baseline: ScoredRun) -> str:
     width = max(len(run.name) for run in runs)
     blocks = [_accuracy(reference, runs, baseline, width) for reference in _references(runs)]
     if not blocks:
-        blocks.append("no reference in any of them: nothing to be right or wrong against")
+        blocks.append("no reference in any of them: no errors")
     else:
         blocks.append(_OWN_PAIRS)
     blocks.append("\n".join(_consistency(runs, width)))

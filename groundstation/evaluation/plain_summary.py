@@ -17,7 +17,7 @@ def plain_summary(summary: dict[str, Any]) -> str:
         sentences.append("There is no usable reference to compare with, so nothing can be said about its errors.")
     taught_s = summary["calibration"]["learnt_until_s"]
     if taught_s is not None:
-        learnt = f"Until {taught_s:.1f} s of the DGPS clock the filter was told the DGPS"
+        learnt = f"Until {taught_s:.1f} s of the DGPS clock the filter used the DGPS"
         exact = (
             "; the comparison with the exact positions holds those pairs, too" if "truth" in summary["accuracy"] else ""
         )

@@ -46,7 +46,7 @@ def accuracy_section(name: str, table: dict[str, Any]) -> str:
         note += f" ANEES {a['mean']:.2f}; {a['low_95']:.2f} to {a['high_95']:.2f} for independent errors."
     note += (
         " The bounds are Cramér and Rao's by the pixel noise that the detector states: below 1 it states too much, "
-        "above 1 there is something to gain."
+        "above 1 better accuracy is possible."
     )
     return (
         f"<h2>{_REFERENCES.get(name, escape(name))}</h2>{page_table(_ACCURACY, rows)}"

@@ -55,7 +55,7 @@ def online(recorded: TruthSession) -> Findings:
         rows=rows,
         notes=(
             "Each answer of the EKF is compared with where the aircraft is 110 ms after the pair's exposure. Of the "
-            "paper's table only what its text says is quoted: its rows are not in the text that we have.",
+            "paper's table only the figures in its text are quoted; its rows are not available.",
         ),
     )
     figure = PaperFigure(

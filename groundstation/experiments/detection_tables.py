@@ -20,9 +20,7 @@ FLOWN_WIDTHS_PX = (0, 15, 30, 60, 80, 100, 120, 200, _WIDEST_PX)
 _AIMED_PX = ((15, 100), (0, 80), (120, _WIDEST_PX))
 _NEIGHBOURS_S = 0.25
 _POOR_OVERLAP = 0.3
-_NOT_THE_PAPERS_TABLE = (
-    "Of the paper's own table only what its text says is quoted: its rows are not in the text that we have."
-)
+_NOT_THE_PAPERS_TABLE = "Of the paper's own table only the figures in its text are quoted; its rows are not available."
 
 _NIS = (
     "NIS: error of the point against truth over the covariance that the detector states; 1 is ideal, below 1 "

@@ -22,7 +22,7 @@ _FAILS_FROM, _FAILS_SHARE, _FAILS_MOST_S = 0.45, 0.2, 2.0
 _FAILS_PX = 20.0
 _UNGATED = 1.0 - 1e-12
 _REFERENCE = "The reference of the paper is DGPS with a constant delay of three frames taken off; ours is exact."
-_NO_ROWS = "Of the paper's own table only what its text says is quoted: its rows are not in the text that we have."
+_NO_ROWS = "Of the paper's own table only the figures in its text are quoted; its rows are not available."
 
 
 def ekf_against_triangulation(recorded: TruthSession) -> Findings:

@@ -81,7 +81,7 @@ def edges(recorded: TruthSession) -> Findings:
             title="Table 1: error of the runway's edges in px, root mean square ± spread over the frames",
             columns=("sequence", "frames", _OURS, "±", _VARIANT, "± ", _FLAT, "±  ", _HOUGH, "±   "),
             rows=rows,
-            notes=("The four ends of both edges, where the truth says that they are seen.",),
+            notes=("The four ends of both edges, where they are visible by the truth.",),
         ),
         ResultTable(
             name="runway_edges_numbers",
@@ -214,7 +214,7 @@ def prediction(recorded: TruthSession) -> Findings:
         columns=("model", *(f"after {k / HZ:g} s" for k in moments)),
         rows=rows,
         notes=(
-            "Over four lights. Both models are told the true edges until then; the IMU's lasting errors are known.",
+            "Over four lights. Both models are given the true edges until then; the IMU's lasting errors are known.",
         ),
     )
     figure = PaperFigure(

@@ -207,7 +207,7 @@ class IntegrityMonitor:
         self.doubts += 1
         worst = max(float(np.hypot(*off.bias_px)) for off in alarms.values())
         text = f"{_named(list(alarms))}: rays miss each other by {worst:.1f} px since about {first_s:.1f} s;"
-        text += " which of them is off cannot be told, all are trusted less"
+        text += " the wrong one cannot be identified: the covariance of all is increased"
         return [VerdictChange(stations=tuple(alarms), verdict=StationVerdict.DOUBTED, text=text)]
 
     def _identify_faulty(self, alarms: Mapping[str, SeparationTest]) -> str | None:

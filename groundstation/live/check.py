@@ -63,7 +63,7 @@ def _known(rig: Rig) -> CheckResult:
         return failed(str(fault))
     sure = [s.name for s in rig.stations if not len(s.covariance) and not rig.shared_covariance.names]
     if sure:
-        text = f"rig: {', '.join(sure)} without a covariance: the track will call itself better than it is"
+        text = f"rig: {', '.join(sure)} without a covariance: the track's covariance will be too small"
         return failed(text)
     return passed("rig: calibrated, with covariance")
 
@@ -93,7 +93,7 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, r
         text = f"{name}: got pictures of {got}; wanted {wanted[0]} × {wanted[1]} px as in the rig"
         return failed(text)
     if len(stamps) < 2:
-        why = events[-1].text if events else "nothing came"
+        why = events[-1].text if events else "no frame received"
         return failed(f"{name}: no pictures in {seconds:g} s: {why}; is it triggered, and allowed?")
     rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
     text = f"{name}: {rate:.1f} Hz, {wanted[0]} × {wanted[1]} px"
@@ -144,7 +144,7 @@ def _asked(name: str, unit: PanTiltUnit, seconds: float) -> CheckResult:
         f"round trip {1e3 * np.median(trips):.1f} ms (95 % {1e3 * slow:.1f}), at {pan:+.2f}° {tilt:+.2f}°"
     )
     if failures > 0.01 * len(trips):
-        return CheckResult(good=False, text=f"{text}; {failures} answers not believed: cable, baud, another program?")
+        return CheckResult(good=False, text=f"{text}; {failures} answers rejected: cable, baud, another program?")
     if slow > _SLOW_S:
         return failed(f"{text}: slow; raise the baud in ptu_settings?")
     return passed(text)
@@ -162,7 +162,7 @@ def _turned(name: str, unit: PanTiltUnit) -> CheckResult:
     except PtuError as fault:
         return failed(f"{name} PTU: not turned: {fault}")
     if there is None or back is None:
-        return CheckResult(good=False, text=f"{name} PTU: told to turn by 0.5°, not there in {_TURN_S:.0f} s")
+        return CheckResult(good=False, text=f"{name} PTU: commanded to turn by 0.5°, not reached in {_TURN_S:.0f} s")
     return passed(f"{name} PTU: turned by 0.5° and back, there in {there:.2f} s")
 
 

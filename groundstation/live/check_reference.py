@@ -61,7 +61,7 @@ def _reported(
 ) -> CheckResult:
     """Put what was heard into a line."""
     if not heard:
-        return failed(f"DGPS: nothing came in {seconds:.0f} s: is it on, is the radio link up, is the baud right?")
+        return failed(f"DGPS: no data in {seconds:.0f} s: is it on, is the radio link up, is the baud right?")
     if not found:
         why = f"positions {refused[-1]}" if refused else stream.remarks.short()
         return failed(f"DGPS: {heard} bytes in {seconds:.0f} s and no position that can be used: {why}")

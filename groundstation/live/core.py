@@ -166,7 +166,7 @@ class LiveCore:
             age_s, off_rad = head.age_s(now_s), head.off_rad(pan_rad, tilt_rad, now_s)
             words = ""
             if not math.isfinite(age_s):
-                words = "" if heard else "has told no angles, and may not be parked"
+                words = "" if heard else "has reported no angles, and may not be parked"
             elif age_s > _SILENT_S and not heard:
                 # a command sent does not prove a motion
                 words = f"has not answered for {age_s:.1f} s, and may not be parked"

@@ -35,7 +35,7 @@ def check_against_rig(file: StationFile, rig: Rig) -> None:
         fixed = rig[station.name].fixed
         if fixed and station.head is not None:
             where = f"{file.path}: station {station.name}: ptu"
-            raise ConfigError(where, got=station.head.url, wanted="none: the rig says that it is fixed")
+            raise ConfigError(where, got=station.head.url, wanted="none: fixed in the rig")
         if not fixed and station.head is None:
             raise ConfigError(
                 f"{file.path}: station {station.name}: ptu",

@@ -122,7 +122,7 @@ class HeadWorker:
         self._by_rate = Capability.VELOCITY in unit.describe().capabilities
         self._command: PointingCommand | None = None
         self.delay_s = 0.0
-        """From a command's being told to its acknowledgement, lately, s."""
+        """Time from a command to its acknowledgement, recent, s."""
         self._sent: PointingCommand | None = None
         self._lock = threading.Lock()
         self._stop = threading.Event()

@@ -34,7 +34,7 @@ def with_keep_out(file: StationFile, rig: Rig, clock_s: float, utc_s: float) -> 
     turning = any(s.head is not None for s in file.stations)
     if sun is not None and turning and utc_s < _FIRST_BELIEVED_S:
         shown = datetime.fromtimestamp(utc_s, UTC).strftime("%Y-%m-%d %H:%M UTC")
-        wanted = "it set, since the Sun's place goes by it; or [safety] sun_angle_deg = 0"
+        wanted = "a clock that is set, since the Sun's position is computed from it; or [safety] sun_angle_deg = 0"
         raise ConfigError(f"{file.path}: this machine's clock", got=shown, wanted=wanted)
     stations = tuple(_kept(station, rig, sun, file.sun_angle_rad, utc_s - clock_s) for station in file.stations)
     return dataclasses.replace(file, stations=stations)
@@ -47,8 +47,7 @@ def sun_text(file: StationFile, rig: Rig, utc_s: float) -> tuple[bool, str]:
     sun = _sun_of(file)
     if sun is None:
         return False, (
-            "the Sun is not avoided: no [origin] in the station file says where it stands "
-            "([safety] sun_angle_deg = 0 if that is meant)"
+            "the Sun is not avoided: no [origin] in the station file ([safety] sun_angle_deg = 0 if that is meant)"
         )
     at = sun.angles(utc_s)
     kept = ", ".join(

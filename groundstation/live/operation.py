@@ -268,7 +268,7 @@ class Operation:
         return DeviceState(name=name, rate_hz=rate, age_s=now_s - worker.newest_s, note=note)
 
     def _head_state(self, station: str, head: HeadState, now_s: float) -> DeviceState:
-        note = head.state + (f", {head.failures} answers not believed" if head.failures else "")
+        note = head.state + (f", {head.failures} answers rejected" if head.failures else "")
         name = f"{station} PTU"
         rate = self._board.rate(name, head.readings, now_s)
         return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note)

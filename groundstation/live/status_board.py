@@ -13,10 +13,10 @@ from groundstation.messages import TrackEstimate, TrackState, TrackStatus
 
 _WORDS = {
     TrackStatus.SEARCHING: "searching the sky",
-    TrackStatus.ACQUIRING: "something is there: proving it",
+    TrackStatus.ACQUIRING: "candidate detected: being confirmed",
     TrackStatus.TRACKING: "tracking",
-    TrackStatus.COASTING: "coasting: predicted, not seen by two cameras",
-    TrackStatus.LOST: "lost: searching where it must be",
+    TrackStatus.COASTING: "coasting: predicted, no fix of two cameras",
+    TrackStatus.LOST: "lost: searching the predicted region",
 }
 # the age beyond which a newest pair is reported, and the age beyond which a state counts as unknown
 _OLD_S, _STALE_S = 0.5, 1.0
@@ -158,9 +158,9 @@ class StatusBoard:
         newest, pair_s = self._newest, self._pair_s
         if newest is not None and newest.t_s < 0.0:
             # before the session's time zero: the pipeline's state at its start, not an answer
-            return "not known: no answer yet"
+            return "unknown: no pair processed yet"
         if newest is not None and now_s - newest.t_s > _STALE_S:
-            return f"not known: was {track.value}, and nothing is known of the last {now_s - newest.t_s:.1f} s"
+            return f"unknown: was {track.value}, no status for the last {now_s - newest.t_s:.1f} s"
         quiet = "" if pair_s is None or now_s - pair_s <= _OLD_S else f", no pair for {now_s - pair_s:.1f} s"
         return _WORDS[track] + self._where() + quiet
 

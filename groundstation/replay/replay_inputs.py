@@ -65,7 +65,7 @@ def _usable_session(request: ReplayRequest) -> Session:
     """Load the session; raises if it cannot be tracked or if the output would overwrite it."""
     session = load_session(request.session, request.rig)
     if len(session.rig.stations) < 2:
-        raise RigError(session.rig.path, got="one station", wanted="two or more: one alone sees no distance")
+        raise RigError(session.rig.path, got="one station", wanted="two or more: one alone gives no distance")
     session.rig.require_known()
     places = np.array([s.ptu_position_m for s in session.rig.stations])
     if float(np.ptp(places, axis=0).max()) < _MIN_BASELINE_M:

@@ -73,7 +73,7 @@ def plan_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[Pla
         kind = source_kind(source)
         if configs and kind is not SourceKind.SESSION:
             got = "results of a replay"
-            raise InputError(str(source), got=got, wanted="a session: --config says how it is to be replayed")
+            raise InputError(str(source), got=got, wanted="a session: --config sets how it is replayed")
         for config in configs or (None,):
             if config is not None and not config.is_file():
                 raise InputError(str(config), got="no such file", wanted="a tuning, TOML")

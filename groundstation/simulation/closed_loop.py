@@ -167,7 +167,7 @@ class ClosedLoopSimulation:
         for name, geometry in self._geometries.items():
             aim = aim_at(geometry, begin)
             if aim is None:
-                raise ValueError(f"{name}: the flight begins where the station cannot look")
+                raise ValueError(f"{name}: the flight begins outside the station's range")
             # initial pointing error of about half a degree
             angles = np.array([aim.pan_rad, aim.tilt_rad]) + self._random.normal(0.0, 0.01, 2)
             self._heads[name] = ClosedLoopHead(

@@ -125,7 +125,7 @@ def _words(request: RenderRequest) -> dict[str, str]:
         "name": f"simulated {request.name}",
         "origin": f"Simulated and rendered, seed {request.seed}{wind}; exact truth",
         "licence": "CC0",
-        "notes": "truth.csv and masks.npz are what truly was, whatever faults were asked for.",
+        "notes": "truth.csv and masks.npz hold the truth, without the faults.",
     }
 
 

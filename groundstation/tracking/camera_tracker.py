@@ -154,7 +154,7 @@ class CameraTracker:
             return None
         recorded = _recorded(as_picture(frame.image), roi, centre_px)
         if recorded is None:
-            detail = "what it wants to look at is not among what the recording kept of this picture"
+            detail = "the window is not within the part of this picture that the recording kept"
             return SearchResult(
                 roi=roi, result=Miss(reason=MissReason.NOT_RECORDED, detail=detail), channel_contrast=None
             )

@@ -121,7 +121,7 @@ class TrackManager:
             if self.state_machine.is_lost(t_s, self._ekf, self._cameras):
                 return True
         if self.state_machine.confirmation.is_overdue(t_s):
-            self.log(t_s, "warning", "what was found has had no pictures to prove itself: dropped")
+            self.log(t_s, "warning", "candidate dropped: no pictures to confirm it")
             return True
         self._set_status(t_s, self.state_machine.update(False, self._ekf))
         return False

@@ -70,7 +70,7 @@ def test_terminal_colours_state_and_silent_device_unless_no_color_is_set(monkeyp
 def test_terminal_does_not_colour_a_track_that_is_not_known_as_tracked() -> None:
     screen = Terminal()
     with StatusDisplay(screen) as display:
-        display.show(status("not known: was tracking", track=TrackStatus.TRACKING))
+        display.show(status("unknown: was tracking", track=TrackStatus.TRACKING))
     assert set(screen.colours) == {"1;31"}
 
 

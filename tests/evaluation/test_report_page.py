@@ -260,7 +260,7 @@ def test_estimated_parameters_are_reported(page: str) -> None:
     assert "+2.0000 ± 1.0000 ms" in page
     assert "not estimated" in page
     assert "taught until 12.50 s" in page
-    assert "Until 12.5 s of the DGPS clock the filter was told the DGPS; the comparison" in page
+    assert "Until 12.5 s of the DGPS clock the filter used the DGPS; the comparison" in page
     assert "Smoothed over the whole flight" in page
 
 

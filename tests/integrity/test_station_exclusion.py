@@ -252,7 +252,7 @@ def test_two_stations_cannot_identify_the_faulty_one() -> None:
         watched, spoilt = watch(flight), watch(flight, OFF)
         doubting.append(watched)
         believing.append(spoilt)
-        doubted = watched.reported("cannot be told")
+        doubted = watched.reported("cannot be identified")
         assert doubted
         assert "left and right" in doubted[0].text
         assert not watched.reported("no longer used")

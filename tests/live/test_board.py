@@ -60,11 +60,11 @@ def test_without_pairs_the_prediction_and_the_age_of_the_newest_pair_are_shown()
 
     assert reported(10.5, TrackStatus.TRACKING).endswith("z 9.5 ± 0.10")
     board.passed(state(10.5, TrackStatus.COASTING, 4.0))
-    coasting = "coasting: predicted, not seen by two cameras at 212 ± 4.0 m, x +1.2 ± 0.10, z 9.5 ± 0.10"
+    coasting = "coasting: predicted, no fix of two cameras at 212 ± 4.0 m, x +1.2 ± 0.10, z 9.5 ± 0.10"
     assert reported(10.5, TrackStatus.COASTING) == coasting
     assert reported(10.51, TrackStatus.COASTING) == coasting + ", no pair for 0.5 s"
     board.passed(state(19.0, TrackStatus.LOST, None))
-    assert reported(19.05, TrackStatus.LOST) == "lost: searching where it must be, no pair for 9.1 s"
+    assert reported(19.05, TrackStatus.LOST) == "lost: searching the predicted region, no pair for 9.1 s"
     board.answered(answer(1, t_s=20.0), 20.02)
     assert reported(20.02, TrackStatus.TRACKING).startswith("tracking at 212 ± 0.5 m")
 
@@ -75,7 +75,7 @@ def test_outdated_states_are_not_shown_as_present() -> None:
     board.answered(answer(0, t_s=10.0), 10.02)
     assert board.status(11.0, TrackStatus.TRACKING, (), {}, "").lines[0].startswith("tracking at 212")
     line = board.status(11.01, TrackStatus.TRACKING, (), {}, "").lines[0]
-    assert line == "not known: was tracking, and nothing is known of the last 1.0 s"
+    assert line == "unknown: was tracking, no status for the last 1.0 s"
     board.passed(state(11.01, TrackStatus.COASTING, 2.0))
     assert board.status(11.01, TrackStatus.COASTING, (), {}, "").lines[0].startswith("coasting: predicted")
 
@@ -83,7 +83,7 @@ def test_outdated_states_are_not_shown_as_present() -> None:
 def test_before_the_first_result_no_age_is_shown() -> None:
     board = StatusBoard()
     board.passed(state(-1e9, TrackStatus.SEARCHING, None))
-    assert board.status(6.1, TrackStatus.SEARCHING, (), {}, "").lines[0] == "not known: no answer yet"
+    assert board.status(6.1, TrackStatus.SEARCHING, (), {}, "").lines[0] == "unknown: no pair processed yet"
 
 
 def test_a_count_of_one_is_in_the_singular() -> None:

@@ -211,16 +211,16 @@ def test_a_status_changed_by_time_is_shown_at_once(tmp_path: Path) -> None:
     assert [turn(t_s) for t_s in (10.0, 10.1, 10.49, 10.5)] == [1, 1, 1, 2]
     core.status = TrackStatus.COASTING
     assert turn(10.6) == 3
-    assert operator.read[-1].lines[0].startswith("coasting: predicted, not seen by two cameras at 442 ± 1.0 m")
+    assert operator.read[-1].lines[0].startswith("coasting: predicted, no fix of two cameras at 442 ± 1.0 m")
     assert [turn(t_s) for t_s in (10.7, 11.09, 11.1)] == [3, 3, 4]
     core.status = TrackStatus.LOST
     assert turn(11.2) == 5
-    assert operator.read[-1].lines == ("lost: searching where it must be",)
+    assert operator.read[-1].lines == ("lost: searching the predicted region",)
     core.status, core.beating = TrackStatus.TRACKING, False
     assert turn(11.3) == 5
     # a result that is a second old is not shown
     assert turn(12.3) == 6
-    assert operator.read[-1].lines[0] == "not known: was tracking, and nothing is known of the last 1.1 s"
+    assert operator.read[-1].lines[0] == "unknown: was tracking, no status for the last 1.1 s"
 
 
 def test_a_turn_reports_whether_more_waits(tmp_path: Path) -> None:

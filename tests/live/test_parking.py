@@ -59,5 +59,5 @@ def test_a_head_without_a_reply_is_named(core: LiveCore) -> None:
     add_reading(core, "left", 0.0, 0.0)
     lines = core.not_parked(8.0, WITHIN_RAD)
     assert lines[0] == "station left: the head has not answered for 8.0 s, and may not be parked"
-    assert lines[1] == "station right: the head has told no angles, and may not be parked"
+    assert lines[1] == "station right: the head has reported no angles, and may not be parked"
     assert core.not_parked(8.0, WITHIN_RAD, heard=True) == []

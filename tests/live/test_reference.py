@@ -486,7 +486,7 @@ def test_check_describes_a_receiver_in_a_line(tmp_path: Path) -> None:
     with receiver(tmp_path / "dgps", ReceiverModel(gone_s=((-1.0, 1e9),))) as url:
         line = check_reference(ReferenceDevice(url=url), SIMULATED_ORIGIN, 0.3)
     assert not line.good
-    assert "nothing came" in line.text
+    assert "no data in" in line.text
     line = check_reference(ReferenceDevice(url=str(tmp_path / "none")), SIMULATED_ORIGIN, 0.3)
     assert not line.good
     assert "none" in line.text

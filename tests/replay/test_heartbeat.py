@@ -293,7 +293,7 @@ def test_a_find_without_pictures_is_no_find(flight: list[Event]) -> None:
     assert run.beat(begun_s + 0.99).status is TrackStatus.ACQUIRING
     state = run.beat(begun_s + 1.01)
     assert (state.status, state.kinematics) == (TrackStatus.LOST, None)
-    assert run.events[-2].text == "what was found has had no pictures to prove itself: dropped"
+    assert run.events[-2].text == "candidate dropped: no pictures to confirm it"
 
 
 def test_candidates_without_pictures_are_not_reported_as_under_confirmation(flight: list[Event]) -> None:

@@ -120,4 +120,4 @@ def format_rate(report: RateReport | None, counts: CameraCounts, clock: ClockFit
 
 
 def _or_unknown(text: str | None) -> str:
-    return "not told" if text is None else text
+    return "not reported" if text is None else text

@@ -115,7 +115,7 @@ def test_the_verdict_names_inseparable_parameters_first(found) -> None:
     """Straight in, the log's clock and the antenna's place along the flight are one."""
     lines = found[1].report.partition("verdict:")[2].splitlines()
     first = next(line for line in lines if line.strip())
-    assert "cannot tell apart" in first
+    assert "cannot separate" in first
     assert "dgps_antenna.x" in found[1].report.partition("verdict:")[2]
     assert "to do next" in found[1].report
     assert "at 100 m" in found[1].report

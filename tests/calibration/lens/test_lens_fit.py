@@ -135,7 +135,7 @@ def test_frontal_boards_get_the_advice_to_tilt(rng: np.random.Generator) -> None
     assert tilts_deg(found).max() < 20.0
     advice = advise(found)
     assert advice.next_steps[0].startswith("More tilt: 0 of 14 boards")
-    assert any("cannot tell a longer lens from a nearer board" in note for note in advice.notes)
+    assert any("cannot distinguish a longer lens and a nearer board" in note for note in advice.notes)
 
 
 def test_a_view_with_wrong_corners_is_left_out(rng: np.random.Generator) -> None:

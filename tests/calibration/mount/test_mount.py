@@ -294,7 +294,7 @@ def test_marks_of_unknown_place_near_the_horizon_write_no_rig(made, rng, tmp_pat
         at = command.index("--landmarks")
         assert main([*command[:at], *command[at + 2 :]]) == 1
         error = capsys.readouterr().err.strip()
-        assert f"got {expected} of unknown place, which leave where the camera looks open by 0." in error
+        assert f"got {expected} of unknown place: the camera's orientation is undetermined by 0." in error
         assert "(--landmarks)" in error
         assert "or a board" in error
         assert len(error.splitlines()) == 1
@@ -461,7 +461,7 @@ def test_a_lamp_is_found_to_a_fraction_of_a_pixel(rng) -> None:
 
 def test_a_picture_without_a_lamp_is_reported(rng) -> None:
     dark = (20 + 2.0 * rng.normal(size=(120, 160))).clip(0, 255).astype(np.uint8)
-    assert "nothing" in find_lamp(dark)
+    assert "no bright spot" in find_lamp(dark)
     two = (dark + blob((40, 40)) + blob((120, 90))).clip(0, 255).astype(np.uint8)
     assert "two" in find_lamp(two)
     cut = (dark + blob((1, 60))).clip(0, 255).astype(np.uint8)
