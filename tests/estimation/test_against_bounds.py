@@ -1,6 +1,7 @@
 """The filter on simulated flights: accuracy at the bound, with a consistent covariance.
 
-Ranges are two-sided χ² of the independent flights; seeds are fixed, so a failure is a change of the filter.
+Ranges are two-sided χ² of the independent flights; seeds are fixed, so a failure is a change of the filter. With 20
+flights, pixel noise assumed 30 % too small or 40 % too large fails by NIS in both cases, as with 30.
 """
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.stats import chi2
 
 from groundstation.estimation.config import OutOfViewWeighting
 
-RUNS = 30
+RUNS = 20
 
 
 @pytest.fixture(scope="module", params=["B", "C"])
@@ -19,7 +20,7 @@ def sample(request: pytest.FixtureRequest) -> consistency.Sample:
 
 
 def test_error_is_at_the_bound(sample: consistency.Sample) -> None:
-    """One epoch of 30 flights gives an RMSE to 1/√60; a bin has two or three epochs' worth of them."""
+    """One epoch of 20 flights gives an RMSE to 1/√40; a bin has two or three epochs' worth of them."""
     for low, high in ((400, 600), (250, 400), (150, 250), (60, 150)):
         assert np.all(sample.rmse_over_bound(low, high) < 1.0 + 2.5 / np.sqrt(2 * 2 * RUNS))
 
@@ -79,7 +80,7 @@ def test_clocks_are_estimated_to_the_bound() -> None:
     """Offsets of 20 ms, mounts, rolls and boresights, drawn from the filter's own model; 140 flights: 1.0 to 1.1."""
     names = ("left.camera_clock.offset", *calibration.CLOCK_OFFSETS[:3])
     biases = calibration.PAN_AND_TILT + calibration.ROLL_AND_BORESIGHT
-    learned = calibration.learned_clocks(calibration.clock_drawn(), names, range(8), biases)
+    learned = calibration.learned_clocks(calibration.clock_drawn(), names, range(6), biases)
     clocks = [k for k, name in enumerate(learned.names) if "clock" in name]
     ratio = (learned.rms() / learned.rms_bound())[clocks]
     for k in clocks:
