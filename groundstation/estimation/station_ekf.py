@@ -302,6 +302,20 @@ class StationEkf:
         """Fuse a reference position (`ReferencePosition`), and estimate the carried errors for some time after it."""
         return self._fuse_reference(ReferencePosition(position_m, covariance_m2, ahead_s, may_replace))
 
+    def reference_position(
+        self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return a reference's nose position (3,) m at the filter's time, its covariance (3, 3) and the velocity (3,).
+
+        Lag and antenna are taken out, and their uncertainty is in the covariance; that of the target is not.
+        """
+        reference = ReferencePosition(position_m, covariance_m2, ahead_s)
+        return self._models.reference.without_lag(self._filter.predicted(), reference)
+
+    def refuse_reference(self) -> None:
+        """Note that other measurements contradict the receiver: it may not replace the target until one is accepted."""
+        self._filter.note(references=replace(self._filter.book.references, contradicted=True))
+
     def _fuse_reference(self, reference: ReferencePosition) -> Innovation:
         self._filter.add_to_journal(reference)
         history = self._filter.book.references

@@ -34,6 +34,7 @@ from groundstation.messages import (
     TrackEstimate,
 )
 from groundstation.rig.rig import Rig
+from groundstation.tracking.camera_cross_check import CameraCrossCheck
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
 from groundstation.tracking.epoch_buffer import EpochBuffer
@@ -119,7 +120,14 @@ class Pipeline:
             stopwatch=self._stopwatch,
             keep_images=self._keep_images,
         )
-        self._references = ReferenceUpdate(self._ekf, self._track_manager, self._late_buffer, self._throttle.take)
+        self._cross_check = CameraCrossCheck(
+            {name: self._ekf.pointing_sigma_rad(name) for name in rig.names},
+            self._config.estimation.search_again_s,
+            self._config.estimation.residual_gate_sigma,
+        )
+        self._references = ReferenceUpdate(
+            self._ekf, self._track_manager, self._late_buffer, self._cross_check, self._throttle.take
+        )
         self._out = PendingReport()
         self._start_smoother()
 
@@ -326,6 +334,7 @@ class Pipeline:
         """Estimate the target at the stamp of an epoch and report it with the triangulation."""
         views = self._epochs.close(epoch)
         triangulation_status, triangulation = views.triangulate(self._config.estimation.residual_gate_sigma)
+        self._cross_check.add(epoch.t_s, [(v.station, v.view) for v in views.views if v.trusted])
         for event in self._health.epoch(epoch.t_s, views):
             self._track_manager.log(event.t_s, event.level, event.text)
         self._throttle.pass_time(epoch.t_s)

@@ -7,6 +7,7 @@ import numpy as np
 from groundstation.estimation.late_measurements import LateMeasurementBuffer
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import ReferenceFix
+from groundstation.tracking.camera_cross_check import CameraCrossCheck
 from groundstation.tracking.track_manager import TrackManager
 
 
@@ -18,6 +19,7 @@ class ReferenceUpdate:
     ekf : the filter to update.
     track_manager : status of the track; while two cameras see the target, no reference position replaces it.
     late_buffer : rewinds the filter for an out-of-sequence position.
+    cross_check : what the cameras triangulate, which no reference moves.
     warn : receives a session time in s and a warning.
     """
 
@@ -26,11 +28,13 @@ class ReferenceUpdate:
         ekf: StationEkf,
         track_manager: TrackManager,
         late_buffer: LateMeasurementBuffer,
+        cross_check: CameraCrossCheck,
         warn: Callable[[float, str], None],
     ) -> None:
         self.refused = 0
         self.fused_late = 0
         self._ekf, self._track_manager, self._late_buffer, self._warn = ekf, track_manager, late_buffer, warn
+        self._cross_check = cross_check
 
     def take(self, fix: ReferenceFix) -> bool:
         """Fuse a position in order of time; return whether the carried errors were estimated with it."""
@@ -52,12 +56,19 @@ class ReferenceUpdate:
         """Fuse a position stamped ``ahead_s`` after the filter time, if there is a target."""
         if not self._ekf.has_target:
             return False
+        covariance = np.diag(fix.sigma_m**2)
         seen = self._track_manager.state_machine.seen_by_two(fix.t_s)
-        innovation = self._ekf.update_reference(
-            fix.position_runway_m, np.diag(fix.sigma_m**2), ahead_s, may_replace=not seen
-        )
+        position, spread, velocity = self._ekf.reference_position(fix.position_runway_m, covariance, ahead_s)
+        if self._cross_check.contradicts(fix.t_s, position, spread, velocity):
+            self.refused += 1
+            self._ekf.refuse_reference()
+            self._report(fix.t_s, self._cross_check.distance_m(fix.t_s, position, velocity))
+            return False
+        innovation = self._ekf.update_reference(fix.position_runway_m, covariance, ahead_s, may_replace=not seen)
         self.refused += not innovation.accepted
         if seen and not innovation.accepted:
-            away_m = float(np.linalg.norm(innovation.residual))
-            self._warn(fix.t_s, f"reference receiver contradicts the cameras by {away_m:.1f} m: not used")
+            self._report(fix.t_s, float(np.linalg.norm(innovation.residual)))
         return innovation.accepted and self._ekf.learns
+
+    def _report(self, t_s: float, away_m: float) -> None:
+        self._warn(t_s, f"reference receiver contradicts the cameras by {away_m:.1f} m: not used")

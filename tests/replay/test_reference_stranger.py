@@ -128,3 +128,30 @@ def test_the_same_flight_gives_the_same_result_again() -> None:
     first, second = flown(sent(OFF_M)), flown(sent(OFF_M))
     np.testing.assert_array_equal(first.positions(), second.positions())
     assert [e.text for e in first.events] == [e.text for e in second.events]
+
+
+@pytest.mark.parametrize(("rate_hz", "sigma_m", "drift_m_s"), [(20.0, 0.02, 3.0), (50.0, 0.02, 8.0), (20.0, 1.0, 3.0)])
+def test_a_receiver_that_drifts_away_does_not_take_the_target_along(
+    rate_hz: float, sigma_m: float, drift_m_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each position passes near the one before. Before, the target was 11 to 15 m off at the end, none was refused."""
+    monkeypatch.setattr("tests.replay.test_reference_stranger.open_rig", make_rig)
+    drifting = [
+        replace(
+            e,
+            position_runway_m=e.position_runway_m + np.array([0.0, drift_m_s * (e.t_s - FROM_S), 0.0]),
+            sigma_m=np.full(3, sigma_m),
+        )
+        for e in sent(np.zeros(3), rate_hz=rate_hz)
+        if isinstance(e, ReferenceFix)
+    ]
+    result, alone = flown(drifting), flown([])
+    last, own = result.estimates[-1], alone.estimates[-1]
+    assert last.status is TrackStatus.TRACKING
+    assert last.kinematics is not None
+    assert own.kinematics is not None
+    sigma = np.sqrt(np.diag(own.kinematics.covariance)[:3])
+    assert np.all(np.abs(last.kinematics.position_runway_m - own.kinematics.position_runway_m) < 3.0 * sigma)
+    # refused where the receiver's clock does not explain it: its lag along the path is estimated, within its sigma
+    assert result.pipeline.counts["references_refused"] > 0
+    assert contradictions(result)

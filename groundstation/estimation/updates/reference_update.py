@@ -113,6 +113,16 @@ class ReferencePositionUpdate:
             value = value + H[:, self._antenna] @ x[self._antenna]
         return LinearPrediction(value=value, jacobian=H)
 
+    def without_lag(
+        self, state: PredictedState, reference: ReferencePosition
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the nose (3,) by a reference at the filter's time, its covariance (3, 3), and the velocity (3,)."""
+        expected, R = self._expect(state, reference)
+        own = expected.jacobian.copy()
+        own[:, self._layout.position] = 0.0
+        offset = expected.value - state.x[self._layout.position]
+        return reference.position_m - offset, own @ state.P @ own.T + R, state.x[self._layout.velocity].copy()
+
     def clock_step(
         self, state: PredictedState, reference: ReferencePosition, history: ReferenceHistory
     ) -> VarianceInflation | None:
