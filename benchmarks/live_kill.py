@@ -38,6 +38,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.live.command import LiveRequest, live
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.status_board import LiveStatus
+from groundstation.pointing.search_pattern import SearchConfig
 from groundstation.recording.recovery import recover
 from groundstation.rig.rig import Rig
 from groundstation.session import load_session
@@ -160,7 +161,10 @@ class NoiseRange(AttachedSimulator):
         )
         flir = HeadDevice(url=str(folder / "ptu-left"), baud=115200, poll_s=0.05)
         heads = {"left": flir, "right": pelco}
-        self.file = replace(file, stations=tuple(replace(s, head=heads[s.name]) for s in file.stations))
+        # so wide and so hasty that the slower unit turns nearly all the time, too
+        search = SearchConfig(azimuth_deg=(-30.0, 30.0), dwell_s=0.2)
+        stations = tuple(replace(s, head=heads[s.name]) for s in file.stations)
+        self.file = replace(file, stations=stations, search=search)
         self.delivery_s = 0.01
         self.truth: dict[str, NoseTruth] = {}
 
@@ -198,7 +202,7 @@ def operate(folder: Path, run: Path) -> NoReturn:
 # ------------------------------------------------------------------------------------ actions on processes
 @dataclass(frozen=True)
 class Moment:
-    """The action on a process, and its effects: times in s from the action on."""
+    """The action on a process, and its effects: times in s from the action on; ``turning`` heads turned before it."""
 
     who: str
     deed: str
@@ -210,6 +214,7 @@ class Moment:
     lost_s: float = math.nan
     code: int | None = None
     note: str = ""
+    turning: int = 0
 
 
 class Units:
@@ -227,6 +232,10 @@ class Units:
         """Return when each head first stood."""
         self._pipe.send(("stood", from_s, to_s))
         return dict(self._pipe.recv())
+
+    def turning(self, at_s: float) -> int:
+        """Return how many heads turned in the last moment before a time."""
+        return sum(turned > 0.0 for turned in self.turned(at_s - 0.05, at_s).values())
 
     def turned(self, from_s: float, to_s: float) -> dict[str, float]:
         """Return how long each head turned."""
@@ -368,7 +377,15 @@ def recovered(run: Run, units: Units, who: str, deed: str) -> Moment:
         return Moment(who, deed, status_s=status, back_s=back, note="late for a moment")
     # from standing to the report that all is well again nothing may turn, but for the last moment: commands come then
     again = max(units.turned(began_s + stood, began_s + max(stood, min(back, LOOKED_S) - 1.0)).values())
-    return Moment(who, deed, stood_s=stood, status_s=status, turned_again_s=again, back_s=back)
+    return Moment(
+        who,
+        deed,
+        stood_s=stood,
+        status_s=status,
+        turned_again_s=again,
+        back_s=back,
+        turning=units.turning(began_s),
+    )
 
 
 def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
@@ -412,6 +429,7 @@ def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
         turned_again_s=still,
         ended_s=ended_s,
         lost_s=lost,
+        turning=units.turning(began_s),
         code=code,
         note=" ".join(run.reported().split())[-300:] if deed == "memory" else "",
     )
@@ -489,6 +507,8 @@ def table(found: list[Moment]) -> str:
     statuses = [m.status_s for m in found if m.who in MOVERS and not math.isnan(m.status_s)]
     ended = [m.ended_s for m in found if not math.isnan(m.ended_s)]
     lost = [m.lost_s for m in found if not math.isnan(m.lost_s)]
+    losses = [m for m in found if m.who in MOVERS and not math.isnan(m.stood_s)]
+    lines.append("heads that turned: " + ", ".join(f"{k} in {sum(m.turning == k for m in losses)}" for k in range(3)))
     for what, values, within in (
         ("heads stood within 1 s", stopped, 1.0),
         ("status true within 0.5 s", statuses, 0.5),
