@@ -1,4 +1,4 @@
-"""Jobs to Dask's workers, one each: who died with which job, who takes too long, and what is done about it."""
+"""Dispatch of jobs to Dask's workers, one each: detection of workers that died or exceed their time, and retries."""
 
 import queue
 import time
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 _POLL_S = 0.5
-# a worker ends itself at the limit; one that is stopped, or whose machine hangs, does not
+# a worker ends itself at the limit, but not if it is stopped or its machine hangs
 _GRACE_S = 30.0
 _NO_WORKER_S = 120.0
 # a worker may be killed for memory that another process took; a job with which three have ended is at fault itself
@@ -65,7 +65,7 @@ class Dispatcher:
 
     Parameters
     ----------
-    client : of a scheduler whose workers have one thread.
+    client : of a scheduler with workers of one thread.
     function : what is done with each item.
     items : by name.
     limit_s : longest time of one job, s.
@@ -157,7 +157,7 @@ class Dispatcher:
         if running.future.status != "finished":
             fault = running.future.exception() if running.future.status == "error" else None
             if fault is not None and not isinstance(fault, KilledWorker):
-                # not of the function, whose faults are returned: the workers cannot run it
+                # not an error of the function, which would be returned: the workers cannot run it
                 raise fault
             yield from self._died(running)
             return
@@ -168,7 +168,7 @@ class Dispatcher:
         yield FinishedJob(name=running.name, text=found["value"], elapsed_s=found["elapsed_s"], cpu_s=found["cpu_s"])
 
     def _lost(self, addresses: set[str]) -> Iterator[FinishedJob | JobFailure]:
-        """Yield the jobs whose worker has gone, or does not end although its time is over."""
+        """Yield the jobs of workers that died or exceeded their time without ending."""
         now_s = time.monotonic()
         for key, running in list(self._running.items()):
             overdue = self._limit_s is not None and now_s - running.since_s > self._limit_s + _GRACE_S

@@ -49,7 +49,7 @@ FRAME_FACTORS = (
 def frame_class_row(truth: SessionTruth, outcomes: Iterable[FrameOutcome]) -> dict[str, int]:
     """Return the numbers of visible, hit and wrong frames of each class, named by `class_column`.
 
-    Sessions of other renderers, whose frames have no rating, give an empty row.
+    Sessions of other renderers have no rated frames and give an empty row.
     """
     if not truth.rated:
         return {}

@@ -1,4 +1,4 @@
-"""How the reported pixels of a replay meet the true silhouettes, frame by frame."""
+"""Comparison of a replay's reported pixels with the true silhouettes, frame by frame."""
 
 import math
 from dataclasses import dataclass

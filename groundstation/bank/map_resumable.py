@@ -1,8 +1,8 @@
-"""A function on many items, on all cores or a cluster, that goes on where it was interrupted.
+"""Parallel map of a function over items, on all cores or a cluster, resumable after an interruption.
 
     found = map_resumable(fly, {"seed-7": 7, "seed-8": 8}, Path("out/study"))
 
-What is finished stands in the folder ``out``, one file each; a run that is killed loses what its workers had in hand.
+Finished results are in the folder ``out``, one file each; a killed run loses its workers' unfinished items only.
 A worker that dies is replaced, and its job done again. Jobs take a second or more: each is a message and a file.
 """
 
@@ -51,7 +51,7 @@ def map_resumable(
     items : by name; names are of files.
     out : folder of the finished results.
     workers : processes of this machine (default: one for each core).
-    scheduler : address of a Dask scheduler whose workers have one thread each; then ``workers`` is not used.
+    scheduler : address of a Dask scheduler with workers of one thread each; then ``workers`` is not used.
     settings : what else the results depend on; results of other settings, or of another program, are not used again.
     limit_s : longest time of one job, s; it is reported as failed then.
     progress : called with the number of items that have ended and of all.

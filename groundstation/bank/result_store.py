@@ -1,4 +1,4 @@
-"""Finished results on the disk: one small file each, whole or not there, so that an interrupted run goes on."""
+"""Store of finished results: one small file each, written atomically, so that an interrupted run can be resumed."""
 
 import json
 import os

@@ -42,13 +42,13 @@ class SessionFigures:
     visible_frames : of these, how many show it by the rules; the rest is excluded.
     hit, wrong : number of visible frames hit and of all frames (with the aircraft or without) with a wrong pixel.
     wrong_visible : number of visible frames with a wrong pixel.
-    time_to_track_s : from the first pair that two cameras see to the status tracking; None if it never came.
-    seen_epochs : epochs that two cameras see, from the first to the last.
-    due_epochs : epochs from the first with the status tracking to the last that two cameras see.
+    time_to_track_s : from the first pair visible to two cameras to the status tracking; None without tracking.
+    seen_epochs : epochs visible to two cameras, from the first to the last.
+    due_epochs : epochs from the first with the status tracking to the last visible to two cameras.
     covered_epochs : of these, epochs with an estimate.
     tracking_epochs, misleading_epochs : epochs with the status tracking and a known truth; those that mislead.
-    losses, returned : how often tracking ended while two cameras saw the aircraft; how often it came back.
-    return_s_max, return_s_median : time from the loss to tracking again, over those that came back.
+    losses, returned : number of track losses while visible to two cameras; number of re-acquisitions.
+    return_s_max, return_s_median : time from the loss to tracking again, over the re-acquisitions.
     rmse_x_m … rmse_z_m : of tracking epochs; near_… for y in `RANGE_M`.
     over_bound_x … over_bound_z : root mean square error over the track's Cramér-Rao bound.
     nees_sum, nees_count : sum of NEES over tracking epochs, each of 3 degrees of freedom.
@@ -116,7 +116,7 @@ def session_figures(
 
 
 def _pixel_figures(outcomes: Sequence[FrameOutcome]) -> dict[str, int]:
-    """Count frames that show the aircraft, and how the pixels of the replay meet it."""
+    """Count the frames that show the aircraft, and the replay's hits, misses and wrong points."""
     return {
         "frames": sum(outcome.present for outcome in outcomes),
         "visible_frames": sum(outcome.visible for outcome in outcomes),
@@ -127,7 +127,7 @@ def _pixel_figures(outcomes: Sequence[FrameOutcome]) -> dict[str, int]:
 
 
 def _track_figures(e: Evaluation, visible: Mapping[str, MaskArray]) -> dict[str, Any]:
-    """Return what the status and the estimates' presence say, over the epochs that two cameras see."""
+    """Return the figures of status and estimates over the epochs visible to two cameras."""
     pairs = e.epochs["epoch"].astype(int)
     seen_by_two = np.sum([mask[pairs] for mask in visible.values()], axis=0) >= 2
     tracking = e.epochs["status"] == _TRACKING
@@ -158,7 +158,7 @@ def _track_figures(e: Evaluation, visible: Mapping[str, MaskArray]) -> dict[str,
 def _losses(t_s: FloatArray, tracking: MaskArray, seen_by_two: MaskArray) -> tuple[int, list[float]]:
     """Return how often tracking was missing while two cameras saw the aircraft, and the times of each return.
 
-    The clock of a return starts when tracking has ended and two cameras see the aircraft.
+    The time of a re-acquisition starts when tracking has ended and two cameras see the aircraft.
     """
     losses, returns, since = 0, [], math.nan
     for t, tracks, seen in zip(t_s.tolist(), tracking.tolist(), seen_by_two.tolist(), strict=True):

@@ -29,7 +29,7 @@ class SessionTruth:
     """Truth of a rendered session by station and pair.
 
     Where the session has no visibility.csv (recordings of other renderers), a frame is visible when its silhouette
-    inside the picture is wide enough: what hides it or how faint it is cannot be told. ``rated`` says which.
+    inside the picture is wide enough: occlusion and contrast are unknown. ``rated`` distinguishes the two.
 
     Raises `SessionError` for a session without truth.csv or masks.npz.
     """

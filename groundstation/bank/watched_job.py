@@ -68,7 +68,7 @@ def last_place(trace: Path) -> str:
 
 
 def timed_out(trace: Path) -> bool | None:
-    """Return whether a worker ended because its time was over; None where its trace does not tell."""
+    """Return whether a worker ended by its time limit; None if its trace cannot be read."""
     try:
         text = trace.read_text(encoding="utf-8", errors="replace")
     except OSError:

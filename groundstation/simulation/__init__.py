@@ -1,6 +1,6 @@
 """Simulated flights at the level of angles and pixels, without pictures: time-ordered events and exact truth.
 
-A `Scenario` holds the trajectory, the true rig and the rig that the user believes in;
+A `Scenario` holds the trajectory, the true rig and the stated rig;
 `simulate` turns it into a `SimulatedFlight`. Everything random comes from the scenario's seed.
 """
 

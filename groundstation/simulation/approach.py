@@ -16,7 +16,7 @@ GLIDE_SLOPE_RAD = math.radians(3.5)
 class Flare:
     """An exponential flare: z = max(floor, height · exp(−(start − y)/length)) where y is below ``start_y_m``.
 
-    With the numbers of the predictors' track, height and slope do not quite meet the glide path's: at y = 110 m
+    With the numbers of the predictors' track, height and slope differ slightly from the glide path's: at y = 110 m
     z jumps by 2 mm and the sink rate by 0.66 m/s (at 25 m/s). `meeting` gives one that does.
     """
 
@@ -45,7 +45,7 @@ class GlideApproach:
     start_y_m, end_y_m : y at time 0 and at the end of the span, runway frame.
     speed_m_s : along −y.
     slope_rad : z = tan(slope) · (y − aim_y_m) before the flare.
-    aim_y_m : where the glide path meets the runway.
+    aim_y_m : aim point, where the glide path intersects the runway.
     flare : None flies the glide path to the end.
     """
 

@@ -25,7 +25,7 @@ class Backdrop:
     ----------
     station : geometry, lens and rolling shutter.
     optics : exposure and sensor.
-    around : what the station's eye sees.
+    around : the surroundings from the station's camera.
     """
 
     def __init__(self, station: Station, optics: Optics, around: Surroundings) -> None:
@@ -65,7 +65,7 @@ class Backdrop:
             smooth_mosaic(light, self._optics.defocus_px, coloured=self._optics.pattern is not None)
 
     def unhidden(self, shape: tuple[int, ...], corner: tuple[int, int], distance_m: float) -> Float32Array | None:
-        """Return the share (h, w) of each pixel of a window past which no object stands nearer; None where all."""
+        """Return the share (h, w) of each pixel of a window without a nearer object; None if all of them are free."""
         if self._depths is None:
             return None
         free = np.empty(shape[:2], np.float32)

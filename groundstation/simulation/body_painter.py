@@ -18,7 +18,7 @@ _LUMINANCE = np.array([0.114, 0.587, 0.299], np.float32)
 
 
 class BodyPainter:
-    """Draws the bodies of a scene as one eye sees them.
+    """Draws the bodies of a scene from one camera.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class BodyPainter:
         return self._over_objects(drawn, away_m)
 
     def _over_objects(self, drawn: BodyWindow, away_m: float) -> BodyWindow:
-        """Return what is left of a window where an object stands nearer."""
+        """Return a window without the parts that nearer objects hide."""
         free = self._backdrop.unhidden(drawn.cover.shape, drawn.corner, away_m)
         return drawn if free is None else BodyWindow(cover=drawn.cover * free[:, :, None], corner=drawn.corner)
 

@@ -21,7 +21,7 @@ _MAX_SAMPLES = 250_000
 _SHUTTER_ROUNDS = 4
 _LEAST_MOTION_PX = 0.25
 _MAX_MOTION_PX = 400.0
-# a body whose corners smear by more than this differently from its place is drawn at several instants
+# a body is drawn at several instants if the motion blur of its corners differs by more than this from its place's
 _SMEAR_PX = 1.0
 _MAX_INSTANTS = 4
 # the grey level at which a white skin in full sun is shown
@@ -65,7 +65,7 @@ class BodyWindow:
 
 
 class BodyRaster:
-    """Draws the bodies that one station sees; one thread at a time.
+    """Draws the bodies in one station's picture; one thread at a time.
 
     Parameters
     ----------

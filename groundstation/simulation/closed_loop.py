@@ -1,7 +1,7 @@
 """Closed-loop simulation of a station in virtual time: turning heads, pixel measurements and scheduled faults.
 
-The complete `LiveCore` runs; its pointing commands determine what the simulated cameras see. There are no pictures, so
-that a thousand simulated landings take minutes. The result depends on the seed only.
+The complete `LiveCore` runs; its pointing commands determine the view of the simulated cameras. There are no pictures:
+a thousand simulated landings take minutes. The result depends on the seed only.
 """
 
 import heapq
@@ -127,9 +127,9 @@ class ClosedLoopSimulation:
 
     Parameters
     ----------
-    rig : as the pipeline knows it; the simulated hardware is exactly that.
+    rig : of the pipeline; the simulated hardware is identical.
     flight : the target point.
-    faults : what goes wrong, and when.
+    faults : kinds of faults and their times.
     span_m : wing span of the target as in a station file; None if unknown.
     """
 

@@ -36,7 +36,7 @@ class ClosedLoopHead:
             self._at_s += dt
 
     def home(self, until_s: float) -> None:
-        """Discard all commands and stand at zero until ``until_s``."""
+        """Discard all commands and hold zero angles until ``until_s``."""
         self._waiting.clear()
         self._wanted, self.rates, self.angles = np.zeros(2), np.zeros(2), np.zeros(2)
         self._at_s = max(self._at_s, until_s)

@@ -1,4 +1,4 @@
-"""Closed-loop simulation in virtual time with rendered pictures, in which the detector looks for the target."""
+"""Closed-loop simulation in virtual time with rendered pictures, on which the detector runs."""
 
 from collections.abc import Sequence
 from functools import partial

@@ -68,7 +68,7 @@ class CameraModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SimulatedDetections:
-    """One camera's looks, one for each of n stereo pairs.
+    """One camera's detections, one for each of n stereo pairs.
 
     Attributes
     ----------
@@ -98,9 +98,9 @@ def simulate_detections(
     t_s: FloatArray,
     generator: np.random.Generator,
 ) -> SimulatedDetections:
-    """Take the looks of one camera of true ``geometry`` at mid-exposures ``t_s`` (n,), true session time.
+    """Simulate the detections of one camera of true ``geometry`` at mid-exposures ``t_s`` (n,), true session time.
 
-    A pixel that would be reported outside the image is not reported. Every look draws the same count of random
+    A pixel that would be reported outside the image is not reported. Every detection draws the same count of random
     numbers, so that one parameter can be changed without another draw of all the rest.
     """
     pixel, in_front = _true_pixels(geometry, readout_s, history, trajectory, t_s)
@@ -148,6 +148,6 @@ def _contained(geometry: StationGeometry, pixel_px: FloatArray) -> MaskArray:
 
 
 def _root(covariance: FloatArray) -> FloatArray:
-    """Return a matrix whose square with its transpose is a covariance, which may be singular."""
+    """Return a square root of a covariance, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

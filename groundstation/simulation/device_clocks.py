@@ -15,11 +15,11 @@ def device_from_session(clock: ClockModel | None, t_session_s: FloatArray) -> Fl
 
 
 def session_from_device(clock: ClockModel | None, t_device_s: FloatArray) -> FloatArray:
-    """Return the session times (n,) that a device's stamps (n,) stand for, s."""
+    """Return the session times (n,) of a device's stamps (n,), s."""
     own = _EXACT if clock is None else clock
     return np.asarray(t_device_s + own.offset_s + own.drift_ppm * 1e-6 * t_device_s)
 
 
 def stated_times(t_s: FloatArray, true: ClockModel | None, stated: ClockModel | None) -> FloatArray:
-    """Return the session times (n,) that a user reads off the stamps taken at true times (n,), s."""
+    """Return the session times (n,), by the stated clock, of the stamps taken at true times (n,), s."""
     return session_from_device(stated, device_from_session(true, t_s))

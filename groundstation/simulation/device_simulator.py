@@ -80,7 +80,7 @@ class DeviceSimulatorConfig:
     ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated.faults.FAULTS`, and how often one strikes a PTU
         once the flight has begun.
     receiver : the reference receiver on the aircraft's nose, at the link ``dgps``; None for none.
-    timetable : what goes wrong at stated times of the flight.
+    timetable : faults at stated times of the flight.
     """
 
     rig: Path
@@ -269,7 +269,7 @@ def serve_devices(
 
 
 class _DelayedTrajectory:
-    """A trajectory whose time zero is an instant of the host clock that may be set during use."""
+    """A trajectory with its time zero at an instant of the host clock, which may be set during use."""
 
     def __init__(self, flight: Trajectory, start_s: float) -> None:
         self._flight, self.start_s = flight, start_s

@@ -36,7 +36,7 @@ class DgpsModel:
     antenna_in_body_m : (3,) from the nose: x forward, y right, z down. Without an attitude of the trajectory's own,
         forward is the track's direction.
     available : where there are fixes.
-    frozen : where the receiver goes on repeating its last position; None where it never does.
+    frozen : when the receiver repeats its last position; None for never.
     """
 
     rate_hz: float = 10.0
@@ -97,7 +97,7 @@ def take_fixes(
 def antenna_positions(nose_m: FloatArray, velocity_m_s: FloatArray, antenna_in_body_m: FloatArray) -> FloatArray:
     """Return where the antenna is, (n, 3) m, for noses (n, 3) and velocities (n, 3): along the track, zero roll.
 
-    Where the aircraft stands, or flies straight up, it has no direction: it then points along −y.
+    At rest or in vertical flight the track has no direction: the aircraft then points along −y.
     """
     speed = np.linalg.norm(velocity_m_s, axis=1, keepdims=True)
     resting = np.array([0.0, -1.0, 0.0])

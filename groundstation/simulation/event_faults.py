@@ -52,7 +52,7 @@ class Fault:
         s late, as one that stamps on arrival does; ``ptu_silent`` gives no readings, ``ptu_spike`` adds ``by`` rad to
         pan and tilt, ``ptu_stuck`` repeats its last reading; ``dgps_gap`` gives no fixes; a ``…_clock_step`` puts
         stamps ``by`` s forward.
-    station : whose; empty for DGPS.
+    station : its name; empty for DGPS.
     from_s, to_s : when; ``to_s`` is not part of it.
     by : size, s or rad; 0 where the kind has none.
     """

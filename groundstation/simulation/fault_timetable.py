@@ -28,7 +28,7 @@ _OF_THE_RECEIVER = (FaultKind.DGPS_GAP, FaultKind.DGPS_CLOCK_STEP)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedDeviceFaults:
-    """What goes wrong with the stations' devices, and the receiver (None for none) as it fails."""
+    """Faults of the stations' devices, and the receiver (None for none) with its faults."""
 
     timetable: tuple[TimedFault, ...]
     receiver: ReceiverModel | None
@@ -37,7 +37,7 @@ class SimulatedDeviceFaults:
 def simulated_device_faults(
     faults: Sequence[Fault], receiver: ReceiverModel | None, where: str
 ) -> SimulatedDeviceFaults:
-    """Return the faults of a timetable as a simulated range knows them; times count from the flight's beginning.
+    """Return the faults of a timetable in the simulated range's form; times count from the flight's beginning.
 
     Raises `InputError`, which names ``where``, for what does not happen on a serial line, and for faults of a receiver
     that is not there.

@@ -198,9 +198,9 @@ def _station(
 
 
 def rendered_scenario(trajectory: Trajectory, rig: Rig, *, seed: int = 0, frame_hz: float = 10.0) -> Scenario:
-    """Return a flight before stations whose heads follow it with lag, with DGPS in a clock of its own.
+    """Return a flight with heads that follow it with lag, and DGPS with a separate clock.
 
-    The rig is believed to be as it is. Angles are read 50 times a second, between the frames.
+    The stated rig is the true one. Angles are read 50 times a second, between the frames.
     """
     loop = SecondOrderLoop(natural_rad_s=15.0, damping=0.8, limits=LoopLimits(command_delay_s=0.05))
     ptu = PtuModel(pointing=loop, rate_hz=50.0, phase_s=0.0035, delay_s=0.004)

@@ -43,7 +43,7 @@ def fly_by_jsbsim(*, seed: int, samples: int, rate_hz: float, glide_rad: float, 
 
     Parameters
     ----------
-    wind_m_s : from the right, and what the turbulence's strength goes by.
+    wind_m_s : from the right; it also sets the strength of the turbulence.
 
     Raises `NoFlightModelError` where JSBSim is not installed.
     """
@@ -94,7 +94,7 @@ def loaded_c172(rate_hz: float) -> Any:
 
 
 def start_turbulence(model: Any, seed: int, wind_m_s: float) -> None:
-    """Let turbulence blow as such a wind brings it, the same for the same seed."""
+    """Start turbulence of a wind's strength, the same for the same seed."""
     # turbulence of type 3 is MIL-F-8785C
     for name, value in (
         ("simulation/randomseed", float(seed % _SEEDS or _SEEDS - 1)), ("atmosphere/turb-type", 3.0),

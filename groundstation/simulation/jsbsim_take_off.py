@@ -93,9 +93,9 @@ def take_off_by_jsbsim(
 
     Parameters
     ----------
-    wind_m_s : what the turbulence's strength goes by, as the full-size aircraft meets it.
-    span_m : of the aircraft that it is brought down to.
-    rest_m : the nose's height while it stands on its wheels.
+    wind_m_s : sets the strength of the turbulence, for the full-size aircraft.
+    span_m : of the aircraft to which the flight is scaled.
+    rest_m : the nose's height at rest.
 
     Returns the nose in the runway frame. Raises `NoFlightModelError` where JSBSim is not installed.
     """

@@ -43,7 +43,7 @@ def unhidden(
     corner_px: FloatArray,
     out: Float32Array,
 ) -> bool:
-    """Fill a window (h, w), corner (2,) px, with the share of each pixel past which nothing nearer stands.
+    """Fill a window (h, w), corner (2,) px, with the share of each pixel without a nearer object.
 
     ``nodes`` and ``moved`` are `render_kernels.surroundings`'s, and so is the choice between the panoramas. Returns
     whether anything is hidden.
@@ -57,7 +57,7 @@ def unhidden(
     first_column = min(max(x0 // TILE, 0), columns - 1)
     last_column = min(max((x0 + out.shape[1] - 1) // TILE, 0), columns - 1)
     for i in range(first_row, last_row + 1):
-        # beyond the picture the outermost tile goes on
+        # the outermost tile is extended beyond the picture
         low = 0 if i == first_row else i * TILE - y0
         high = out.shape[0] if i == last_row else (i + 1) * TILE - y0
         for j in range(first_column, last_column + 1):
@@ -92,7 +92,7 @@ def unhidden(
 
 @njit(cache=True, nogil=True)
 def _all_free(depth: np.ndarray, corner: FloatArray, shift: FloatArray, limit: int) -> bool:
-    """Tell whether a tile with these corners (4, 2) in the panorama, and the way it moves, holds nothing nearer."""
+    """Return whether a tile with these corners (4, 2) in the panorama, over its motion, contains no nearer object."""
     reach_x, reach_y = 0.5 * abs(shift[0]), 0.5 * abs(shift[1])
     x0, x1 = int(corner[:, 0].min() - reach_x), int(corner[:, 0].max() + reach_x) + 1
     y0, y1 = int(corner[:, 1].min() - reach_y), int(corner[:, 1].max() + reach_y) + 1

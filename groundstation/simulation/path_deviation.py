@@ -40,7 +40,7 @@ def drawn_deviation(
     dt = float(t[1] - t[0])
     start = generator.normal(size=(2, 3)) * [[position_sigma_m], [velocity_sigma_m_s]]
     kick = generator.normal(size=(t.size - 1, 3)) * np.sqrt(psd * dt)
-    # of the position's share dt³/3, dt³/4 goes with the velocity's kick and dt³/12 is its own
+    # of the position's share dt³/3, dt³/4 is correlated with the velocity's increment and dt³/12 is independent
     slip = 0.5 * dt * kick + generator.normal(size=kick.shape) * np.sqrt(psd * dt**3 / 12.0)
     velocity = start[1] + np.vstack([np.zeros(3), np.cumsum(kick, axis=0)])
     position = start[0] + np.vstack([np.zeros(3), np.cumsum(dt * velocity[:-1] + slip, axis=0)])
@@ -106,7 +106,7 @@ class GustModel:
 
 
 def _root(covariance: FloatArray) -> FloatArray:
-    """Return a matrix whose square with its transpose is the covariance, which may be all but singular."""
+    """Return a square root of the covariance, which may be nearly singular."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)
 

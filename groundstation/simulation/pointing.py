@@ -41,7 +41,7 @@ class PointingHistory(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdealPointing:
-    """The optical axis goes through the target point at every instant."""
+    """The optical axis passes through the target point at every instant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,9 +127,9 @@ class DisturbedPointing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UncontrolledPointing:
-    """Aims at the target when the flight begins and is left to itself then: nothing but the filter's own model.
+    """Aims at the target when the flight begins, without control afterwards: the filter's own model of the head.
 
-    Constant rates and white acceleration, so that the head does not follow the target: for studies whose truth is to be
+    Constant rates and white acceleration, so that the head does not follow the target: for studies with a truth to be
     drawn from the model to the last, with a picture that is wide enough. ``deviation`` is that of `DisturbedPointing`.
     """
 

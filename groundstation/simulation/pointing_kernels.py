@@ -87,8 +87,8 @@ def simulate_axis(
 ) -> None:
     """Drive one axis after its commands (n,) rad, ``dt`` s apart; fill angle (n,) and rate (n,) from their first.
 
-    ``gains`` is (1/τ,) of a first-order loop, whose rate is demanded, or (ω², 2ζω) of a second-order one,
-    whose acceleration is. Acceleration is constant within a step, so rate and acceleration never exceed
+    ``gains`` is (1/τ,) of a first-order loop with demanded rate, or (ω², 2ζω) of a second-order one with
+    demanded acceleration. Acceleration is constant within a step, so rate and acceleration never exceed
     their limits, not even between the samples.
     """
     for k in range(len(command) - 1):

@@ -29,7 +29,7 @@ _FAULT_KEYS = frozenset({"what", "station", "from_s", "to_s", "by_s", "by_deg"})
 class RenderRequest:
     """Parameters of `render_flight`.
 
-    ``rig`` None is the standard site, ``duration_s`` None the whole flight; ``grey`` cameras see no colours.
+    ``rig`` None is the standard site, ``duration_s`` None the whole flight; ``grey`` cameras are monochrome.
     """
 
     out: Path

@@ -59,7 +59,7 @@ def _row(
     ``flat`` is a panorama of this width as one row of numbers.
     """
     line = 3 * width
-    # unsigned places, so that the compiler does not look out for negative ones
+    # unsigned indices, so that the compiler omits the handling of negative ones
     right, under, beyond = np.uint64(3), np.uint64(line), np.uint64(line + 3)
     for j in range(len(out)):
         u, v = np.int32(x + j * step_x), np.int32(y + j * step_y)
@@ -114,7 +114,7 @@ def _tile(
 
 @njit(cache=True, nogil=True)
 def flat_blocks(panorama: ImageArray, most: float, out: MaskArray) -> None:
-    """Tell which blocks of 16 × 16 panorama pixels are bilinear in their corners, but for so many grey levels."""
+    """Mark the blocks of 16 × 16 panorama pixels that are bilinear in their corners within so many grey levels."""
     height, width = panorama.shape[0], panorama.shape[1]
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):

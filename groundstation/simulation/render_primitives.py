@@ -88,7 +88,7 @@ def merged(windows: list[tuple[Float32Array, tuple[int, int]]], count: int) -> t
 
 
 def smooth_mosaic(light: NDArray[np.uint16], sigma_px: float, *, coloured: bool) -> None:
-    """Blur light (h, w) in place by a Gaussian of so many px; of a colour mosaic each of the four planes by itself."""
+    """Blur light (h, w) in place by a Gaussian of so many px; of a colour mosaic each of the four planes separately."""
     step = 2 if coloured else 1
     sigma = sigma_px / step
     size = 2 * math.ceil(3.0 * sigma) + 1

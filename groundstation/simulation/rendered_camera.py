@@ -1,4 +1,4 @@
-"""A camera of a station that looks into a `RenderedScene`: raw pictures, and the exact truth of them.
+"""A station's camera in a `RenderedScene`: raw pictures and their exact truth.
 
 A picture depends on seed, station, time, angles and rates alone; the same again is the same to the last bit. An
 object has room to work in: one thread at a time.
@@ -43,7 +43,7 @@ class PictureTruth:
         asked for.
     corner_px : x, y of its upper-left pixel.
     width_px : width of the box around the whole aircraft, what lies outside the picture included.
-    share_in_view : share of the whole silhouette that is inside the picture; 0 where no silhouette is asked for.
+    share_in_view : share of the whole silhouette that is inside the picture; 0 if no silhouette is requested.
     visible_share : share of the silhouette inside the picture that neither an object nor traffic hides; likewise.
     """
 
@@ -73,7 +73,7 @@ class RenderedCamera:
 
     Parameters
     ----------
-    world : what it looks into.
+    world : the rendered scene.
     station : geometry, lens and rolling shutter; its clock plays no part.
     optics : exposure and sensor.
     seed : of the noise.

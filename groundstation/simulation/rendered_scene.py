@@ -57,7 +57,7 @@ class RenderedScene:
         return np.asarray(clear * light * skin.colours_bgr + (1.0 - clear) * self.scenery.air_light(towards_runway_m))
 
     def transmission(self, distance_m: float) -> float:
-        """Return the share of light that the air lets through over a distance, m."""
+        """Return the transmittance of the air over a distance, m."""
         return self.scenery.haze.clearness(distance_m)
 
     def _nose(self, t_s: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Calibration errors: the difference between the true rig and the rig that the user believes in."""
+"""Calibration errors: the difference between the true rig and the stated rig."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -56,8 +56,8 @@ class StationErrors:
 def perturbed(rig: Rig, errors: Mapping[str, StationErrors]) -> Rig:
     """Return a rig that differs from ``rig`` by ``errors``, by station name; the others stay.
 
-    Either of a scenario's two rigs may be the perturbed one: believed = perturbed(true), or true =
-    perturbed(believed) where the user's files shall stay what they are.
+    Either of a scenario's two rigs may be the perturbed one: stated = perturbed(true), or true =
+    perturbed(stated) where the user's files are to remain unchanged.
     """
     for name in errors:
         require(

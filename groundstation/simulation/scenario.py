@@ -1,4 +1,4 @@
-"""A scenario: the trajectory, the true rig, the rig that the user believes in, and the device models."""
+"""A scenario: the trajectory, the true rig, the stated rig, and the device models."""
 
 import math
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ class Scenario:
     ----------
     trajectory : what the target point flies; its span is what the cameras take.
     true_rig : the stations as they are.
-    rig : the stations as the user believes them to be; the same names, and fixed or not.
+    rig : the stated stations; the same names, and fixed or not.
     ptus : a model for each station that turns, by name.
     cameras : a model for each station, by name.
     dgps : None carries no receiver.

@@ -19,7 +19,7 @@ class Skin:
     ----------
     corners_runway_m : (n, 3, 3) of n triangles.
     normals_runway : (n, 3) unit vectors, outward.
-    colours_bgr : (n, 3) 0 to 255, as a camera sees them in full light.
+    colours_bgr : (n, 3) 0 to 255, in the camera's image in full light.
     opacity : (n,) from 0 to 1; below 1 is seen from both sides and hides only that share of what is behind it.
     """
 
@@ -31,7 +31,7 @@ class Skin:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PointLight:
-    """A lamp as one eye sees it at one time: ``position_runway_m`` (3,) and ``candela_bgr`` (3,) towards the eye."""
+    """A lamp from one camera at one time: ``position_runway_m`` (3,) and ``candela_bgr`` (3,) towards the eye."""
 
     position_runway_m: FloatArray
     candela_bgr: FloatArray

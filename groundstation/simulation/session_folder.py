@@ -1,6 +1,6 @@
 """A simulated flight as a plain session folder, which `groundstation replay` reads (docs/formats.md).
 
-The tables hold what a laboratory would have: stamps in each device's own clock, the rig as it is believed to be.
+The tables hold the data of a real session: stamps in each device's own clock, and the stated rig.
 truth.csv is in true session time, so that a replay is judged by what truly happened.
 """
 
@@ -25,7 +25,7 @@ def write_session_folder(
 ) -> None:
     """Write session.toml, rig.toml, detections.csv, ptu.csv, truth.csv and, if there are fixes, dgps.csv.
 
-    ``initial`` is where a replay shall start; None lets it search. Raises `InputError` if the folder cannot be
+    ``initial`` is the start of a replay; None for a search. Raises `InputError` if the folder cannot be
     written, or is not empty: nothing of a recording is ever replaced.
     """
     origin = f"Simulated at the level of angles and pixels, seed {flight.scenario.seed}; exact truth"
@@ -97,7 +97,7 @@ def _detections(flight: SimulatedFlight) -> Iterable[Cells]:
 
 
 def _readings(flight: SimulatedFlight, turning: Sequence[str]) -> Iterable[Cells]:
-    """Return the readings by their stamps; units whose stamps are the same share a row."""
+    """Return the readings by their stamps; units with equal stamps share a row."""
     rows: dict[str, dict[str, PtuSample]] = {}
     for event in flight.events:
         if isinstance(event, PtuSample):

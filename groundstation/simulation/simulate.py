@@ -67,9 +67,9 @@ class SimulatedFlight:
     events : in the order of their arrival; stamps are the devices' own, mapped to session time by ``rig``.
     arrival_s : (m,) true session time of each event's arrival.
     dgps : fixes in the DGPS clock.
-    rig : what the user believes.
+    rig : the stated rig.
     truth : what is.
-    scenario : what was asked for.
+    scenario : the input.
     """
 
     events: tuple[Event, ...]
@@ -119,7 +119,7 @@ def _generator(scenario: Scenario, stream: int, number: int) -> np.random.Genera
 
 
 def _histories(scenario: Scenario) -> dict[str, PointingHistory]:
-    """Return how each true station points; a fixed one stands at zero."""
+    """Return the pointing history of each true station; a fixed one is at zero."""
     start, end = scenario.trajectory.span_s
     # readings lead in and out, phases and rolling shutters reach a little further
     phases = [abs(c.phase_s) for c in scenario.cameras.values()]

@@ -1,4 +1,4 @@
-"""The rig file and the station file of a simulated station, whose devices' URLs are links made by the simulator."""
+"""The rig file and the station file of a simulated station; its devices' URLs are links made by the simulator."""
 
 from pathlib import Path
 

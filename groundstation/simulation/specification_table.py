@@ -1,6 +1,6 @@
 """Specifications as tables of plain values: frozen dataclasses to TOML and back, checked field by field.
 
-A field whose name ends in ``_rad`` stands in the file in degrees, with the suffix ``_deg``; every other value stands as
+A field with a name in ``_rad`` is in degrees in the file, with the suffix ``_deg``; every other value is stored as
 it is. None is an absent key. A file that is read and written again is the same, and gives the same specification to the
 last bit.
 """
@@ -32,7 +32,7 @@ def specification_table(specification: Any) -> dict[str, Any]:
 
 
 def rounded(specification: SpecificationT) -> SpecificationT:
-    """Return a specification whose numbers have six digits in its file, so that a drawn world can be read."""
+    """Return a specification with numbers of six digits, so that the file of a drawn world is readable."""
     changes = {
         f.name: _round(getattr(specification, f.name), _is_angle(f.name))
         for f in dataclasses.fields(specification)  # type: ignore[arg-type]
@@ -131,7 +131,7 @@ def _optional(hint: Any) -> Any:
 
 
 def _read(hint: Any, table: TomlTable, key: str, value: Any, angle: bool) -> Any:
-    """Return one value of a file as the type hint wants it."""
+    """Return one value of a file, converted to the type hint."""
     inner = _optional(hint)
     if inner is not None:
         return _read(inner, table, key, value, angle)

@@ -1,7 +1,7 @@
 """The standard cases B and C, for which the bounds of docs/derivation.md are known.
 
 Both: stations 10.77 m apart at a height of 1.5 m, f = 6667 px, 1280 × 960 px. They differ in noise, and in
-what the number 0.00625° is: in B the encoder's *step*, whose noise has an rms of 0.00625°/√12 = 0.0018°; in C
+what the number 0.00625° is: in B the encoder's *step*, with a noise of rms of 0.00625°/√12 = 0.0018°; in C
 itself the *rms* of a reading's noise, without steps.
 """
 
@@ -56,7 +56,7 @@ def standard_station(
 
 
 def standard_rig(*, resolution_rad: float = STEP_RAD, sigma_rad: float = 0.0, third: bool = False) -> Rig:
-    """Return the stations "left" and "right", and "third" at (40, 100) m if asked for."""
+    """Return the stations "left" and "right", and "third" at (40, 100) m if requested."""
     places = {"left": (-BASELINE_M / 2, 0.0), "right": (BASELINE_M / 2, 0.0)}
     if third:
         places["third"] = _THIRD_STATION_M

@@ -1,4 +1,4 @@
-"""A take-off towards the cameras: stand, brake release, roll, rotate, climb."""
+"""A take-off towards the cameras: rest, brake release, roll, rotation, climb."""
 
 import math
 from dataclasses import dataclass, fields
@@ -18,7 +18,7 @@ class TakeOff:
 
     Attributes
     ----------
-    start_y_m, start_z_m : where the nose stands, at x = 0.
+    start_y_m, start_z_m : position of the nose at rest, at x = 0.
     stand_s : time before the brakes are released, where the acceleration steps from 0.
     acceleration_m_s2 : until ``climb_speed_m_s``, constant thereafter.
     rotate_speed_m_s : at this speed the path begins to bend upwards …

@@ -1,7 +1,7 @@
 """Trajectories: position and velocity of the target point at any time, runway frame.
 
-A trajectory has a span, the stretch of time that is flown. It can be asked beyond it, where readings lead in
-and out: it then goes on as it was.
+A trajectory has a span, the interval of the flight. It can be evaluated beyond it, where readings lead in
+and out: it is then extrapolated.
 """
 
 from dataclasses import dataclass

@@ -53,7 +53,7 @@ def drawn_row(
 
 
 def drawn_rows(seed: int, count: int, share: float) -> list[dict[str, Any]]:
-    """Return sessions whose hits are binomial with a share that differs between them by 5 points (1 sigma)."""
+    """Return sessions with binomial hits, and a share that differs between them by 5 points (1 sigma)."""
     generator = np.random.default_rng(seed)
     rows = []
     for number in range(count):

@@ -13,7 +13,7 @@ def square(item: int) -> dict[str, Any]:
 
 
 def misbehave(item: str) -> str:
-    """Return the item, or do what it says."""
+    """Return the item, or execute the action that it names."""
     match item.split(":"):
         case ["raise"]:
             raise ValueError("no such runway")

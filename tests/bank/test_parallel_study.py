@@ -1,4 +1,4 @@
-"""A study's lines are those of one process whatever the workers, and an interrupted study goes on."""
+"""A study's lines are independent of the number of workers, and an interrupted study is resumed."""
 
 import os
 import subprocess

@@ -9,7 +9,7 @@ from groundstation.simulation import SimulatedFlight
 
 
 def triangulated(flight: SimulatedFlight) -> tuple[np.ndarray, np.ndarray]:
-    """By the believed rig and the stamps as they are: epochs' stamps (n,) and points (n, 3), NaN where there is none.
+    """By the stated rig and the stamps as they are: epochs' stamps (n,) and points (n, 3), NaN where there is none.
 
     Angles are interpolated between the readings; a fixed station's are zero.
     """

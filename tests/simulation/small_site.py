@@ -48,7 +48,7 @@ def straight(
 
 
 def ball(radius_m: float) -> Airframe:
-    """A body whose middle is the nose, evenly lit from wherever it is seen from ahead."""
+    """A body centred at the nose, evenly lit from all directions ahead."""
     corners = []
     axes = radius_m * np.eye(3)
     for x in (axes[0], -axes[0]):
@@ -81,7 +81,7 @@ def camera_at(
 
 @lru_cache
 def around(without_colour: bool) -> Surroundings:
-    """What the left station of any of these worlds sees, drawn once."""
+    """The view of the left station of any of these worlds, drawn once."""
     eye = small_station().geometry().camera_pose(0.0, 0.0).position_runway_m
     return surroundings_of(Scenery(), eye, 1600.0, without_colour)
 

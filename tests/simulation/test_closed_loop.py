@@ -66,7 +66,7 @@ def test_the_same_seed_gives_the_same_day() -> None:
 @pytest.mark.parametrize("kind", [k for k in ClosedLoopFaultKind if k not in OF_THEIR_OWN])
 def test_a_fault_is_outlived_with_an_honest_covariance(kind: ClosedLoopFaultKind) -> None:
     result = rehearsed(fault(kind))
-    # it goes on while the fault is there, and a second later it tracks as if nothing had been
+    # it continues during the fault, and a second later it tracks as without it
     assert result.share(TrackStatus.LOST, 1.0, 6.0) == 0.0
     assert result.share(TrackStatus.TRACKING, FAULT_TO_S + 1.0, 6.0) >= 0.98
     assert result.squared_errors(1.0).mean() / 3.0 < 1.5

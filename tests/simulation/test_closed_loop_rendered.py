@@ -1,4 +1,4 @@
-"""A landing in operation with pictures, in virtual time: found, followed, and let go of once it has gone."""
+"""A landing in operation with pictures, in virtual time: acquired, tracked, and dropped after it has left."""
 
 import numpy as np
 

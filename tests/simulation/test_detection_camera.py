@@ -72,7 +72,7 @@ def test_one_parameter_does_not_redraw_the_others() -> None:
 
 
 def test_a_target_outside_the_image_gives_no_pixel() -> None:
-    """A head that stands still sees it pass through, and never a pixel that is not in the image."""
+    """With a head at rest the target passes through the image, and no pixel outside the image is reported."""
     track = GlideApproach(start_y_m=200.0, end_y_m=10.0, slope_rad=0.0, aim_y_m=0.0)
     seen = detections(
         CameraModel(pixel_covariance_px2=isotropic(5.0)), pointing=FixedPointing(pan_rad=-0.06), track=track

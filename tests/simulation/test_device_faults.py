@@ -1,4 +1,4 @@
-"""Faults of a simulated range happen when they are said to."""
+"""Faults of a simulated range occur at their stated times."""
 
 import multiprocessing as mp
 import time

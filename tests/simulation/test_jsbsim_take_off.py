@@ -1,4 +1,4 @@
-"""JSBSim's take-off: it stands, rolls on its wheels, rotates and climbs, and is as large as the aircraft."""
+"""JSBSim's take-off: rest, roll on its wheels, rotation and climb, scaled to the aircraft."""
 
 import math
 from functools import cache
@@ -31,7 +31,7 @@ def test_it_takes_off_as_an_aircraft_does(wind_m_s: float) -> None:
     place, velocity = flown.position(t), flown.velocity(t)
     assert place[0] == pytest.approx([0.0, 300.0, REST_M], abs=1e-6)
     assert place[-1, 1] == pytest.approx(60.0, abs=0.5)
-    # the brakes hold it, and let it go all at once
+    # the brakes hold it until their release
     held = t < 1.0
     assert np.abs(place[held] - place[0]).max() < 0.02
     off = int(np.argmax(place[:, 2] > REST_M + 0.3))

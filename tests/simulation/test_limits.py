@@ -19,7 +19,7 @@ def test_a_climb_is_less_than_straight_up() -> None:
 @pytest.mark.parametrize(("size_px", "refused"), [(MAX_SIZE_PX, False), (MAX_SIZE_PX + 1, True)])
 def test_the_largest_picture_is_allowed(size_px: int, refused: bool) -> None:
     class ReachedError(Exception):
-        """The size was let through."""
+        """The size was accepted."""
 
     class Station:
         name = "left"

@@ -1,4 +1,4 @@
-"""Paint on a runway has the sizes that are asked for; textures are as strong as asked for."""
+"""Paint on a runway has the requested sizes, and textures the requested contrast."""
 
 from dataclasses import replace
 

@@ -57,7 +57,7 @@ def test_ideal_rates_are_the_derivative_of_the_angles() -> None:
 
 
 def test_a_head_adrift_is_aimed_once_and_goes_its_own_way() -> None:
-    """Where it looks at the start of the flight, then nothing but the drawn deviation, whatever the target does."""
+    """The direction at the start of the flight, then the drawn deviation alone, independent of the target."""
     geometry, track = standard_rig()["left"].geometry(), weaving_approach()
     start, end = track.span_s
     drawn = drawn_deviation(np.random.default_rng(3), span_s=(start, end), acceleration_psd_m2_s3=(1e-5, 1e-5, 0.0))

@@ -1,4 +1,4 @@
-"""`groundstation simulate`: the session loads, its pictures show what its truth says, and a replay follows it."""
+"""`groundstation simulate`: the session loads, its pictures agree with its truth, and a replay tracks the target."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,7 +42,7 @@ def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The first 5 s of a landing, from 270 m away: small cameras stand further up the runway."""
+    """The first 5 s of a landing, from 270 m away: small cameras are further up the runway."""
     folder = tmp_path_factory.mktemp("filmed") / "s"
     plain = small_rig(3300.0, (640, 480))
     nearer = tuple(replace(s, ptu_position_m=s.ptu_position_m + NEARER_M) for s in plain.stations)

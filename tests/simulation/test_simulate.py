@@ -141,7 +141,7 @@ def test_every_part_of_a_station_can_be_wrong() -> None:
     straight = pixel(StationErrors())
     for name, value in by.items():
         assert np.abs(pixel(StationErrors(**{name: value})) - straight).max() > 0.1, name
-    # pan the mount one way and the picture goes the other: u by f · angle
+    # the picture moves against the mount's pan: u by f · angle
     turned = pixel(StationErrors(mount_rad=np.array([0.0, 0.0, 1e-4])))
     assert turned[0] - straight[0] == pytest.approx(0.6667, rel=0.02)
     raised = pixel(StationErrors(boresight_rad=np.array([1e-4, 0.0, 0.0])))
@@ -308,7 +308,7 @@ def test_a_scenario_that_cannot_be_is_refused(change: dict[str, object], message
 
 
 def test_a_parked_head_loses_the_target() -> None:
-    """Out of the image there is no pixel, and the other station goes on alone."""
+    """Outside the image there is no pixel, and the other station continues alone."""
     scenario = exact()
     ptus = {
         **scenario.ptus,
@@ -321,7 +321,7 @@ def test_a_parked_head_loses_the_target() -> None:
 
 
 def test_true_clock_models_are_those_of_the_rig_file() -> None:
-    """t_session = t_device + offset: a device whose offset is positive shows less than session time."""
+    """t_session = t_device + offset: a device with a positive offset is behind session time."""
     scenario = exact()
     true = replace(scenario.true_rig["left"], camera_clock=ClockModel(offset_s=0.5))
     rig = replace(scenario.true_rig, stations=(true, scenario.true_rig["right"]))

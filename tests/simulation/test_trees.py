@@ -1,4 +1,4 @@
-"""Trees stand before the hills, dark and green."""
+"""Trees are before the hills, dark and green."""
 
 import numpy as np
 

@@ -1,1 +1,1 @@
-"""Drawn aircraft over real pictures: sequences with exact truth whose background, light and blur are a real clip's."""
+"""Composites: drawn aircraft over the frames of real clips, with exact truth and the clip's light and blur."""

@@ -1,4 +1,4 @@
-"""Which clips are whose: a clip belongs to one set of seeds, so that no picture of *validate* is ever learned from."""
+"""Assignment of clips to sets of seeds: each clip is in one set, so that no training uses a picture of *validate*."""
 
 import re
 

@@ -1,7 +1,7 @@
 """The light of a clip on drawn bodies: its sky from above, its ground from below, and a sun where its sky is clear.
 
 Light is linear, 1 at level 255. A white skin (reflectance 1) under a sky that is the same everywhere shows the sky's
-light; one that looks down shows the ground's.
+light; one that faces down reflects the ground's.
 """
 
 import math

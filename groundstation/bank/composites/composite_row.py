@@ -78,7 +78,7 @@ def composite_row(seed: int, clips: CompositeClips) -> dict[str, Any]:
 
 
 def row_of(spec: CompositeSpec, judged: Iterable[JudgedFrame]) -> dict[str, Any]:
-    """Return the figures of a composite whose frames are judged."""
+    """Return the figures of a composite with rated frames."""
     visible = [each for each in judged if each.frame.visible]
     count = len(visible)
     hits, wrong = (sum(each.verdict is kind for each in visible) for kind in (FrameVerdict.HIT, FrameVerdict.WRONG))

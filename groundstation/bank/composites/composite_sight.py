@@ -1,4 +1,4 @@
-"""Where a composite's camera sees a path, and in which frames an aircraft on it has the picture to itself."""
+"""Projection of a path into a composite's camera, and the frames in which it is clear of the real aircraft."""
 
 from collections.abc import Sequence
 
@@ -13,13 +13,13 @@ from groundstation.simulation.trajectory import Trajectory
 
 # the aircraft keeps so far away from the labelled box of the real one, px
 CLEAR_PX = 12.0
-# and its ball below so many widths of the picture
+# and its sphere below so many widths of the picture
 _WIDEST = 0.8
 _NEAREST_M, _LOWEST_M = 12.0, 1.5
 
 
 class CompositeSight:
-    """Looks along a stretch's frames for an aircraft, taken as a ball around its nose that holds all of it.
+    """Visibility of an aircraft in the frames of a stretch; a sphere about its nose encloses all of it.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ EYE_HEIGHT_M = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompositeCamera:
-    """The virtual camera of a clip, which looks along +y of the runway frame.
+    """The virtual camera of a clip, with its optical axis along +y of the runway frame.
 
     Attributes
     ----------
@@ -65,10 +65,10 @@ class CompositeCamera:
         )
 
     def heads(self, shifts_px: FloatArray) -> tuple[HeadMotion, ...]:
-        """Return where it looks in each frame, of which the scene is shifted (n, 2) px, and how it turns there."""
+        """Return orientation and rates of the camera in each frame, from the scene's shift (n, 2) px."""
         angles = np.arctan(shifts_px / self.focal_px)
         rates = np.gradient(angles, 1.0 / RATE_HZ, axis=0) if len(angles) > 1 else np.zeros_like(angles)
-        # the scene goes right when the camera turns left, and down when it turns up
+        # the scene moves right when the camera turns left, and down when it turns up
         return tuple(
             HeadMotion(
                 pan_rad=float(a[0]),

@@ -43,7 +43,7 @@ _TILT_DEG, _EXPOSURE_S = (8.0, 35.0), (0.0005, 0.006)
 # of aircraft that come, that go, and that cross
 _SHARES = (0.55, 0.2, 0.25)
 _ASIDE_DEG = 40.0
-# at a span of 2 m; speed goes with the root of the span
+# at a span of 2 m; speed is proportional to the root of the span
 _SPEED_M_S, _AT_SPAN_M = (10.0, 20.0), 2.0
 _CLIMB, _MAX_BANK_RAD, _STRAIGHT = 0.06, math.radians(30.0), 0.5
 _PATHS, _STRETCHES = 400, 12
@@ -107,7 +107,7 @@ class _CompositeDraw:
         return CompositeCamera(focal_px=focal, tilt_rad=tilt, exposure_s=exposure)
 
     def _path(self, generator: np.random.Generator, sight: CompositeSight) -> tuple[ArcPath, int, int] | None:
-        """Return a path whose aircraft is long enough in the picture, and the frames, from 0, that show it."""
+        """Return a path with a long enough aircraft in the picture, and the frames, from 0, that contain it."""
         count = len(self._stretch.boxes)
         if count < LEAST_FRAMES:
             return None

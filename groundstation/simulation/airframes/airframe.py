@@ -1,4 +1,4 @@
-"""What is drawn of an aircraft: its triangles with colours and opacity, its lights, and how high it stands.
+"""Render model of an aircraft: triangles with colours and opacity, lights, and height at rest.
 
 Body frame: x forward, y right, z down, in m; its origin is the target point, the centre of the nose.
 """
@@ -73,10 +73,10 @@ class Airframe:
     ----------
     corners_body_m : (n, 3, 3) of n triangles.
     normals_body : (n, 3), outward.
-    colours_bgr : (n, 3), 0 to 255, as a camera sees them in full light.
+    colours_bgr : (n, 3), 0 to 255, in the camera's image in full light.
     opacity : (n,), 1 but for what the turning propeller smears.
     span_m : from wing tip to wing tip.
-    rest_height_m : of the nose above the runway while it stands level on its gear.
+    rest_height_m : of the nose above the runway when level on its gear.
     lights : of the aircraft.
     """
 

@@ -5,7 +5,7 @@ import numpy as np
 from groundstation.simulation.airframes.livery import LiverySpec
 from groundstation.simulation.airframes.mesh import Colour
 
-# BGR as a camera sees them in full light
+# BGR in the camera's image in full light
 _DARK: tuple[Colour, ...] = (
     (30.0, 30.0, 31.0),  # carbon
     (52.0, 50.0, 50.0),  # dark grey
@@ -41,7 +41,7 @@ _UNDERSIDE_SHARE, _GLOSS = 0.3, 0.06
 def draw_livery(generator: np.random.Generator) -> LiverySpec:
     """Return a livery of one, two or three colours, now and then with an underside of its own."""
     tones = [int(generator.choice(3, p=_BASE_SHARES))]
-    # a second colour stands out
+    # a second colour contrasts with the first
     tones.append(int(generator.choice([k for k in range(3) if k != tones[0]])))
     tones.append(int(generator.integers(3)))
     base, second, third = (_colour(generator, _SETS[k]) for k in tones)

@@ -46,7 +46,7 @@ class PropellerSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GearSpec:
-    """What it stands on.
+    """The landing gear.
 
     Attributes
     ----------

@@ -91,7 +91,7 @@ def spinner_radius(propeller_radius: float) -> float:
 
 
 def spinner(tip: FloatArray, propeller_radius: float, backwards: bool = False) -> FloatArray:
-    """Return the spinner whose tip is at a point (3,), pointing forward or backwards."""
+    """Return the spinner with its tip at a point (3,), pointing forward or backwards."""
     radius = spinner_radius(propeller_radius)
     along = _SPINNER_LENGTH * radius * (-1.0 if backwards else 1.0)
     return round_body([tip + np.array([u * along, 0.0, 0.0]) for u in _SPINNER[0]], [radius * r for r in _SPINNER[1]])

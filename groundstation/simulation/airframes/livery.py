@@ -1,4 +1,4 @@
-"""What an airframe is painted like: up to three colours on named areas, and an underside of its own."""
+"""Livery of an airframe: up to three colours on named areas, and a separate underside."""
 
 from dataclasses import dataclass
 from enum import StrEnum, auto
@@ -10,7 +10,7 @@ from groundstation.simulation.airframes.mesh import Colour, doubled_areas
 from groundstation.simulation.parameter_checks import require, require_fraction
 
 _MOST_BANDS = 4
-# the colour of the underside is on faces that look down by more than this
+# the colour of the underside is on faces with normals that point down by more than this
 _DOWNWARD = -0.25
 # half height of the stripe along the fuselage, as the sine of the angle from its widest line
 _STRIPE = 0.32
@@ -35,8 +35,8 @@ class LiverySpec:
     base_bgr : of all that is not painted otherwise.
     second_bgr : of wing tips, nose and tail, where these are painted.
     third_bgr : of stripe and bands.
-    underside_bgr : of what looks down; None has it like the top.
-    boom_bgr : of booms, struts and nacelles; None has them like the rest.
+    underside_bgr : of the faces that point down; None for the colour of the top.
+    boom_bgr : of booms, struts and nacelles; None for the colour of the rest.
     tip_share : of the half span, from the wing tip inwards, in the second colour; 0 has none.
     nose_share : of the fuselage's length, from the nose backwards, in the second colour.
     painted_tail, painted_fin : whether tailplane and fins have the second colour.

@@ -143,7 +143,7 @@ class TailSpec:
     aspect_ratio, taper, sweep_rad : of the tailplane or the V; the sweep is the leading edge's.
     fin_area_share : of all fins, in wing areas.
     fin_aspect_ratio, fin_taper, fin_sweep_rad : of each fin, its height squared by its area.
-    v_angle_rad : how far a V's halves stand up from level.
+    v_angle_rad : dihedral of the halves of a V tail.
     fin_spacing_per_span : between twin fins, or between booms.
     """
 

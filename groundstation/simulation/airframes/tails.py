@@ -61,7 +61,7 @@ def _centre_fin(spec: AirframeSpec, hull: Hull) -> tuple[MeshPart, FloatArray]:
     """Return the fin and the middle (3,) of its tip's chord."""
     form, end = _fin_form(spec, 1), spec.tail.end_per_span
     behind = end - 0.5 * form.root_chord
-    # its area is what stands above the fuselage
+    # its area is the part above the fuselage
     sunk = hull.section(behind)[1]
     form = Planform(
         reach=form.reach + sunk, root_chord=form.root_chord, tip_chord=form.tip_chord, swept=form.swept + 0.3 * sunk

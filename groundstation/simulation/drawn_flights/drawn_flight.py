@@ -34,7 +34,7 @@ class DrawnFlight:
 
     Attributes
     ----------
-    spec : what was asked for.
+    spec : the specification.
     nose : the nose's trajectory, runway frame; acceleration is continuous.
     angles : yaw (clockwise from +y), pitch (nose up) and bank (right wing down), rad, over the span.
     """

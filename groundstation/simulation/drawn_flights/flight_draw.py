@@ -1,4 +1,4 @@
-"""Drawing a flight: a kind, a speed that suits the span, and a place where the stations see it."""
+"""Random draw of a flight: a kind, a speed that fits the span, and a place within the stations' view."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ _CRAB_DEG = 15.0
 _WIDEST_TURN_M = 180.0
 # a model aircraft's propeller gives half of its weight
 _MOST_THRUST_M_S2 = 5.0
-# nothing ends nearer to the stations than this: they stand on either side of the runway
+# no flight ends nearer to the stations than this: they are on either side of the runway
 _NEAREST_M = 35.0
 
 
@@ -39,7 +39,7 @@ def draw_flight(
     duration_s: float = 20.0,
     kinds: Sequence[FlightKind] = DRAWN_KINDS,
 ) -> FlightSpec:
-    """Draw one of ``kinds``, all equally likely, for an aircraft of a span whose nose stands at a height, m."""
+    """Draw one of ``kinds``, all equally likely, for an aircraft of a span with its nose at rest at a height, m."""
     require_positive("draw_flight: span_m", span_m)
     require(len(kinds) > 0, "draw_flight: kinds", got="none", wanted="one or more")
     kind = kinds[int(generator.integers(len(kinds)))]

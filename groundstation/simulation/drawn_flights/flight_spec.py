@@ -78,7 +78,7 @@ class FlightSpec:
     kind : the manoeuvre.
     duration_s : how long it is flown.
     span_m : the aircraft's wing span.
-    rest_height_m : height of the nose above the runway when the aircraft stands.
+    rest_height_m : height of the nose above the runway at rest.
     wheels_behind_nose_m : distance from the main wheels (or skids) forward to the nose.
     speed_m_s : over ground, on the approach and in the climb.
     event_s : when the aircraft touches down (landing, touch-and-go), is lowest (go-around), is level (low pass),

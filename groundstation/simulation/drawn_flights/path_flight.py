@@ -26,7 +26,7 @@ class PathMotion:
 def path_motion(spec: FlightSpec, t_s: FloatArray, flying_m: float) -> PathMotion:
     """Return the motion along a flight's way points at times (n,), s.
 
-    Crab, incidence and bank grow to their whole within ``flying_m`` above the height at which the nose stands.
+    Crab, incidence and bank reach their full values within ``flying_m`` above the nose's height at rest.
     """
     points = spec.way_points
     times = np.array([p.t_s for p in points])

@@ -1,4 +1,4 @@
-"""A way point of a flight whose path is given: when the nose is where, and which way the aircraft points there."""
+"""A way point of a flight along a given path: time and position of the nose, and the aircraft's attitude."""
 
 import itertools
 import math

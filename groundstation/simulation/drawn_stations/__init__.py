@@ -1,4 +1,4 @@
-"""Stations drawn at random: where they stand, how their heads follow, and how wrong their calibration is."""
+"""Stations drawn at random: positions, dynamics of their heads, and errors of their calibration."""
 
 from groundstation.simulation.drawn_stations.build import BuiltStations, StationCamera, build_stations
 from groundstation.simulation.drawn_stations.station_draw import draw_stations

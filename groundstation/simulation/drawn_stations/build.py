@@ -31,7 +31,7 @@ from groundstation.simulation.scenario import Scenario
 from groundstation.simulation.trajectory import SampledTrajectory, Trajectory
 
 _AIM_STREAM = 331
-# looks along +y: the camera's z is the head's y
+# optical axis along +y: the camera's z is the head's y
 _IDEAL_CAMERA_WXYZ = np.array([0.5**0.5, -(0.5**0.5), 0.0, 0.0])
 # the loop runs some seconds before and after the flight
 _LEAD_S = 6.0

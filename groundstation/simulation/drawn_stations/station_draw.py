@@ -73,7 +73,7 @@ def draw_stations(generator: np.random.Generator, *, duration_s: float = 20.0, s
 
 
 def _places(generator: np.random.Generator, count: int) -> list[tuple[float, float, float]]:
-    """Draw where the stations stand: two on either side of the runway's near end, others further on."""
+    """Draw the stations' positions: two on either side of the runway's near end, others further on."""
     half_m = 0.5 * generator.uniform(*_BASELINE_M)
     staggered_m = generator.uniform(-3.0, 3.0)
     places = [(side * half_m, 0.5 * side * staggered_m, generator.uniform(*_HEIGHT_M)) for side in (-1.0, 1.0)]
@@ -121,7 +121,7 @@ def _calibration(generator: np.random.Generator, quality: float) -> CalibrationS
 
 
 def _clock(generator: np.random.Generator, *, synchronised: bool) -> ClockSpec:
-    """Draw a clock whose offset is stated to a millisecond, or one of which only a sigma is known."""
+    """Draw a clock with an offset stated to a millisecond, or with a stated sigma only."""
     if synchronised:
         offset_s, sigma_s = generator.uniform(-_CLOCK_OFFSET_S, _CLOCK_OFFSET_S), generator.uniform(2e-4, 2e-3)
     else:

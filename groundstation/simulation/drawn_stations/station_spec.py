@@ -159,7 +159,7 @@ class HeadSpec:
         picture's height, and how long it takes.
     late_s : until then the head waits for the target …
     late_pan_share, late_tilt_share : … so far off it, as a share of half the picture's width and height.
-    stalls : when the head stands still.
+    stalls : when the head does not move.
     """
 
     resolution_rad: float = 0.00625 * _DEG
@@ -213,8 +213,8 @@ class StationSpec:
     Attributes
     ----------
     name : letters, digits, - and _.
-    position_m : where the pan and tilt axes meet, runway frame.
-    mount_rad : how the base truly stands, as a small-angle vector of runway_from_base, runway frame.
+    position_m : intersection of the pan and tilt axes, runway frame.
+    mount_rad : true orientation of the base, as a small-angle vector of runway_from_base, runway frame.
     boresight_rad : how the camera truly sits on the head, likewise, head frame.
     camera_in_head_m : lever arm of the camera's centre.
     calibration : what the rig file has of all this.

@@ -1,4 +1,4 @@
-"""Where the objects of a drawn scenery stand: clear of the runway's strip and below its approaches."""
+"""Placement of a drawn scenery's objects: clear of the runway's strip and below its approaches."""
 
 import math
 
@@ -37,7 +37,7 @@ class ObjectPlan:
     Parameters
     ----------
     generator : of all draws.
-    site : what stands there.
+    site : the objects and surfaces.
     half_width_m, end_y_m, aim_y_m : the runway.
     """
 
@@ -126,7 +126,7 @@ class ObjectPlan:
         return self._side() * (self._half + off), y, heading_rad
 
     def _turned(self) -> float:
-        """Draw a heading: most things stand square to a road or the runway."""
+        """Draw a heading: most objects are aligned with a road or the runway."""
         quarter = 0.5 * math.pi * int(self._generator.integers(4))
         return quarter + float(self._generator.normal(0.0, 0.25))
 

@@ -1,4 +1,4 @@
-"""How surroundings of each kind are drawn: surfaces, skyline, and how much stands there."""
+"""Parameters of the drawn surroundings of each kind: surfaces, skyline, density of objects."""
 
 from dataclasses import dataclass
 

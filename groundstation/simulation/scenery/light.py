@@ -1,4 +1,4 @@
-"""Light on a scenery: sky, haze, and the sun on what stands in it, as plain parameters."""
+"""Light on a scenery: sky, haze and sunlight, as plain parameters."""
 
 import math
 from dataclasses import dataclass

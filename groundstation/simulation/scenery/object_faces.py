@@ -141,7 +141,7 @@ def _vehicle(thing: SceneryObject, frame: _Frame) -> list[Part]:
 
 
 def _standing(thing: SceneryObject) -> Face:
-    """Return what looks the same from all sides."""
+    """Return the upright face, turned towards the camera, of a rotationally symmetric object."""
     texture = {ObjectKind.TREE: textures.TREE, ObjectKind.CONIFER: textures.CONIFER}.get(thing.kind, textures.ROUND)
     half = 0.5 * thing.width_m
     foot = np.array([[-half, 0.0, 0.0], [half, 0.0, 0.0]]) + np.array([thing.x_m, thing.y_m, 0.0])

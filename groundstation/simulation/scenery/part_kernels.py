@@ -1,6 +1,6 @@
 """Compiled drawing of objects into a panorama, far ones first: convex parts of flat faces with simple textures.
 
-Every column of the panorama is a vertical half-plane. What it cuts out of a face is a segment, whose elevations are
+Every column of the panorama is a vertical half-plane. Its intersection with a face is a segment, and its elevations are
 exact; four such cuts a column soften upright edges, and rows are covered by the share that lies inside.
 """
 
@@ -107,7 +107,7 @@ def _shade(
 def _cuts(
     faces: FaceTable, first: int, end: int, azimuth: float, top: float, density: float, cuts: FloatArray
 ) -> tuple[int, int]:
-    """Fill the rows (faces, cuts, 2) between which a column's cuts see each face; return the rows that hold them."""
+    """Fill the rows (faces, cuts, 2) between which each face is visible in a column's cuts; return their range."""
     found = np.empty(2)
     low, high = np.inf, -np.inf
     for k in range(first, end):

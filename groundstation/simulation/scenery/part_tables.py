@@ -1,4 +1,4 @@
-"""A scenery's objects as one eye sees them: lit, turned, sorted, with the shadows that they throw."""
+"""A scenery's objects from one camera: lit, turned, sorted, with their shadows."""
 
 import math
 
@@ -10,7 +10,7 @@ from groundstation.simulation.scenery.object_faces import Face, Part, object_par
 from groundstation.simulation.scenery.part_kernels import FaceTable, PartTable
 from groundstation.simulation.scenery.scenery import Scenery
 
-# an object that a station would stand in or right before is left out
+# an object that contains a station or is right before one is left out
 _CLEAR_OF_EYE_M = 5.0
 _THINNEST_PX = 1.2
 _LEAFY = (textures.FOREST, textures.CONIFERS, textures.TREE, textures.CONIFER, textures.HEDGE)
@@ -19,7 +19,7 @@ _ON_GROUND_M = 0.02
 
 
 class _Seen:
-    """A face as one eye sees it; corners in m from the eye."""
+    """A face from one camera; corners in m from the camera."""
 
     def __init__(self, face: Face, corners: FloatArray, colours: FloatArray, opacity: float, seed: int) -> None:
         self.face, self.corners, self.colours, self.opacity, self.seed = face, corners, colours, opacity, seed
@@ -35,7 +35,7 @@ class _Seen:
 
 
 def part_tables_of(scenery: Scenery, eye: FloatArray, pixel_rad: float) -> tuple[PartTable, FaceTable]:
-    """Return all objects and their shadows as an eye (3,) m sees them with pixels of so many rad."""
+    """Return all objects and their shadows from a camera at (3,) m with pixels of so many rad."""
     shadows: list[list[_Seen]] = []
     parts: list[tuple[float, list[_Seen]]] = []
     for number, thing in enumerate(scenery.objects):
@@ -134,7 +134,7 @@ def _shadow(scenery: Scenery, part: Part, eye: FloatArray) -> list[list[_Seen]]:
 
 
 def _solid(face: Face, towards: FloatArray) -> FloatArray:
-    """Return points (n, 3) whose outline is a face's shadow: a crown's is not that of its rectangle."""
+    """Return points (n, 3) with the outline of a face's shadow; a crown's differs from its rectangle's."""
     if not face.towards_eye:
         return face.corners
     middle, half = face.corners[:2].mean(axis=0), 0.5 * float(np.linalg.norm(face.corners[1] - face.corners[0]))
@@ -197,7 +197,7 @@ def _azimuths(part: list[_Seen]) -> tuple[float, float]:
     corners = np.concatenate([s.corners for s in part])
     angles = np.arctan2(corners[:, 0], corners[:, 1])
     off = (angles - angles[0] + math.pi) % math.tau - math.pi
-    # an eye in a shadow's outline sees it all around
+    # from inside a shadow's outline it is visible in all directions
     if off.max() - off.min() >= math.pi:
         return -math.pi, math.pi
     return float(angles[0] + off.min()), float(angles[0] + off.max())

@@ -1,4 +1,4 @@
-"""What there is around a runway, as one object of plain parameters; the defaults are the standard site."""
+"""Scenery of a runway, as one object of plain parameters; the defaults are the standard site."""
 
 import math
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ class Marking(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunwayLook:
-    """How a runway looks.
+    """Appearance of a runway.
 
     Attributes
     ----------
@@ -63,14 +63,14 @@ class RunwayLook:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Skyline:
-    """What stands far off all around: a ring of trees, and hills.
+    """The distant skyline: a ring of trees, and hills.
 
     Attributes
     ----------
     trees_m, trees_height_m : radius of the ring around the origin, and how high its trees are.
     trees_gap : level of a noise of 0 to 1 above which there are trees; 1 is none.
     trees_bgr : their colour in full light.
-    trees_solid : whether they stand in the haze and hide what is behind them.
+    trees_solid : whether they are attenuated by haze and hide objects behind them.
     hills_rad, hills_relief_rad, hills_detail_rad : mean elevation of the skyline, and its wide and narrow variation.
     hills_bgr, hills_m : their colour, and how far off haze takes them to be; 0 where the colour is as seen.
     trees_texture, hills_texture : how strongly the colours of trees and hills vary, as factors.
@@ -134,7 +134,7 @@ class SkyName(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenery:
-    """What there is around the runway; lengths in m, runway frame.
+    """Scenery around the runway; lengths in m, runway frame.
 
     ``cloud_cover`` from 0 to 1; the sun's azimuth is from +y towards +x. ``mosaic`` from 0 to 1 is how much distant
     fields differ, ``ground_texture`` a factor on how strongly the ground's colours vary. ``drawn_scenery`` and

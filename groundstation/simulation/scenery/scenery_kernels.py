@@ -36,11 +36,11 @@ class ViewColumn(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _ring(skyline: SkylineTones, azimuth: float, eye: FloatArray) -> tuple[float, float]:
-    """Return how far the ring of trees is, m, and where along it a direction meets it, rad."""
+    """Return how far the ring of trees is, m, and the position on it of a direction, rad."""
     sine, cosine = np.sin(azimuth), np.cos(azimuth)
     radius = skyline.trees_m
     if not skyline.solid:
-        # seen from aside they stand elsewhere
+        # seen from aside their directions differ
         return radius, azimuth + (eye[0] * cosine - eye[1] * sine) / radius
     ahead = eye[0] * sine + eye[1] * cosine
     inside = radius * radius - eye[0] * eye[0] - eye[1] * eye[1]

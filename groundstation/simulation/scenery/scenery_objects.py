@@ -1,4 +1,4 @@
-"""Things that stand around a runway and hide what is behind them, as plain parameters."""
+"""Objects around a runway that hide objects behind them, as plain parameters."""
 
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,4 +1,4 @@
-"""Shapes of cars: a lower body with wheels, and a glazed cabin with a roof, of the sizes that are asked for."""
+"""Shapes of cars: a lower body with wheels, and a glazed cabin with a roof, of given sizes."""
 
 from dataclasses import dataclass
 

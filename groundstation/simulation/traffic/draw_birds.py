@@ -20,7 +20,7 @@ _BEFORE = 0.6
 # the others pass within so much of it: in the pictures of some stations, or just outside
 _AROUND_RAD = math.radians(8.0)
 _NEAREST_M, _FARTHEST_M, _LOWEST_M = 25.0, 700.0, 1.5
-# starling (0.38 m, 10 Hz), crow (0.9 m, 4.3 Hz), herring gull (1.34 m, 3 Hz): the beat goes with 1 / span
+# starling (0.38 m, 10 Hz), crow (0.9 m, 4.3 Hz), herring gull (1.34 m, 3 Hz): the beat is proportional to 1 / span
 _BEATS_M_PER_S = 3.9
 _MAX_BANK_RAD = math.radians(35.0)
 _TRIES = 40

@@ -1,4 +1,4 @@
-"""Roads with cars drawn at random: along the runway or across beyond its end, clear of all that stands there."""
+"""Roads with cars drawn at random: along the runway or across beyond its end, clear of all objects."""
 
 import math
 
@@ -12,7 +12,7 @@ from groundstation.simulation.traffic.sight_lines import SightLines
 from groundstation.simulation.traffic.traffic_spec import CarKind, CarSpec, RoadSpec
 
 SPEED_M_S = (5.0, 20.0)
-# of cars, those that pass under or behind the aircraft as a station sees it
+# of cars, those that pass under or behind the aircraft as seen from a station
 ENCOUNTERS = 0.6
 _ACROSS = 0.45
 _CARS = (1, 5)
@@ -82,7 +82,7 @@ def _road(generator: np.random.Generator, duration_s: float, scenery: Scenery) -
 
 
 def _is_clear(road: RoadSpec, lines: SightLines, scenery: Scenery) -> bool:
-    """Return whether nothing stands on a road: no object, water, runway or station."""
+    """Return whether a road is free of objects, water, runway and stations."""
     along = np.arange(-0.5 * road.length_m, 0.5 * road.length_m, _STEP_M)
     middle = np.column_stack(
         [road.x_m + along * math.sin(road.heading_rad), road.y_m + along * math.cos(road.heading_rad)]
@@ -123,7 +123,7 @@ def _on_rectangle(
 
 
 def _car(generator: np.random.Generator, lines: SightLines, road: RoadSpec) -> CarSpec:
-    """Draw a car that stays on its road; now and then in line with the aircraft, as a station sees it."""
+    """Draw a car that stays on its road; sometimes in line with the aircraft as seen from a station."""
     speed = float(generator.uniform(*SPEED_M_S)) * (-1.0 if float(generator.uniform()) < 0.5 else 1.0)
     travel = speed * lines.duration_s
     low, high = -0.5 * road.length_m - min(travel, 0.0), 0.5 * road.length_m - max(travel, 0.0)

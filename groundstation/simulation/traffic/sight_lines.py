@@ -1,4 +1,4 @@
-"""Where stations see the aircraft, and directions near it: what traffic that is to cross its picture is aimed at."""
+"""Lines of sight from the stations to the aircraft and near it: aim of traffic that is to cross its picture."""
 
 import math
 from collections.abc import Sequence

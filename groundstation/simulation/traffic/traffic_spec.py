@@ -40,7 +40,7 @@ class CarSpec:
     length_m, width_m, height_m : its size.
     colour_bgr : its paint.
     along_m : where its middle is at time 0, along the road from the road's middle.
-    speed_m_s : along the road; negative drives against the road's heading. What stands is an object of the scenery.
+    speed_m_s : along the road; negative drives against the road's heading. Parked cars are objects of the scenery.
     """
 
     kind: CarKind = CarKind.CAR

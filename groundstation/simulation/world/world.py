@@ -26,9 +26,9 @@ class World:
     ----------
     seed : of what is drawn while the session is made: noise, gusts, encoder errors, lost frames.
     frame_hz : pairs per s.
-    airframe, flight, scenery : what there is to see.
+    airframe, flight, scenery : the aircraft, its flight and the surroundings.
     traffic : what else moves.
-    stations : where they stand, their heads, clocks and calibration; ``cameras`` one for each, in this order.
+    stations : positions, heads, clocks and calibration; ``cameras`` one for each, in this order.
     """
 
     seed: int
@@ -72,5 +72,5 @@ def _factors(world: World) -> Iterator[tuple[str, str]]:
 
 
 def _class(value: float, edges: tuple[tuple[float, str], ...], last: str) -> str:
-    """Return the name of the class below whose edge a value is."""
+    """Return the name of a value's class, the first with a greater edge."""
     return next((name for edge, name in edges if value < edge), last)

@@ -1,6 +1,6 @@
-"""The three sets of worlds, told apart by their seeds: *train*, *validate* and *test*.
+"""The three sets of worlds, separated by their seeds: *train*, *validate* and *test*.
 
-What is learned or tuned uses worlds of *train*; *validate* is looked at while developing; *test* is run for a figure
+Training and tuning use worlds of *train*; development uses *validate*; *test* is run for a figure
 only. Two airframe families, two sceneries and two skies occur in *test* alone, so that its figures show what has never
 been seen.
 """

@@ -115,7 +115,7 @@ def test_the_camera_of_a_clip_follows_its_pan_and_horizon(footage: StretchFootag
     assert shift == pytest.approx([-PAN_PX * (FRAMES - 1), 0.0], abs=0.08 * FRAMES)
     assert footage.view.horizon_row == pytest.approx(SKYLINE_ROW, abs=9.0)
     heads = spec.camera.heads(footage.view.shifts_px)
-    # what goes left in the picture is seen by a camera that turns right, and pan is positive to the left
+    # the scene moves left in the picture when the camera turns right, and pan is positive to the left
     assert heads[-1].pan_rad == pytest.approx(np.arctan(shift[0] / spec.camera.focal_px))
     assert heads[-1].pan_rad < 0.0
 

@@ -1,4 +1,4 @@
-"""Blur, noise, light and cuts of pictures whose values are known."""
+"""Blur, noise, light and cuts of pictures with known values."""
 
 import cv2
 import numpy as np

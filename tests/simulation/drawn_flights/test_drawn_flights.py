@@ -1,4 +1,4 @@
-"""Drawn flights: physical limits, attitude that suits the track, places that a ground station sees."""
+"""Drawn flights: physical limits, attitude consistent with the track, places within a ground station's view."""
 
 import math
 from collections.abc import Callable

@@ -131,11 +131,11 @@ def difference(true: Station, stated: Station) -> np.ndarray:
 
 
 def test_the_two_rigs_differ_by_what_the_file_states() -> None:
-    """Expected: the squared Mahalanobis distance of true from believed station, by the file's matrix, is χ²."""
+    """Expected: the squared Mahalanobis distance of true from stated station, by the file's matrix, is χ²."""
     squares, count = 0.0, 0
     exact = [k for k, name in enumerate(CALIBRATION_PARAMETERS) if name.startswith(("camera_in_head", "distortion"))]
     for spec in drawn():
-        # a head whose aim does not wander takes no time to build
+        # a head with a constant aim takes no time to build
         steady = tuple(replace(s, head=HeadSpec()) for s in spec.stations)
         made = built(replace(spec, stations=steady), readout_s=0.01)
         for true, stated in zip(made.true_rig.stations, made.rig.stations, strict=True):

@@ -1,4 +1,4 @@
-"""Drawn traffic keeps to its ranges, keeps clear of what stands there, and comes back from its file."""
+"""Drawn traffic is within its ranges and clear of objects, and its file restores it."""
 
 import tomllib
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""Traffic in pictures: what is nearer than the aircraft hides it, birds beat their wings, cars stand on the ground."""
+"""Traffic in pictures: what is nearer than the aircraft hides it, birds beat their wings, cars are on the ground."""
 
 import numpy as np
 import pytest

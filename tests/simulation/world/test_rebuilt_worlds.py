@@ -25,5 +25,5 @@ def test_a_rebuilt_world_flies_its_way_points(path: Path) -> None:
     flown = flight.position(np.array([p.t_s for p in inside]))
     stated = np.array([[p.x_m, p.y_m, p.z_m] for p in inside])
     assert np.abs(flown - stated).max() < 0.02
-    # the aircraft stands on its wheels where its path says that it rolls
+    # the aircraft is on its wheels where its path rolls
     assert build_airframe(world.airframe).rest_height_m == pytest.approx(world.flight.rest_height_m, abs=0.03)
