@@ -375,6 +375,8 @@ def recovered(run: Run, units: Units, who: str, deed: str) -> Moment:
     if deed == "memory" and back < stood and run.pids().get(who) == pid:
         # the same process works again, and its heads turn as they are commanded
         return Moment(who, deed, status_s=status, back_s=back, note="late for a moment")
+    if stood == math.inf:
+        return Moment(who, deed, stood_s=stood, status_s=status, back_s=back, note="a head never stood")
     # from standing to the report that all is well again nothing may turn, but for the last moment: commands come then
     again = max(units.turned(began_s + stood, began_s + max(stood, min(back, LOOKED_S) - 1.0)).values())
     return Moment(

@@ -9,6 +9,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.updates.measurements import ReferencePosition
 from groundstation.messages import DgpsFix, Epoch, PixelMeasurement, PtuSample
 from groundstation.simulation import SimulatedFlight
 
@@ -118,7 +119,7 @@ def drive(
                 nis_s.append(event.t_s)
                 refused += not innovation.accepted
         elif isinstance(event, DgpsFix) and ekf.has_target and event.sigma_m is not None:
-            ekf.update_reference(event.position_runway_m, np.diag(event.sigma_m**2))
+            ekf.update_reference(ReferencePosition(event.position_runway_m, np.diag(event.sigma_m**2)))
         elif isinstance(event, Epoch) and ekf.has_target:
             assert ekf.time_s is not None
             times.append(ekf.time_s)

@@ -29,6 +29,7 @@ from groundstation.estimation.updates.measurements import (
     TargetPixel,
 )
 from groundstation.estimation.updates.pixel_model import PixelPrediction
+from groundstation.estimation.updates.reference_update import NosePosition
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import CarriedError, Innovation, Kinematics
 
@@ -296,27 +297,8 @@ class StationEkf:
         else:
             self._filter.note(provisional=None if track.confirmed else track)
 
-    def update_reference(
-        self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0, *, may_replace: bool = True
-    ) -> Innovation:
-        """Fuse a reference position (`ReferencePosition`), and estimate the carried errors for some time after it."""
-        return self._fuse_reference(ReferencePosition(position_m, covariance_m2, ahead_s, may_replace))
-
-    def reference_position(
-        self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return a reference's nose position (3,) m at the filter's time, its covariance (3, 3) and the velocity (3,).
-
-        Lag and antenna are taken out, and their uncertainty is in the covariance; that of the target is not.
-        """
-        reference = ReferencePosition(position_m, covariance_m2, ahead_s)
-        return self._models.reference.without_lag(self._filter.predicted(), reference)
-
-    def refuse_reference(self) -> None:
-        """Note that other measurements contradict the receiver: it may not replace the target until one is accepted."""
-        self._filter.note(references=replace(self._filter.book.references, contradicted=True))
-
-    def _fuse_reference(self, reference: ReferencePosition) -> Innovation:
+    def update_reference(self, reference: ReferencePosition) -> Innovation:
+        """Fuse a reference position, and estimate the carried errors for some time after it."""
         self._filter.add_to_journal(reference)
         history = self._filter.book.references
         rig_is_open = self._models.consider.rig_is_open(self.carried_errors())
@@ -330,6 +312,10 @@ class StationEkf:
         self._filter.note(references=history, provisional=provisional)
         self._filter.apply(correction)
         return innovation
+
+    def nose_of(self, reference: ReferencePosition) -> NosePosition:
+        """Return where a reference has the nose at the filter's time, without its lag and antenna."""
+        return self._models.reference.nose_of(self._filter.predicted(), reference)
 
     def update_width(self, station: str, width_px: float, span_m: float, *, alone: bool) -> Innovation | None:
         """Fuse a silhouette width (`SilhouetteWidth`); None where it gives no information."""
@@ -366,7 +352,7 @@ class StationEkf:
             case MissedDetection():
                 self._fuse_miss(record)
             case ReferencePosition():
-                self._fuse_reference(record)
+                self.update_reference(record)
             case TargetStart(position_m=position, velocity_m_s=velocity, covariance=covariance, age_s=age_s):
                 self.start_target(position, velocity, covariance, age_s, triangulated=record.triangulated)
             case TargetDrop():

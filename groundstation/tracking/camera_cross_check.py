@@ -13,6 +13,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.triangulation import TriangulationView, triangulate
+from groundstation.estimation.updates.reference_update import NosePosition
 
 # χ² with three degrees of freedom, probability 0.99: while two cameras detect the target, a position refused in vain
 # costs little, and one accepted wrongly moves the target
@@ -70,18 +71,16 @@ class CameraCrossCheck:
             by_pointing_m2=point.covariance_m2 - by_pixels.covariance_m2,
         )
 
-    def contradicts(
-        self, t_s: float, position_m: FloatArray, covariance_m2: FloatArray, velocity_m_s: FloatArray
-    ) -> bool:
-        """Return whether a position (3,), without its lag and antenna, is not where the cameras have the target.
+    def contradicts(self, t_s: float, nose: NosePosition) -> bool:
+        """Return whether a reference's nose position is not where the cameras have the target.
 
-        ``covariance_m2`` (3, 3) is of the position, its lag and antenna included. False without a recent point.
+        False without a recent point.
         """
         newest = self._newest
         if newest is None or abs(t_s - newest.t_s) > self._most_age_s:
             return False
         ahead = t_s - newest.t_s
-        difference = position_m - newest.point_runway_m - ahead * velocity_m_s
+        difference = nose.position_m - newest.point_runway_m - ahead * nose.velocity_m_s
         if newest.t_s > self._compared_s:
             self._compared_s = newest.t_s
             self._differences.append((t_s, difference))
@@ -96,18 +95,18 @@ class CameraCrossCheck:
             return False
         # where points scatter by more than the stated pixel noise, outliers in half of them even, so does the median
         excess = max(float(np.median([_distance(each - usual, noise) for each in recent])) / _MEDIAN_CHI2, 1.0)
-        spread = newest.by_pointing_m2 + covariance_m2 + (excess * _MEDIAN_VARIANCE / len(recent)) * noise
+        spread = newest.by_pointing_m2 + nose.covariance_m2 + (excess * _MEDIAN_VARIANCE / len(recent)) * noise
         return _distance(usual, spread) > _GATE
 
     def _recent(self, t_s: float) -> list[FloatArray]:
         return [found for then, found in self._differences if t_s - then <= self._most_age_s]
 
-    def distance_m(self, t_s: float, position_m: FloatArray, velocity_m_s: FloatArray) -> float:
-        """Return how far a position (3,) is from where the newest point has the target; NaN without one."""
+    def distance_m(self, t_s: float, nose: NosePosition) -> float:
+        """Return how far a reference's nose position is from the newest point, moved with the target; 0 without one."""
         newest = self._newest
         if newest is None:
-            return math.nan
-        return float(np.linalg.norm(position_m - newest.point_runway_m - (t_s - newest.t_s) * velocity_m_s))
+            return 0.0
+        return float(np.linalg.norm(nose.position_m - newest.point_runway_m - (t_s - newest.t_s) * nose.velocity_m_s))
 
 
 def _distance(difference: FloatArray, covariance: FloatArray) -> float:

@@ -1,11 +1,13 @@
 """Updates of the filter with reference positions of a receiver on the aircraft, in order or out of sequence."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from groundstation.estimation.late_measurements import LateMeasurementBuffer
 from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.updates.measurements import ReferencePosition
 from groundstation.messages import ReferenceFix
 from groundstation.tracking.camera_cross_check import CameraCrossCheck
 from groundstation.tracking.track_manager import TrackManager
@@ -58,16 +60,15 @@ class ReferenceUpdate:
             return False
         covariance = np.diag(fix.sigma_m**2)
         seen = self._track_manager.state_machine.seen_by_two(fix.t_s)
-        position, spread, velocity = self._ekf.reference_position(fix.position_runway_m, covariance, ahead_s)
-        if self._cross_check.contradicts(fix.t_s, position, spread, velocity):
-            self.refused += 1
-            self._ekf.refuse_reference()
-            self._report(fix.t_s, self._cross_check.distance_m(fix.t_s, position, velocity))
-            return False
-        innovation = self._ekf.update_reference(fix.position_runway_m, covariance, ahead_s, may_replace=not seen)
+        reference = ReferencePosition(fix.position_runway_m, covariance, ahead_s, may_replace=not seen)
+        nose = self._ekf.nose_of(reference)
+        contradicted = self._cross_check.contradicts(fix.t_s, nose)
+        if contradicted:
+            reference = replace(reference, may_replace=False, contradicted=True)
+        innovation = self._ekf.update_reference(reference)
         self.refused += not innovation.accepted
-        if seen and not innovation.accepted:
-            self._report(fix.t_s, float(np.linalg.norm(innovation.residual)))
+        if contradicted or (seen and not innovation.accepted):
+            self._report(fix.t_s, max(self._cross_check.distance_m(fix.t_s, nose), np.linalg.norm(innovation.residual)))
         return innovation.accepted and self._ekf.learns
 
     def _report(self, t_s: float, away_m: float) -> None:

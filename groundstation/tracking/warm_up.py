@@ -16,6 +16,7 @@ from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.triangulation import TriangulationView, triangulate
+from groundstation.estimation.updates.measurements import ReferencePosition
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity import leave_one_out
@@ -79,7 +80,7 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
         ekf.update_pixel(geometry.name, prediction.pixel, np.eye(2), correlated_share=0.5)
         ekf.update_width(geometry.name, 40.0, 2.0, alone=True)
         ekf.update_miss(geometry.name, 0.9)
-        ekf.update_reference(np.array([0.0, 50.0, 0.0]), np.eye(3))
+        ekf.update_reference(ReferencePosition(np.array([0.0, 50.0, 0.0]), np.eye(3)))
         ekf.kinematics_at(0.3)
     target = np.array([2.0, 50.0, 0.0])
     views = []

@@ -8,6 +8,7 @@ from groundstation.estimation.dgps_clock_lag import has_clock_stepped
 from groundstation.estimation.journal import FilterJournal
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.updates.measurements import ReferencePosition
 from tests.stereo_rig import make_rig
 
 VELOCITY = np.array([0.2, -20.0, -1.0])
@@ -42,14 +43,14 @@ def test_a_step_opens_the_clock_and_leaves_the_track(journal: FilterJournal | No
     place = ekf.layout.parameters[CLOCK]
     ekf.start_target(POINT, VELOCITY, np.diag([1e-2] * 3 + [0.01] * 3))
     for _ in range(20):
-        ekf.update_reference(POINT, 1e-4 * np.eye(3))
+        ekf.update_reference(ReferencePosition(POINT, 1e-4 * np.eye(3)))
     known_s = np.sqrt(ekf.covariance[place, place])
-    ekf.update_reference(POINT, 1e-4 * np.eye(3))
+    ekf.update_reference(ReferencePosition(POINT, 1e-4 * np.eye(3)))
     assert np.sqrt(ekf.covariance[place, place]) <= known_s
     before = ekf.state[:3].copy()
-    innovation = ekf.update_reference(POINT + 0.15 * VELOCITY, 1e-4 * np.eye(3))
+    innovation = ekf.update_reference(ReferencePosition(POINT + 0.15 * VELOCITY, 1e-4 * np.eye(3)))
     assert innovation.accepted
     assert ekf.state[place] == pytest.approx(0.15, abs=0.02)
     np.testing.assert_allclose(ekf.state[:3], before, atol=0.05)
     # and where nothing but a wrong place explains it, it is refused as ever
-    assert not ekf.update_reference(POINT + [5.0, 0.0, 0.0], 1e-4 * np.eye(3)).accepted
+    assert not ekf.update_reference(ReferencePosition(POINT + [5.0, 0.0, 0.0], 1e-4 * np.eye(3))).accepted

@@ -22,6 +22,7 @@ from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.smoother import Smoother
 from groundstation.estimation.smoother_history import Transition, smooth_across
 from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.updates.measurements import ReferencePosition
 from groundstation.messages import Event, InitialState, PtuSample, ReferenceFix, StepReport, TrackEstimate, TrackStatus
 from groundstation.tracking.config import Config, config_from_mapping
 from groundstation.tracking.pipeline import Pipeline
@@ -221,7 +222,7 @@ def operations(rng: np.random.Generator) -> list[Callable[[StationEkf], object]]
             done.append(lambda ekf, n=s.name: ekf.update_miss(n, 0.8))
         if k % 4 == 3:
             fix = point + rng.normal(0, 0.3, 3)
-            done.append(lambda ekf, z=fix: ekf.update_reference(z, 0.1 * np.eye(3), -0.02))
+            done.append(lambda ekf, z=fix: ekf.update_reference(ReferencePosition(z, 0.1 * np.eye(3), -0.02)))
     return done
 
 

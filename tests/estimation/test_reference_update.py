@@ -10,6 +10,7 @@ from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.triangulation import TriangulationView, triangulate
+from groundstation.estimation.updates.measurements import ReferencePosition
 from groundstation.rig.rig import Rig
 from groundstation.simulation import StationErrors, perturbed
 from tests.stereo_rig import aim, make_rig
@@ -31,13 +32,13 @@ def started(rig: Rig, config: EstimationConfig, names: tuple[str, ...] = PANS, s
 def test_going_back_forgets_refusals_too() -> None:
     ekf = started(make_rig(), EstimationConfig())
     ekf.start_target(POINT, VELOCITY, np.diag([1e-4] * 3 + [0.01] * 3))
-    ekf.update_reference(POINT, 1e-4 * np.eye(3))
+    ekf.update_reference(ReferencePosition(POINT, 1e-4 * np.eye(3)))
     for _ in range(2):
         before = ekf.snapshot()
         for _ in range(4):
-            assert not ekf.update_reference(POINT + [0.0, 50.0, 0.0], 1e-4 * np.eye(3)).accepted
+            assert not ekf.update_reference(ReferencePosition(POINT + [0.0, 50.0, 0.0], 1e-4 * np.eye(3))).accepted
         ekf.restore(before)
-    assert not ekf.update_reference(POINT + [0.0, 50.0, 0.0], 1e-4 * np.eye(3)).accepted
+    assert not ekf.update_reference(ReferencePosition(POINT + [0.0, 50.0, 0.0], 1e-4 * np.eye(3))).accepted
 
 
 def test_an_estimated_rig_is_not_replaced() -> None:
@@ -45,13 +46,13 @@ def test_an_estimated_rig_is_not_replaced() -> None:
     ekf = started(make_rig(), EstimationConfig())
     ekf.start_target(POINT, VELOCITY, np.diag([1e-4] * 3 + [0.01] * 3))
     for _ in range(30):
-        ekf.update_reference(POINT, 1e-4 * np.eye(3))
+        ekf.update_reference(ReferencePosition(POINT, 1e-4 * np.eye(3)))
         for name in ("left", "right"):
             prediction = ekf.predict_pixel(name)
             assert prediction is not None
             ekf.update_pixel(name, prediction.pixel, 0.01 * np.eye(2))
     for _ in range(12):
-        assert not ekf.update_reference(POINT + [0.0, 20.0, 0.0], 1e-4 * np.eye(3)).accepted
+        assert not ekf.update_reference(ReferencePosition(POINT + [0.0, 20.0, 0.0], 1e-4 * np.eye(3))).accepted
     assert ekf.state[1] == pytest.approx(POINT[1], abs=0.2)
 
 
@@ -104,7 +105,7 @@ def test_an_adopted_place_errs_with_the_speed_that_carried_it(rng: np.random.Gen
         # in a third of a second it flies as it likes besides
         away = rng.multivariate_normal(np.zeros(3), psd * 0.33**3 / 3.0)
         stamped = POINT + 0.33 * true + away + rng.normal(0, 0.02, 3)
-        assert ekf.update_reference(stamped, 4e-4 * np.eye(3)).dof == 0
+        assert ekf.update_reference(ReferencePosition(stamped, 4e-4 * np.eye(3))).dof == 0
         e = ekf.state[:6] - np.concatenate([POINT, true])
         squares.append(float(e @ np.linalg.solve(ekf.covariance[:6, :6], e)))
     low, high = chi2.ppf([0.001, 0.999], 6 * n) / n

@@ -13,6 +13,7 @@ from groundstation.estimation.journal import FilterJournal
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.smoother import Smoother
 from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.updates.measurements import ReferencePosition
 from groundstation.messages import (
     Epoch,
     Event,
@@ -57,7 +58,7 @@ def drive(
     ekf.start_target(np.array([0.0, 100.0, 10.0]), np.array([0.0, -5.0, 0.0]), np.diag([4.0] * 3 + [1.0] * 3))
     for t, z in zip(times, measured, strict=True):
         ekf.predict_to(float(t))
-        ekf.update_reference(z, np.eye(3) * 0.25)
+        ekf.update_reference(ReferencePosition(z, np.eye(3) * 0.25))
     return times, measured, path
 
 
@@ -123,7 +124,7 @@ def test_a_time_before_the_filters_is_smoothed_by_the_same_formula() -> None:
     for k, t in enumerate(np.insert(times, len(times) - 5, between)):
         free.predict_to(float(t))
         if float(t) != between:
-            free.update_reference(measured_too[k], np.eye(3) * 0.25)
+            free.update_reference(ReferencePosition(measured_too[k], np.eye(3) * 0.25))
     np.testing.assert_allclose(
         ekf.kinematics_at(between).position_runway_m, free.kinematics_at(between).position_runway_m, atol=1e-8
     )

@@ -37,13 +37,15 @@ class EncoderReading(NamedTuple):
 class ReferencePosition:
     """A reference position of the target (3,), runway frame, with covariance (3, 3), stamped ``ahead_s`` after now.
 
-    With ``may_replace`` it may replace the target's position; otherwise other measurements confirm that position.
+    With ``may_replace`` it may replace the target's position; otherwise other measurements confirm that position. One
+    that is ``contradicted`` by other measurements is not used.
     """
 
     position_m: FloatArray
     covariance_m2: FloatArray
     ahead_s: float = 0.0
     may_replace: bool = True
+    contradicted: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

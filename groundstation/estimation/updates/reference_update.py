@@ -31,6 +31,15 @@ _REJECTED_IN_A_ROW = 5
 _KNOWN_SHARE = 0.5
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NosePosition:
+    """The nose (3,) m by a reference, its covariance (3, 3) with that of lag and antenna, and the velocity (3,)."""
+
+    position_m: FloatArray
+    covariance_m2: FloatArray
+    velocity_m_s: FloatArray
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceHistory:
     """Outcome of the previous reference positions of a target.
@@ -87,9 +96,9 @@ class ReferencePositionUpdate:
         residual = reference.position_m - expected.value
         S = innovation_covariance(state.P, expected.jacobian, R)
         nis = float(residual @ np.linalg.solve(S, residual))
-        if rig_is_open and self._replaces(nis, reference, history):
+        if rig_is_open and not reference.contradicted and self._replaces(nis, reference, history):
             return self._replacement(state, reference)
-        accepted = nis <= self._gate
+        accepted = nis <= self._gate and not reference.contradicted
         innovation = Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
         if not accepted:
             return Update(innovation)
@@ -113,15 +122,16 @@ class ReferencePositionUpdate:
             value = value + H[:, self._antenna] @ x[self._antenna]
         return LinearPrediction(value=value, jacobian=H)
 
-    def without_lag(
-        self, state: PredictedState, reference: ReferencePosition
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the nose (3,) by a reference at the filter's time, its covariance (3, 3), and the velocity (3,)."""
+    def nose_of(self, state: PredictedState, reference: ReferencePosition) -> NosePosition:
+        """Return where a reference has the nose at the filter's time, without its lag and antenna."""
         expected, R = self._expect(state, reference)
         own = expected.jacobian.copy()
         own[:, self._layout.position] = 0.0
-        offset = expected.value - state.x[self._layout.position]
-        return reference.position_m - offset, own @ state.P @ own.T + R, state.x[self._layout.velocity].copy()
+        return NosePosition(
+            position_m=reference.position_m - expected.value + state.x[self._layout.position],
+            covariance_m2=own @ state.P @ own.T + R,
+            velocity_m_s=state.x[self._layout.velocity].copy(),
+        )
 
     def clock_step(
         self, state: PredictedState, reference: ReferencePosition, history: ReferenceHistory
@@ -131,7 +141,12 @@ class ReferencePositionUpdate:
         Never for the first reference of a target.
         """
         offset = self._clock.offset
-        if offset is None or history.is_empty or state.P[offset, offset] > self._known_clock_variance_s2:
+        if (
+            reference.contradicted
+            or offset is None
+            or history.is_empty
+            or state.P[offset, offset] > self._known_clock_variance_s2
+        ):
             return None
         expected, R = self._expect(state, reference)
         S = innovation_covariance(state.P, expected.jacobian, R)

@@ -2,7 +2,13 @@
 
 from groundstation.simulation.scenery.drawn_sceneries import SCENERIES, SKIES, draw_scenery
 from groundstation.simulation.scenery.scenery import Scenery, SceneryName, SkyName
-from groundstation.simulation.scenery.surroundings import FineRange, Surroundings, fine_range_around, surroundings_of
+from groundstation.simulation.scenery.surroundings import (
+    FineRange,
+    Surroundings,
+    fine_panorama,
+    fine_range_around,
+    surroundings_of,
+)
 
 __all__ = [
     "SCENERIES",
@@ -13,6 +19,7 @@ __all__ = [
     "SkyName",
     "Surroundings",
     "draw_scenery",
+    "fine_panorama",
     "fine_range_around",
     "surroundings_of",
 ]

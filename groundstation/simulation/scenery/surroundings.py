@@ -93,15 +93,19 @@ def surroundings_of(
     scenery: Scenery, eye_runway_m: FloatArray, focal_px: float, grey: bool, fine: FineRange | None = None
 ) -> Surroundings:
     """Draw what an eye (3,) sees through a lens of this focal length, px; takes some seconds."""
-    chosen = FineRange() if fine is None else fine
-    density = min(_FINE_SHARE * focal_px, math.sqrt(_MAX_FINE_PIXELS / chosen.area))
-    azimuths = (chosen.azimuth_from_rad, chosen.azimuth_to_rad)
-    elevations = (chosen.elevation_from_rad, chosen.elevation_to_rad)
-    near = _panorama(scenery, eye_runway_m, grey, density, azimuths, elevations)
+    near = fine_panorama(scenery, eye_runway_m, focal_px, grey, FineRange() if fine is None else fine)
     turn, all_heights = (-math.pi - _LAP_RAD, math.pi + _LAP_RAD), (-0.5 * math.pi, 0.5 * math.pi)
-    coarse_density = min(density / _COARSER, _MAX_COARSE_DENSITY)
+    coarse_density = min(float(near.place[2]) / _COARSER, _MAX_COARSE_DENSITY)
     coarse = _panorama(scenery, eye_runway_m, grey, coarse_density, turn, all_heights)
     return Surroundings(fine=near, coarse=coarse)
+
+
+def fine_panorama(scenery: Scenery, eye_runway_m: FloatArray, focal_px: float, grey: bool, fine: FineRange) -> Panorama:
+    """Draw the fine part alone."""
+    density = min(_FINE_SHARE * focal_px, math.sqrt(_MAX_FINE_PIXELS / fine.area))
+    azimuths = (fine.azimuth_from_rad, fine.azimuth_to_rad)
+    elevations = (fine.elevation_from_rad, fine.elevation_to_rad)
+    return _panorama(scenery, eye_runway_m, grey, density, azimuths, elevations)
 
 
 def _panorama(
