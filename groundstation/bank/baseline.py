@@ -1,4 +1,4 @@
-"""What a user would set up in an afternoon: CSRT started by hand, midpoint triangulation, a Kalman filter.
+"""Baseline of standard methods: CSRT with manual initialisation, midpoint triangulation, a Kalman filter.
 
 Each camera's tracker starts in the true bounding box of the first visible frame; the target point keeps its place in
 the box. The filter is filterpy's, of constant velocity, fed with the midpoint of the rays and the covariance that one

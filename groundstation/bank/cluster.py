@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 _CONNECT_S = 30.0
-# Dask gives a local worker up that has been gone for 15 s; on a busy machine a new process takes longer than that
+# Dask drops a local worker that is absent for 15 s; on a busy machine a new process takes longer than that
 _LOCAL_CONFIG = {"distributed.deploy.lost-worker-timeout": "1 hour"}
 _ANY_PORT = "127.0.0.1:0"
 

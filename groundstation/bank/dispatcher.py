@@ -26,7 +26,7 @@ MOST_DEATHS = 3
 
 
 class FailureKind(StrEnum):
-    """How a job failed."""
+    """Kind of a job's failure."""
 
     RAISED = "raised"
     DIED = "died"
@@ -44,7 +44,7 @@ class JobFailure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FinishedJob:
-    """What a worker returned for a job: its value as JSON text, and its time of the clock and of the processor, s."""
+    """Result of a job: its value as JSON text, its wall time and its processor time, s."""
 
     name: str
     text: str
@@ -66,7 +66,7 @@ class Dispatcher:
     Parameters
     ----------
     client : of a scheduler with workers of one thread.
-    function : what is done with each item.
+    function : applied to each item.
     items : by name.
     limit_s : longest time of one job, s.
     traces : folder where workers of this machine write what they did when they end.
@@ -139,7 +139,7 @@ class Dispatcher:
             future.add_done_callback(lambda done: self._done.put(str(done.key)))
 
     def _collect(self) -> Iterator[FinishedJob | JobFailure]:
-        """Yield what has ended, waiting a moment for the first."""
+        """Yield the jobs that have ended, after a short wait for the first."""
         wait_s = _POLL_S
         while True:
             try:
@@ -184,7 +184,7 @@ class Dispatcher:
             yield from self._died(running, overdue)
 
     def _died(self, running: _Running, overdue: bool = False) -> Iterator[JobFailure]:
-        """Put the job of a dead worker back, or yield it as failed."""
+        """Requeue the job of a dead worker, or yield it as failed."""
         trace = self._trace(running.name)
         place, late = last_place(trace), timed_out(trace)
         trace.unlink(missing_ok=True)

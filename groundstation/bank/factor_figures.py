@@ -1,4 +1,4 @@
-"""Figures by drawn factor: which airframe, sky, size or camera is the weakest condition, and what it costs."""
+"""Figures by drawn factor: which airframe, sky, size or camera is the weakest condition, and its effect on the hits."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class ClassFigures:
 
     Attributes
     ----------
-    factor, kind : what is grouped by, and the class.
+    factor, kind : the factor, and the class.
     sessions, frames : how many have visible frames, and how many frames those are.
     hit, low, high : share of visible frames hit with its 95 % interval over sessions; None of a single session.
     wrong : share of visible frames with a wrong point.

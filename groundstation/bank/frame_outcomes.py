@@ -39,7 +39,7 @@ class FrameOutcome:
 
     @property
     def wrong(self) -> bool:
-        """Whether a point is reported that is none of the aircraft's."""
+        """Whether the reported point is outside the aircraft."""
         return self.pixel_px is not None and not self.hit
 
 

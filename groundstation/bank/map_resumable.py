@@ -3,7 +3,7 @@
     found = map_resumable(fly, {"seed-7": 7, "seed-8": 8}, Path("out/study"))
 
 Finished results are in the folder ``out``, one file each; a killed run loses its workers' unfinished items only.
-A worker that dies is replaced, and its job done again. Jobs take a second or more: each is a message and a file.
+A dead worker is replaced, and its job repeated. Jobs take a second or more: each is a message and a file.
 """
 
 import json

@@ -56,7 +56,7 @@ POOLED = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution:
-    """How a figure is distributed: its column and title; `QUANTILES` over the ``count`` sessions that have it."""
+    """Distribution of a figure: its column and title; `QUANTILES` over the ``count`` sessions that have it."""
 
     column: str
     title: str

@@ -15,7 +15,7 @@ _IDENTITY_CHARACTERS = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobResult:
-    """What one job returned: plain values as JSON has them; and its time, s, of the clock and of the processor."""
+    """Result of one job: plain JSON values; wall time and processor time, s."""
 
     name: str
     value: Any

@@ -26,7 +26,7 @@ _SESSIONS = "sessions"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BankRequest:
-    """What a bank is run with: settings, output folder, workers, tuning file and the environment with CSRT.
+    """Parameters of a run of the bank: settings, output folder, workers, tuning file, environment with CSRT.
 
     ``scheduler`` is the address of a Dask scheduler; None starts ``workers`` processes here (None: one for each core).
     """

@@ -26,7 +26,7 @@ _DIGITS = 9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorldJob:
-    """What a worker needs: the world's seed, duration in s and rate in Hz, and how it is replayed.
+    """Parameters of a worker's job: the world's seed, duration in s and rate in Hz, and options of the replay.
 
     ``tuning`` is the text of a configuration file, or None for the defaults; ``csrt_python`` the executable of an
     environment with OpenCV's CSRT, or None to leave the baseline out.

@@ -1,4 +1,4 @@
-"""Which frames of a rendered session show the aircraft well enough that a detector must find it, and where."""
+"""Visibility of the aircraft in the frames of a rendered session, and its true silhouettes."""
 
 from dataclasses import dataclass
 

@@ -18,7 +18,7 @@ _busy = threading.Lock()
 
 
 class WorkerMismatchError(GroundstationError):
-    """A worker cannot do what it is given: it has another program, or more than one thread."""
+    """A worker cannot execute its job: its program differs, or it has more than one thread."""
 
 
 def run_job(
@@ -78,7 +78,7 @@ def timed_out(trace: Path) -> bool | None:
 
 @contextmanager
 def _watched(limit_s: float | None, trace: Path) -> Iterator[None]:
-    """End this process when the time is over, leaving in a file what it did; also where it crashes."""
+    """End this process at the time limit or a crash, with its stack trace in a file."""
     if not _busy.acquire(blocking=False):
         raise WorkerMismatchError("got two jobs in one process; wanted workers of one thread: dask worker --nthreads 1")
     shared = trace.parent.is_dir()

@@ -23,7 +23,7 @@ _FLYING_M = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AircraftPose:
-    """Where an aircraft is: its nose (3,) in m, runway frame, and ``runway_from_body`` (3, 3).
+    """Pose of an aircraft: its nose (3,) in m, runway frame, and ``runway_from_body`` (3, 3).
 
     The body frame is x forward, y right, z down; ``velocity_runway_m_s`` (3,) is the nose's.
     """

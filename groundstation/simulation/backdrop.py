@@ -1,4 +1,4 @@
-"""What is behind all bodies of a picture: the station's panoramas through lens and rolling shutter."""
+"""Background of a picture: the station's panoramas through lens and rolling shutter."""
 
 import math
 

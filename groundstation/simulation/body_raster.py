@@ -36,7 +36,7 @@ _VIEW_SHARE, _SHUTTER_RAD = 1.3, 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyExposure:
-    """A body as it is exposed.
+    """A body during an exposure.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class BodyExposure:
     head : the head then.
     exposure_s : how long.
     pixel_px : (2,) where its place is.
-    motion_px : (2,) how far its place moves in the picture within the exposure, as far as it is drawn.
+    motion_px : (2,) motion of its place in the picture within the exposure, as drawn.
     rate_px_s : (2,) how fast.
     """
 

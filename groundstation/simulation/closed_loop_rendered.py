@@ -42,7 +42,7 @@ class RenderedClosedLoopSimulation(ClosedLoopSimulation):
         }
 
     def _look(self, name: str, t_s: float, pixel: FloatArray, size: FloatArray) -> None:
-        """Film, and hand the picture over later."""
+        """Render a picture, and deliver it later."""
         h = self._hardware
         delay_s = h.frame_delay_s + abs(float(self._random.normal(0.0, h.frame_jitter_s)))
         # a camera reader discards pictures that are bitwise repeated

@@ -1,4 +1,4 @@
-"""How a head's commands differ from the bearing of the target: aiming errors, stalls, a head that starts late."""
+"""Differences between a head's commands and the target's bearing: aiming errors, stalls, late starts."""
 
 import math
 from dataclasses import dataclass

@@ -32,7 +32,7 @@ def isotropic(sigma_px: float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraModel:
-    """What a rig file does not say of a camera and its detector; lens, readout and clock are the true rig's.
+    """Parameters of a camera and its detector that no rig file has; lens, readout and clock are the true rig's.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ def _true_pixels(
     for _ in range(_SHUTTER_ROUNDS if readout_s else 1):
         moments = t_s + row_s
         depth = project_many(geometry.packed, trajectory.position(moments), history.at(moments).head_rad, pixel, slopes)
-        # rows beyond the image are not exposed: what lies there is only to be known as outside
+        # rows beyond the image are not exposed: points there only have to be outside
         row_s = exposed_row_delay_s(pixel[:, 1], rows, readout_s)
     return pixel, depth >= MIN_DEPTH_M
 

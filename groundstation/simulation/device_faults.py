@@ -21,7 +21,7 @@ class TimedFault:
     """``what`` happens to a station's devices between two times of the flight, s.
 
     Of cameras "camera lost", "camera frozen", "camera late" and "camera clock stepped"; of PTUs "PTU silent", or a
-    name of `ptu_drivers.simulated.faults`, which strikes over and over (what has a length of its own: once). ``by_s``
+    name of `ptu_drivers.simulated.faults`, which occurs repeatedly (once if it has its own duration). ``by_s``
     is how late a late camera's pictures are, and how far a clock steps.
     """
 

@@ -19,7 +19,7 @@ from groundstation.simulation.simulate import SimulatedFlight
 
 
 class FaultKind(StrEnum):
-    """What may go wrong."""
+    """Kind of a fault."""
 
     CAMERA_LOST = "camera_lost"
     CAMERA_FROZEN = "camera_frozen"
@@ -88,7 +88,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DeliveredFrames:
-    """What a camera delivers of n exposures.
+    """Frames that a camera delivers of n exposures.
 
     ``t_s`` (n,) are the stamps, session time as the rig maps them; ``shown`` (n,) the exposure whose picture is
     delivered; ``there`` (n,) whether one is delivered at all.
@@ -111,7 +111,7 @@ def check_faults(flight: SimulatedFlight, faults: Sequence[Fault]) -> None:
 
 
 def delivered_frames(flight: SimulatedFlight, name: str, faults: Sequence[Fault] = ()) -> DeliveredFrames:
-    """Return what the camera of a station delivers, whether the detector of the flight saw anything or not."""
+    """Return the frames that the camera of a station delivers, with or without a detection."""
     true, stated = flight.scenario.true_rig[name], flight.rig[name]
     t = stated_times(flight.truth.stations[name].t_s, true.camera_clock, stated.camera_clock)
     stamps, shown, there = t.copy(), np.arange(t.size), np.ones(t.size, dtype=bool)

@@ -38,7 +38,7 @@ _DGPS_OFFSET_S = 0.3
 
 
 class FlightName(StrEnum):
-    """What can be flown."""
+    """Kind of a flight."""
 
     LANDING = "landing"
     TAKE_OFF = "take-off"
@@ -46,7 +46,7 @@ class FlightName(StrEnum):
 
 
 class FlightModelKind(StrEnum):
-    """What moves it: waves of acceleration about the path, or a flight-dynamics model in turbulence."""
+    """Disturbance: waves of acceleration about the path, or a flight-dynamics model in turbulence."""
 
     WAVES = "waves"
     JSBSIM = "jsbsim"

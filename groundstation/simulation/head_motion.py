@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadMotion:
-    """Where a head is at mid-exposure and how it turns: pan and tilt in rad, their rates in rad/s."""
+    """State of a head at mid-exposure: pan and tilt in rad, their rates in rad/s."""
 
     pan_rad: float
     tilt_rad: float

@@ -8,7 +8,7 @@ from groundstation.arrays import FloatArray
 
 
 class NoseTruth:
-    """What truly was at a camera's pictures: host time of mid-exposure and the nose's pixel, in flat memory."""
+    """Truth of a camera's pictures: host time of mid-exposure and the nose's pixel, in flat memory."""
 
     def __init__(self) -> None:
         self._rows = array("d")

@@ -13,7 +13,7 @@ NO_OBJECT = 65535
 
 
 class ObjectDepth(NamedTuple):
-    """How far (h, w) a panorama's objects are from the eye: uint16, steps of `DEPTH_STEP_M`, `NO_OBJECT` where none.
+    """Distance (h, w) of a panorama's objects from the camera: uint16, steps of `DEPTH_STEP_M`, `NO_OBJECT` where none.
 
     ``place`` is the panorama's.
     """

@@ -106,7 +106,7 @@ class Optics:
 
     @property
     def channels(self) -> NDArray[np.int64]:
-        """Which of B, G, R a pixel has, (2, 2) by even and odd row and column."""
+        """Index of B, G, R of a pixel, (2, 2) by even and odd row and column."""
         return np.array(_CHANNELS[self.pattern])
 
     @property

@@ -24,7 +24,7 @@ _KEY_EVERY = 30
 
 
 class PictureFormat(StrEnum):
-    """How pictures are kept: JPEG frames in an AVI, H.264 in an MP4, lossless FFV1 in a Matroska, or PNG files."""
+    """Format of stored pictures: JPEG frames in an AVI, H.264 in an MP4, lossless FFV1 in a Matroska, or PNG files."""
 
     JPEG = "jpeg"
     H264 = "h264"

@@ -54,7 +54,7 @@ class FixedPointing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopLimits:
-    """What each axis can do, and its play: rad/s, rad/s², s and rad.
+    """Limits of each axis and its play: rad/s, rad/s², s and rad.
 
     ``command_delay_s`` is the age of the commanded bearing. The head follows the motor within
     ± half of ``backlash_rad``.

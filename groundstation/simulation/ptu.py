@@ -19,7 +19,7 @@ MESSAGE_S = 5e-4
 
 
 class StampedAt(StrEnum):
-    """When a reading gets its stamp: as the unit samples its encoders, or as the message arrives."""
+    """Instant of a reading's stamp: when the unit samples its encoders, or when the message arrives."""
 
     SAMPLING = "sampling"
     ARRIVAL = "arrival"
@@ -27,7 +27,7 @@ class StampedAt(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PtuModel:
-    """What a rig file does not say of a pan-tilt unit; its steps, noise and clock are the true rig's.
+    """Parameters of a pan-tilt unit that no rig file has; its steps, noise and clock are the true rig's.
 
     Attributes
     ----------

@@ -111,7 +111,7 @@ def draw(corners: FloatArray, colours: FloatArray, opacity: FloatArray, grid: Sa
 def _draw_veils(
     corners: FloatArray, colours: FloatArray, opacity: FloatArray, grid: SampleGrid, out: Float32Array
 ) -> None:
-    """Lay the nearest translucent triangle of each sample over what is behind it."""
+    """Blend the nearest translucent triangle of each sample with its background."""
     scale, near, owner = grid.scale, grid.near, grid.owner
     veil_near, veil_owner = grid.veil_near, grid.veil_owner
     veil_near[:] = 0.0

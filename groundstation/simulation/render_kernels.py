@@ -20,7 +20,7 @@ class Panorama(NamedTuple):
     """An equirectangular picture (h, w, 3) BGR; ``place`` (3,): azimuth and elevation of pixel (0, 0), and px/rad.
 
     ``flat`` (h // 16, w // 16) is true for blocks that change evenly between their corners, as a clear sky does.
-    ``depth`` (h, w) uint16 is how far off an object is that hides what is behind it, in 0.25 m along the ray; 65535
+    ``depth`` (h, w) uint16 is the distance of an object that hides bodies behind it, in 0.25 m along the ray; 65535
     where there is none.
     """
 

@@ -43,7 +43,7 @@ def motion_blur_kernel(motion: FloatArray) -> NDArray[np.float32]:
 
 
 def crop_mask(mask: MaskArray, corner: tuple[int, int], size_px: tuple[int, int]) -> tuple[MaskArray, tuple[int, int]]:
-    """Return a mask cut to the picture and to what is set, with its corner."""
+    """Return a mask cropped to the picture and to its set pixels, with its corner."""
     x0, y0 = max(corner[0], 0), max(corner[1], 0)
     cut = mask[y0 - corner[1] : size_px[1] - corner[1], x0 - corner[0] : size_px[0] - corner[0]]
     rows, columns = np.flatnonzero(cut.any(axis=1)), np.flatnonzero(cut.any(axis=0))

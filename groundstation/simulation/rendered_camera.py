@@ -33,7 +33,7 @@ _ROUNDING_VARIANCE = 1.0 / 12.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PictureTruth:
-    """What a picture truly shows.
+    """Truth of a picture.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class PictureTruth:
     silhouette : (h, w) which pixels the aircraft covers by half or more, before any blur; (0, 0) where none, or not
         asked for.
     corner_px : x, y of its upper-left pixel.
-    width_px : width of the box around the whole aircraft, what lies outside the picture included.
+    width_px : width of the box around the whole aircraft, including its parts outside the picture.
     share_in_view : share of the whole silhouette that is inside the picture; 0 if no silhouette is requested.
     visible_share : share of the silhouette inside the picture that neither an object nor traffic hides; likewise.
     """

@@ -37,7 +37,7 @@ _LOST_STREAM = 302
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraRecording:
-    """How one camera's pictures are kept, and ``lost_share``, the share of them that never arrives, at random."""
+    """Format of one camera's stored pictures, and ``lost_share``, the share of them that is lost, at random."""
 
     coding: PictureCoding = field(default_factory=PictureCoding)
     lost_share: float = 0.0
@@ -111,7 +111,7 @@ class _Filmed:
 def _with_losses(
     flight: SimulatedFlight, frames: Mapping[str, DeliveredFrames], recordings: Mapping[str, CameraRecording]
 ) -> dict[str, DeliveredFrames]:
-    """Return what is delivered once frames were lost at random."""
+    """Return the frames that are delivered after random losses."""
     left = {}
     for number, (name, own) in enumerate(frames.items()):
         generator = np.random.default_rng([flight.scenario.seed, _LOST_STREAM, number])
@@ -152,7 +152,7 @@ def _film(
 def _take(
     flight: SimulatedFlight, name: str, frames: DeliveredFrames, k: int, camera: RenderedCamera, writer: PictureWriter
 ) -> Shot:
-    """Write what a camera delivers as number k; return what was truly there to be seen."""
+    """Write the frame that a camera delivers as number k; return its truth."""
     station = flight.truth.stations[name]
 
     def exposure(n: int) -> tuple[float, float, float, float, float]:

@@ -26,7 +26,7 @@ class Scenario:
     Attributes
     ----------
     trajectory : what the target point flies; its span is what the cameras take.
-    true_rig : the stations as they are.
+    true_rig : the true stations.
     rig : the stated stations; the same names, and fixed or not.
     ptus : a model for each station that turns, by name.
     cameras : a model for each station, by name.

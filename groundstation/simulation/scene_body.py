@@ -20,7 +20,7 @@ class Skin:
     corners_runway_m : (n, 3, 3) of n triangles.
     normals_runway : (n, 3) unit vectors, outward.
     colours_bgr : (n, 3) 0 to 255, in the camera's image in full light.
-    opacity : (n,) from 0 to 1; below 1 is seen from both sides and hides only that share of what is behind it.
+    opacity : (n,) from 0 to 1; below 1 is visible from both sides and hides that share of its background.
     """
 
     corners_runway_m: FloatArray
@@ -42,7 +42,7 @@ class Body(Protocol):
 
     @property
     def reach_m(self) -> float:
-        """How far its corners are from its place at most, m."""
+        """Largest distance of its corners from its place, m."""
 
     @property
     def casts_shadow(self) -> bool:
@@ -69,7 +69,7 @@ class AircraftBody:
 
     @property
     def reach_m(self) -> float:
-        """How far its corners are from its nose at most, m."""
+        """Largest distance of its corners from its nose, m."""
         return float(np.linalg.norm(self.airframe.corners_body_m, axis=-1).max())
 
     def place(self, t_s: float) -> FloatArray:

@@ -24,7 +24,7 @@ _PTU_STREAM, _CAMERA_STREAM, _DGPS_STREAM = range(101, 104)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StationTruth:
-    """What one station truly saw and did, one row for each of n stereo pairs, at its own exposures.
+    """Truth of one station, one row for each of n stereo pairs, at its own exposures.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class StationTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightTruth:
-    """What truly happened, one row for each of n stereo pairs.
+    """Truth of a flight, one row for each of n stereo pairs.
 
     ``t_s`` (n,) is the mean of the pair's true mid-exposures; ``position_runway_m`` and ``velocity_runway_m_s``
     (n, 3) are the target point's then. ``stations`` by name.
@@ -60,7 +60,7 @@ class FlightTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SimulatedFlight:
-    """A flight as a live system would have received it, with what is needed to judge the result.
+    """A flight as received by a live system, with the truth for the evaluation.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class SimulatedFlight:
     arrival_s : (m,) true session time of each event's arrival.
     dgps : fixes in the DGPS clock.
     rig : the stated rig.
-    truth : what is.
+    truth : of the flight.
     scenario : the input.
     """
 

@@ -85,7 +85,7 @@ class SimulatedReceiver:
         self._random = np.random.default_rng(seed)
 
     def run(self, stop: threading.Event) -> None:
-        """Write sentences until stopped; without a reader, what is written is lost."""
+        """Write sentences until stopped; without a reader they are lost."""
         master, slave = os.openpty()
         tty.setraw(slave)
         self._link.unlink(missing_ok=True)

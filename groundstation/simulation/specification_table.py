@@ -183,5 +183,5 @@ def _toml_value(value: Any) -> str:
         return "true" if value else "false"
     if not isinstance(value, str):
         return repr(value)
-    # TOML refuses this one control character, which JSON leaves as it is
+    # TOML refuses this one control character, which JSON does not escape
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

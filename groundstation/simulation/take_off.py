@@ -14,7 +14,7 @@ _MAX_FLIGHT_S = 600.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeOff:
-    """What `take_off` flies; lengths in m of the runway frame, times in s.
+    """Parameters of `take_off`; lengths in m of the runway frame, times in s.
 
     Attributes
     ----------

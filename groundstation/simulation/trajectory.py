@@ -18,7 +18,7 @@ class Trajectory(Protocol):
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """First and last time of what is flown, s; infinite where it does not matter."""
+        """First and last time of the flight, s; infinite if unbounded."""
 
     def position(self, t_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) in m at times (n,)."""

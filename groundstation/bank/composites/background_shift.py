@@ -1,4 +1,4 @@
-"""How far the background of a clip moves from frame to frame: pan, tilt and shake of its camera."""
+"""Motion of a clip's background from frame to frame: pan, tilt and shake of its camera."""
 
 from collections.abc import Sequence
 

@@ -30,7 +30,7 @@ class BodyLayer:
 
     @property
     def cover(self) -> Float32Array:
-        """How much of each pixel it covers (h, w), 0 to 1."""
+        """Coverage (h, w) of each pixel, 0 to 1."""
         return self.drawn.cover[:, :, 3]
 
 

@@ -20,12 +20,12 @@ from groundstation.single_camera.pixel_tracker import PixelTracker
 
 # borders between the classes of the median width, px
 _MEDIUM_PX, _LARGE_PX = 25.0, 60.0
-# what lies on sky, or not, in so many of the visible frames is of that background
+# a composite is of the background, sky or not, of so many of its visible frames
 _MOSTLY = 0.9
 
 
 class FrameVerdict(StrEnum):
-    """What the tracker's answer to a frame is worth."""
+    """Rating of the tracker's output for a frame."""
 
     HIT = "hit"
     WRONG = "wrong"

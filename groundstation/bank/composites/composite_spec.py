@@ -18,7 +18,7 @@ from groundstation.simulation.traffic.bird_spec import BirdSpec
 from groundstation.simulation.world.world_sets import set_of
 
 RATE_HZ = 30.0
-# the eye above the ground that is flown over; what is drawn has no shadow there
+# height of the camera above the ground; drawn bodies have no shadow there
 EYE_HEIGHT_M = 10.0
 
 
@@ -82,7 +82,7 @@ class CompositeCamera:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompositeSun:
-    """What the light on the drawn bodies has that no picture of the clip states.
+    """Parameters of the light on the drawn bodies that cannot be measured in the clip.
 
     Attributes
     ----------

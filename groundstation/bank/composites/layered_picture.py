@@ -1,7 +1,7 @@
 """Layers over a real picture: mixed in linear light, with the clip's noise where they cover, and coded as the clip is.
 
-A coder softens what is small, colour more than grey, and leaves ripples around it in the same block. Blocks that no
-layer touches stay as they are, to the last bit.
+A coder blurs small details, colour more than grey, and adds ringing around them in the same block. Blocks that no
+layer covers are unchanged, bit for bit.
 """
 
 from collections.abc import Sequence
@@ -79,7 +79,7 @@ def _whole(places: IntArray) -> slice:
 
 
 def _coded(mixed: ImageArray, image: ImageArray) -> ImageArray:
-    """Return the picture as a coder has it that has coded the clip's own part, but not what is laid over it.
+    """Return the picture after coding of the overlaid layers; the clip's own part is already coded.
 
     What coding does to the layers is the difference between the two pictures, both coded.
     """

@@ -27,6 +27,6 @@ def reflectance_of(colours_bgr: FloatArray) -> FloatArray:
 
 
 def with_shoulder(light: FloatArray) -> FloatArray:
-    """Return light as the camera's curve has it: what is bright comes near to white, and never beyond."""
+    """Return light by the camera's response curve, which approaches white asymptotically."""
     over = np.maximum(light - _SHOULDER, 0.0) / (1.0 - _SHOULDER)
     return np.asarray(np.where(light > _SHOULDER, _SHOULDER + (1.0 - _SHOULDER) * (1.0 - np.exp(-over)), light))

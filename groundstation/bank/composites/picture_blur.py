@@ -1,4 +1,4 @@
-"""How sharp a clip shows an aircraft: one sigma of the blur of lens, motion and coder together."""
+"""Sharpness of a clip: one sigma of the joint blur of lens, motion and coder."""
 
 import math
 from collections.abc import Sequence

@@ -48,7 +48,7 @@ def sky_mask(image: ImageArray) -> MaskArray:
 
 
 def is_sky(sky: MaskArray, pixel_px: FloatArray) -> bool:
-    """Return whether a pixel (2,) lies on a cell of sky; outside the picture its nearest cell counts."""
+    """Return whether a pixel (2,) is on a cell of sky; outside the picture the nearest cell is used."""
     rows, columns = sky.shape
     row, column = int(pixel_px[1] // CELL_PX), int(pixel_px[0] // CELL_PX)
     return bool(sky[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)])

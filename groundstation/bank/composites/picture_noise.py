@@ -12,7 +12,7 @@ from groundstation.arrays import Float32Array, ImageArray
 _BLOCK_PX = 16
 # of the blocks of a picture, those that hold no texture
 _CALM_SHARE = 0.4
-# what is slower than this is the scene's shading, px
+# structure longer than this is the scene's shading, px
 _SHADING_PX = 3.0
 _MOST_CORRELATION = 0.9
 # rounding to whole levels is in any picture, levels²
@@ -42,7 +42,7 @@ class PictureNoise:
         size = 2 * margin + 1
         kernel = cv2.getGaussianKernel(size, self.blur_px, cv2.CV_32F)
         smooth = cv2.sepFilter2D(white, -1, kernel, kernel)[margin:-margin, margin:-margin]
-        # blur takes variance away: what is left of it is (Σ k²)² of a separable kernel k
+        # blur reduces the variance to (Σ k²)² of it, for a separable kernel k
         return np.asarray(sigma / np.float32((kernel**2).sum()) * smooth, np.float32)
 
 

@@ -31,7 +31,7 @@ _NOISE_STREAM = 461
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CompositeFrame:
-    """One picture of a composite, and what it truly shows.
+    """One picture of a composite, and its truth.
 
     Attributes
     ----------
@@ -39,11 +39,11 @@ class CompositeFrame:
     image : (h, w, 3) BGR.
     silhouette : which pixels the drawn aircraft covers by half or more, before any blur; None where none.
     nose_px : (2,) where its nose is, None where it is not in front of the camera.
-    width_px : width of the box around the whole aircraft, what lies outside the picture included.
+    width_px : width of the box around the whole aircraft, including its parts outside the picture.
     in_view : share of the whole silhouette that is inside the picture.
     unhidden : share of the silhouette inside the picture that no bird hides.
     snr : matched-filter signal-to-noise ratio of the aircraft's change of the grey level over the clip's noise.
-    over_sky : whether the middle of the silhouette lies on sky.
+    over_sky : whether the middle of the silhouette is on sky.
     real_aircraft : labelled box of the clip's own aircraft; None where it shows none.
     birds : boxes of the birds, drawn before any blur, in the picture.
     """
@@ -83,7 +83,7 @@ def render_composite(spec: CompositeSpec, clip: StretchFootage) -> Iterator[Comp
 
 
 class _CompositeScene:
-    """What is drawn of one composite."""
+    """Specification of one composite."""
 
     def __init__(self, spec: CompositeSpec, clip: StretchFootage) -> None:
         self._spec, self._clip = spec, clip

@@ -1,4 +1,4 @@
-"""What a stretch of a clip shows besides its aircraft: motion of the camera, sky, light, blur and noise."""
+"""Measures of a stretch of a clip: motion of the camera, sky, light, blur and noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

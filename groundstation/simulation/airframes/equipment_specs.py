@@ -76,7 +76,7 @@ class GearSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LightsSpec:
-    """Which lights are on; intensities in candela, 0 has none.
+    """The lights that are on; intensities in candela, 0 for none.
 
     Attributes
     ----------

@@ -109,7 +109,7 @@ def round_body(middles: list[FloatArray], radii: list[float], count: int = 10) -
 
 
 def hull_parts(hull: Hull, livery: LiverySpec, canopy_middle: float) -> list[MeshPart]:
-    """Return skin, canopy and sensor ball; the canopy lies about a place behind the nose, in spans."""
+    """Return skin, canopy and sensor ball; the canopy is centred at a distance behind the nose, in spans."""
     spec = hull.spec
     shares = {spec.full_from * u for u in _NOSE} | {spec.full_to + (1.0 - spec.full_to) * u for u in _AFT}
     shares.add(spec.full_to)

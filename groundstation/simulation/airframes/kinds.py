@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class AirframeFamily(StrEnum):
-    """What kind of an aircraft it is."""
+    """Kind of the aircraft."""
 
     HIGH_WING = "high-wing"
     LOW_WING = "low-wing"
@@ -21,7 +21,7 @@ FAMILIES = tuple(AirframeFamily)
 
 
 class TailKind(StrEnum):
-    """How tailplane and fins are arranged."""
+    """Arrangement of tailplane and fins."""
 
     NONE = "none"
     CONVENTIONAL = "conventional"
@@ -33,7 +33,7 @@ class TailKind(StrEnum):
 
 
 class PropellerKind(StrEnum):
-    """Where the propellers are; a pair is on the wings, in front."""
+    """Position of the propellers; a pair is on the wings, in front."""
 
     NONE = "none"
     TRACTOR = "tractor"
@@ -42,7 +42,7 @@ class PropellerKind(StrEnum):
 
 
 class GearKind(StrEnum):
-    """What it lands on."""
+    """Kind of the landing gear."""
 
     NONE = "none"
     TRICYCLE = "tricycle"

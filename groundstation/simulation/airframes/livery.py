@@ -17,7 +17,7 @@ _STRIPE = 0.32
 
 
 class PaintedArea(StrEnum):
-    """What of an airframe a livery distinguishes."""
+    """Areas of an airframe that a livery distinguishes."""
 
     HULL = auto()
     WING = auto()

@@ -74,7 +74,7 @@ class WingSpec:
     height : of the root in the fuselage, −1 at its bottom to 1 at its top.
     winglet_per_span : how high winglets are; 0 has none.
     winglet_cant_rad : how far winglets lean outward.
-    struts : whether struts hold it.
+    struts : whether it has struts.
     """
 
     aspect_ratio: float = 6.5

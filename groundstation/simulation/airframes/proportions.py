@@ -1,4 +1,4 @@
-"""How airframes of each family are proportioned: ranges about those of aircraft of up to some 150 kg."""
+"""Proportions of the airframes of each family: ranges about those of aircraft of up to some 150 kg."""
 
 from dataclasses import dataclass
 

@@ -19,7 +19,7 @@ _TAILS: dict[AirframeFamily, tuple[TailKind, ...]] = {
     AirframeFamily.DELTA: (TailKind.NONE, TailKind.FIN, TailKind.TWIN_FIN),
     AirframeFamily.CANARD: (TailKind.NONE, TailKind.FIN, TailKind.TWIN_FIN),
 }
-# the boom and what is between it and a propeller's tips
+# the boom and the gap to a propeller's tips
 _BOOM_ROOM = 0.02
 
 

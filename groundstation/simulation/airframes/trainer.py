@@ -41,7 +41,7 @@ REST_HEIGHT_PER_SPAN = -_WHEEL_UP + 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AirframeShape:
-    """How an aircraft of this kind differs from the usual one.
+    """Differences of an aircraft of this kind from the default one.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What distinguishes one camera from another: lens, sensor, exposure, coding, and frames that are late or lost."""
+"""Parameters of a camera: lens, sensor, exposure, coding, and late or lost frames."""
 
 from dataclasses import dataclass
 

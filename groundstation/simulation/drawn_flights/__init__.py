@@ -1,4 +1,4 @@
-"""Flights drawn at random: what is flown, how it is drawn, and the trajectory with its own attitude."""
+"""Flights drawn at random: manoeuvres, their draw, and the trajectory with its own attitude."""
 
 from groundstation.simulation.drawn_flights.drawn_flight import DrawnFlight, build_flight
 from groundstation.simulation.drawn_flights.flight_draw import draw_flight

@@ -147,7 +147,7 @@ def _circuit(generator: np.random.Generator, drawn: FlightSpec) -> FlightSpec:
     speed = drawn.speed_m_s
     bank_rad = max(generator.uniform(math.radians(15.0), MAX_BANK_RAD), _bank_rad(speed, _WIDEST_TURN_M))
     radius_m = speed**2 / (GRAVITY_M_S2 * math.tan(min(bank_rad, MAX_BANK_RAD)))
-    # what is left of the flight when the turn is over is the final; a wide turn is cut short
+    # the final is the rest of the flight after the turn; a wide turn is shortened
     longest_rad = 0.6 * drawn.duration_s * speed / radius_m
     turned = replace(
         drawn,

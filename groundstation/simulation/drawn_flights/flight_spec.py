@@ -1,4 +1,4 @@
-"""What a drawn flight is made of: the manoeuvre, its place, the aircraft's speed and angles, wind."""
+"""Specification of a drawn flight: the manoeuvre, its place, the aircraft's speed and angles, wind."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _BANK_TOLERANCE_RAD = math.radians(0.05)
 
 
 class FlightKind(StrEnum):
-    """What is flown."""
+    """Kind of the manoeuvre."""
 
     LANDING = "landing"
     GO_AROUND = "go-around"
@@ -37,7 +37,7 @@ class CircuitSide(StrEnum):
     RIGHT = "right"
 
 
-# lowest and highest value of each number; beyond what is drawn, so that a file may go further
+# lowest and highest value of each number; wider than the draws, for files with other values
 _RANGES: dict[str, tuple[float, float]] = {
     "duration_s": (2.0, 300.0),
     "span_m": (0.2, 40.0),

@@ -1,4 +1,4 @@
-"""What each kind of flight does: speed, slope, rate of turn, incidence and crab over time."""
+"""Profiles of each kind of flight: speed, slope, rate of turn, incidence and crab over time."""
 
 import math
 from collections.abc import Callable

@@ -14,7 +14,7 @@ _ANGLES = ("yaw_rad", "pitch_rad", "bank_rad")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WayPoint:
-    """Where the nose is at a time; runway frame.
+    """Position of the nose at a time; runway frame.
 
     Attributes
     ----------

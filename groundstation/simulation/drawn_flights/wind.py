@@ -1,4 +1,4 @@
-"""What gusts do to a flight: where they push the aircraft, and how they turn it."""
+"""Effect of gusts on a flight: displacement and rotation of the aircraft."""
 
 from dataclasses import dataclass
 

@@ -39,7 +39,7 @@ _LEAD_S = 6.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StationCamera:
-    """What a station's specification leaves to its camera.
+    """Parameters of a station that its camera determines.
 
     ``lens`` and ``readout_s`` are the true ones; exposures are ``phase_s`` later than the pair's nominal time;
     ``pixel_sigma_px`` is that of simulated detections, where no pictures are rendered.
@@ -169,13 +169,13 @@ def _parts(**values: Sequence[float] | FloatArray) -> FloatArray:
 
 
 def _error(calibration: CalibrationSpec, true: Lens) -> FloatArray:
-    """Return by how much the truth differs from what is stated, (21,)."""
+    """Return the difference of the true from the stated parameters, (21,)."""
     share = calibration.focal_error_share + np.array(calibration.aspect_error_share)
     return _parts(
         runway_from_base=calibration.mount_error_rad,
         ptu_position=calibration.position_error_m,
         head_from_camera=calibration.boresight_error_rad,
-        # shares are of what is stated: true = stated · (1 + share)
+        # shares are of the stated values: true = stated · (1 + share)
         focal=true.focal_px * share / (1.0 + share),
         principal_point=calibration.principal_point_error_px,
     )

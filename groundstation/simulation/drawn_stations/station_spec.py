@@ -1,4 +1,4 @@
-"""What drawn stations are made of: place, head, clocks, calibration with its errors, and the DGPS on board."""
+"""Specification of drawn stations: place, head, clocks, calibration with its errors, and the DGPS on board."""
 
 import math
 from dataclasses import dataclass, field, fields
@@ -13,7 +13,7 @@ _DEG = math.radians(1.0)
 
 
 class DgpsQuality(StrEnum):
-    """What kind of fixes a receiver gives: to centimetres, to decimetres, or to metres."""
+    """Quality of a receiver's fixes: to centimetres, to decimetres, or to metres."""
 
     RTK = "rtk"
     FLOAT = "float"

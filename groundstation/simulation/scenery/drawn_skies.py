@@ -14,7 +14,7 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weather:
-    """What a sky gives a scenery."""
+    """Light and haze of a sky."""
 
     cloud_cover: float
     sun_azimuth_rad: float
@@ -26,7 +26,7 @@ class Weather:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SkyKind:
-    """How skies of a name are drawn: spans of uniform draws.
+    """Distribution of the skies of a name: ranges of uniform draws.
 
     ``sun_deg`` is the elevation, ``azimuth_deg`` from the middle ``ahead_deg``; ``direct`` is the sun's share of the
     light and ``level`` what light there is on the ground, in full sunshine's.
@@ -168,7 +168,7 @@ def draw_weather(generator: np.random.Generator, name: SkyName) -> Weather:
 
 
 def _light(direct: float, level: float, cloud_shadow: float, elevation: float) -> SceneryLight:
-    """Return light of which so much is the sun's; a low sun is red, and what it does not light is blue."""
+    """Return light with a share from the sun; a low sun is red, and its shade is blue."""
     low = math.exp(-elevation / math.radians(9.0))
     sun = np.array([1.0 - 0.55 * low, 1.0 - 0.22 * low, 1.0 + 0.05 * low])
     sky = np.array([1.0 + 0.16 * direct, 1.0, 1.0 - 0.12 * direct])

@@ -1,4 +1,4 @@
-"""Compiled colours of the ground: its surface, fields, patches, the runway and what is painted on it."""
+"""Compiled colours of the ground: its surface, fields, patches, the runway and its markings."""
 
 import numpy as np
 from numba import njit

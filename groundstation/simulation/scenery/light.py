@@ -68,13 +68,13 @@ class Sky:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Haze:
-    """What the air between does: contrast falls by e every ``extinction_m``.
+    """Attenuation by the air: contrast falls by e every ``extinction_m``.
 
     Attributes
     ----------
     extinction_m : distance within which contrast falls to 1/e.
-    air_light_bgr : what is seen instead.
-    top_m : thickness of the hazy layer, through which the sky is seen; 0 leaves the sky as it is.
+    air_light_bgr : scattered light that replaces it.
+    top_m : thickness of the hazy layer, through which the sky is visible; 0 leaves the sky unchanged.
     """
 
     extinction_m: float = 3500.0

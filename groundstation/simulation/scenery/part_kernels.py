@@ -1,7 +1,7 @@
 """Compiled drawing of objects into a panorama, far ones first: convex parts of flat faces with simple textures.
 
 Every column of the panorama is a vertical half-plane. Its intersection with a face is a segment, and its elevations are
-exact; four such cuts a column soften upright edges, and rows are covered by the share that lies inside.
+exact; four such cuts a column smooth upright edges, and rows are covered by the share inside.
 """
 
 from typing import NamedTuple

@@ -77,7 +77,7 @@ def _gap(corners: FloatArray) -> float:
 
 
 def _turned(face: Face, eye: FloatArray, pixel_rad: float) -> tuple[FloatArray, float]:
-    """Return a face's corners from the eye and its opacity; what is thinner than a pixel is a paler pixel."""
+    """Return a face's corners from the camera and its opacity, reduced for a face thinner than a pixel."""
     corners = face.corners - eye
     if not face.towards_eye:
         return corners, 1.0

@@ -1,4 +1,4 @@
-"""Sizes of what is painted on a runway."""
+"""Sizes of a runway's markings."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ class RunwayPaint:
 
     Attributes
     ----------
-    edge_width_m : of the lines along the edges, as far within them as they are wide.
+    edge_width_m : width of the lines along the edges, and their distance from them.
     dash_length_m, dash_every_m, dash_width_m : of the centre line's dashes, from one's beginning to the next.
     dash_from_y_m : where a dash begins.
     aim_length_m : of the blocks at the aim mark.

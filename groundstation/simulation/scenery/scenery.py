@@ -22,7 +22,7 @@ from groundstation.simulation.scenery.surfaces import Colour, GroundPatch, Surfa
 
 
 class Marking(StrEnum):
-    """What is painted on a runway."""
+    """Markings of a runway."""
 
     FULL = "full"
     CENTRE = "centre"
@@ -37,10 +37,10 @@ class RunwayLook:
 
     Attributes
     ----------
-    surface, tint_bgr : what it is made of, and factors on that surface's colours.
+    surface, tint_bgr : its material, and factors on that material's colours.
     texture : how strongly that surface's colours vary, as a factor.
-    marking, marking_bgr : what is painted on it; ``paint`` its sizes.
-    wear : share of the paint that is gone.
+    marking, marking_bgr : its markings; ``paint`` their sizes.
+    wear : share of the paint that is worn off.
     tyre_marks : how dark the rubber at the aim mark is, from 0 to 1.
     """
 

@@ -95,7 +95,7 @@ def _clouds(sky: SkyTones, column: ViewColumn, up: float, pixel: float, seed: in
     # a layer of clouds at height 1, seen under the elevation
     far = 1.0 / max(np.sin(up), 0.035)
     if sky.relief > 0.0:
-        # heaps are as high as they are wide: the layer is bent so that it does not draw them out
+        # cumulus clouds are as high as wide: the layer is bent so that they are not elongated
         far = 1.0 / (np.sin(up) + _HEAPS)
     x, y = far * column.sine * np.cos(up), far * column.cosine * np.cos(up)
     covered = pixel * far * far if sky.relief > 0.0 else 0.0

@@ -9,7 +9,7 @@ from groundstation.simulation.scenery.surfaces import Colour
 
 
 class ObjectKind(StrEnum):
-    """What it is; its length lies along its heading."""
+    """Kind of the object; its length is along its heading."""
 
     HOUSE = "house"
     BLOCK = "block"
@@ -39,7 +39,7 @@ class SceneryObject:
 
     Attributes
     ----------
-    kind : what it is.
+    kind : of the object.
     x_m, y_m : its middle on the ground, runway frame.
     heading_rad : of its length, from +y towards +x.
     length_m, width_m, height_m : its size; a wire's height is that of its ends, its width what it is thick.

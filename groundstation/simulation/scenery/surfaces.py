@@ -9,7 +9,7 @@ Colour = tuple[float, float, float]
 
 
 class Surface(StrEnum):
-    """What the ground is covered by."""
+    """Cover of the ground."""
 
     MEADOW = "meadow"
     SHORT_GRASS = "short-grass"

@@ -108,7 +108,7 @@ class SkylineTones(NamedTuple):
 
 
 class FieldTones(NamedTuple):
-    """What varies over distant land: fields, shadows of clouds."""
+    """Variation over distant land: fields, shadows of clouds."""
 
     mosaic: float
     crop: Bgr

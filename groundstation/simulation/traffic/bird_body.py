@@ -31,7 +31,7 @@ class BirdBody:
 
     @property
     def reach_m(self) -> float:
-        """How far its corners are from its middle at most, m."""
+        """Largest distance of its corners from its middle, m."""
         return self.shape.reach_m
 
     @property

@@ -37,7 +37,7 @@ _ROOT, _WRIST, _OUTER, _TIP = (
 _LAG_RAD, _OUTER_GAIN, _FOLD = 0.9, 0.9, 0.3
 _FADE_SHARE = 0.12
 _MIRROR = np.array([1.0, -1.0, 1.0])
-# what is bare or horny: beak
+# parts without feathers: beak
 _BEAK_BGR = (50.0, 110.0, 150.0)
 
 
@@ -75,7 +75,7 @@ class BirdShape:
 
     @property
     def reach_m(self) -> float:
-        """How far any corner is from the middle at most, m."""
+        """Largest distance of a corner from the middle, m."""
         return max(0.5 * self._spec.span_m, 0.6 * self._length_m) + self._spec.chord_per_span * self._spec.span_m
 
     def at(self, t_s: float, phase: float = 0.0) -> BirdForm:

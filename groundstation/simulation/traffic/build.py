@@ -45,7 +45,7 @@ def _bodies(traffic: TrafficSpec) -> Iterator[Body]:
                 sway_s=flock.sway_s,
             )
     for other in traffic.aircraft:
-        # its shadow lies far from it, behind trees and hills, and is paler than one of sharp edges
+        # its shadow is far from it, behind trees and hills, and paler than one with sharp edges
         yield _moving(build_airframe(other.airframe), other.path, casts_shadow=False)
     for road in traffic.roads:
         for car in road.cars:

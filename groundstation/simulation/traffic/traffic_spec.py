@@ -16,14 +16,14 @@ _SLOWEST_M_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherAircraftSpec:
-    """Another aircraft: what it is, and the path of its nose."""
+    """Another aircraft: its airframe, and the path of its nose."""
 
     airframe: AirframeSpec
     path: ArcPath
 
 
 class CarKind(StrEnum):
-    """What drives on a road."""
+    """Kind of a vehicle on a road."""
 
     CAR = "car"
     ESTATE = "estate"
@@ -73,7 +73,7 @@ class RoadSpec:
 
     Attributes
     ----------
-    surface : what it is made of.
+    surface : its material.
     x_m, y_m : its middle, runway frame.
     heading_rad : of its length, from +y towards +x.
     length_m, width_m : its size.
@@ -122,7 +122,7 @@ class RoadSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrafficSpec:
-    """What moves in a world; the default is nothing."""
+    """Moving objects of a world; none by default."""
 
     birds: tuple[BirdSpec, ...] = ()
     flocks: tuple[FlockSpec, ...] = ()

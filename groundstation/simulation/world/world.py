@@ -20,11 +20,11 @@ _VISUAL_RANGE_PER_EXTINCTION = 3.912
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class World:
-    """What a session is rendered from; the same world gives the same session, bit for bit.
+    """Parameters of a rendered session; the same world gives the same session, bit for bit.
 
     Attributes
     ----------
-    seed : of what is drawn while the session is made: noise, gusts, encoder errors, lost frames.
+    seed : of the random draws during rendering: noise, gusts, encoder errors, lost frames.
     frame_hz : pairs per s.
     airframe, flight, scenery : the aircraft, its flight and the surroundings.
     traffic : what else moves.

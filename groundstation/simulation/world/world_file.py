@@ -1,4 +1,4 @@
-"""world.toml: a world as a file that can be read, changed by hand and rendered again."""
+"""world.toml: a world as a readable file that can be edited and rendered again."""
 
 from pathlib import Path
 

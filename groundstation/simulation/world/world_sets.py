@@ -14,7 +14,7 @@ SEEDS_PER_SET = 1_000_000
 
 
 class WorldSet(StrEnum):
-    """Which set a world belongs to; the order is that of their seeds."""
+    """Set of a world; the order is that of their seeds."""
 
     TRAIN = "train"
     VALIDATE = "validate"
