@@ -23,7 +23,7 @@ class InputError(GroundstationError):
         self.where = where
         self.got = got
         self.wanted = wanted
-        # what a damaged file or a strange file name says may stand in it; an error is one line all the same
+        # it may contain text of a damaged file or a strange file name; an error is one line all the same
         super().__init__(printable(f"{where}: got {got}; wanted {wanted}"))
 
 

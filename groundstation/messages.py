@@ -1,6 +1,6 @@
 """Records exchanged between packages: input events and output reports.
 
-All times are seconds in the session clock unless a name says otherwise, all lengths metres in the
+All times are seconds in the session clock unless a name states otherwise, all lengths metres in the
 ``runway`` frame, all angles radians, all pixels OpenCV pixels (0, 0 = centre of the upper-left pixel).
 Arrays are float64 unless stated.
 """
@@ -79,7 +79,7 @@ class Heartbeat:
 class FilterReset:
     """The filter failed, and the pipeline forgot everything at ``t_s``; ``why`` is for people.
 
-    ``in_vain`` says that it failed at the event right before this one, which has then brought forth nothing.
+    ``in_vain`` states that it failed at the event right before this one, which then has no result.
     """
 
     t_s: float
@@ -117,7 +117,7 @@ class ReferenceFix:
 class CarriedError:
     """An error of calibration or of a clock that the filter carries: what it is now, and one sigma now and before.
 
-    In rad, m, px, s, s/s or without unit, as ``name`` says (docs/conventions.md). ``estimated`` tells whether this
+    In rad, m, px, s, s/s or without unit, by ``name`` (docs/conventions.md). ``estimated`` states whether this
     filter ever estimates it, or only considers it.
     """
 

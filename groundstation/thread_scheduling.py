@@ -34,7 +34,7 @@ def give_way() -> bool:
     if not sys.platform.startswith("linux"):
         return False
     try:
-        # on Linux a thread's number stands for that thread alone, whatever POSIX says of processes
+        # on Linux a thread's number stands for that thread alone, unlike POSIX's rule for processes
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), os.getpriority(os.PRIO_PROCESS, 0) + _NICE)
     except OSError:
         return False

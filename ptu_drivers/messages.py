@@ -52,7 +52,7 @@ class AngleSample:
     sigma_t_s : 1 sigma of that instant, s: jitter of the unit's latency and of the line, measured or stated.
     angle_rad : angle after sign and zero of the settings, rad; pan positive counter-clockwise from above, tilt upwards.
     sigma_rad : 1 sigma of the angle as the unit reports it, rad: its quantum over sqrt(12). Motion during `sigma_t_s`
-        is not included, because only the user of the sample knows the rate.
+        is not included, because only the user of the sample has the rate.
     source : method by which the instant was determined.
     """
 

@@ -11,8 +11,8 @@ _FLIGHT = """Calibrate stations on an aircraft's DGPS track and the pixels that 
 orientation, position, clocks; whatever the rig's `known` leaves open."""
 _FLIGHT_MORE = """examples:
   groundstation calibrate flight SESSION --to 342 --out rig.toml --report out/rig
-  groundstation replay SESSION --rig believed.toml --out out/before
-  groundstation calibrate flight SESSION --rig believed.toml --out rig.toml \\
+  groundstation replay SESSION --rig stated.toml --out out/before
+  groundstation calibrate flight SESSION --rig stated.toml --out rig.toml \\
       --detections out/before/detections.csv --free orientation
 
 LIST, with commas: orientation, position, boresight, camera_clock, drift,

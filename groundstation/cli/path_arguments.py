@@ -58,7 +58,7 @@ class WrittenFolder:
 READ = ReadPath()
 READ_TEXT = ReadText()
 WRITTEN_FILE = WrittenFile()
-# a folder that has to be new or empty: the command says so
+# a folder that has to be new or empty; the command reports one that is not
 NEW_FOLDER = WrittenFolder(("*",))
 REPORT_FOLDER = WrittenFolder(("report.html", "*.png"))
 PATH_TYPES = (ReadPath, ReadText, WrittenFile, WrittenFolder)

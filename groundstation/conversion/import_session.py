@@ -137,7 +137,7 @@ def _check_size(video: VideoStamps, rig: Rig, name: str) -> None:
 
 
 def _given_frames(request: ImportRequest, rig: Rig, parts: _Parts) -> tuple[float, float]:
-    """Take the user's table as it is; whether it fits the videos, loading the session tells."""
+    """Copy the user's table unchanged; loading the session checks whether it fits the videos."""
     path = request.frames
     if path is None or not path.is_file() or path.stat().st_size > _MAX_TABLE_BYTES:
         raise InputError(str(path), got="no such file, or a huge one", wanted="a table such as frames.csv")

@@ -74,10 +74,10 @@ class EstimationConfig:
     calibration : what becomes of the errors that rig.toml gives covariances for.
     reference_hold_s : a reference counts as there for so long after its newest position.
     reference_clock_sigma_s : and its clock may be so far off the session's, 1 sigma.
-    reference_antenna_sigma_m : and its antenna so far from the nose (forward, right, down) where session.toml does not
-        say; what it may lie aside cannot be told from a pan that all stations have wrong.
+    reference_antenna_sigma_m : and its antenna so far from the nose (forward, right, down) where session.toml has no
+        lever arm; a lateral offset cannot be separated from an error of pan common to all stations.
     ptu_acceleration_psd_rad2_s3 : power spectral density of each PTU axis's white acceleration.
-    ptu_max_rate_deg_s : no PTU turns faster; a reading that says so is a spike.
+    ptu_max_rate_deg_s : no PTU turns faster; a reading that implies more is a spike.
     encoder_gate_sigma : a reading further from its prediction is held back until the next one confirms it.
     gate_probability : share of true pixels that the chi-square gate lets pass.
     out_of_view : the weighting of pixels near and beyond the border.
@@ -168,7 +168,7 @@ class InitiationConfig:
 
     Attributes
     ----------
-    min_range_m, max_range_m : distance of a believable target from the nearest station.
+    min_range_m, max_range_m : distance of a plausible target from the nearest station.
     min_height_m, max_height_m : its z in the runway frame.
     min_size_m, max_size_m : its width when the span is not known.
     size_tolerance : when it is, the apparent width may be this factor smaller or larger.

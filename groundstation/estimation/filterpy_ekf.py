@@ -1,7 +1,7 @@
 """Extended Kalman filter of one mode, by filterpy's `ExtendedKalmanFilter` (Labbe's library of textbook filters).
 
 Prediction, innovation covariance, gain, Joseph form and likelihood are filterpy's. It has no consider parameters and no
-share of a gain: where a measurement asks for one, filterpy's gain is limited and its Joseph form, which holds for any
+share of a gain: where a measurement needs one, filterpy's gain is limited and its Joseph form, which holds for any
 gain, is written out with it. Unlike the compiled kernels nothing is made symmetric afterwards.
 """
 

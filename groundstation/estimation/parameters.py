@@ -1,6 +1,6 @@
 """The errors of calibration and clocks in the filter state: estimated, or treated as consider parameters.
 
-Each is a difference from what the rig file says, zero at first, with the covariance that the rig file gives. Names
+Each is a difference from the value in the rig file, zero at first, with the covariance that the rig file gives. Names
 are ``station.parameter``: those of `groundstation.geometry.calibration`, and for clocks
 
 - ``camera_clock.offset`` in s: the camera's exposures were that much later than their stamps say,
@@ -96,7 +96,7 @@ class ParameterPrior:
 
 
 def rig_prior(rig: Rig, reference: ParameterPrior | None = None) -> ParameterPrior:
-    """Return what the rig file says of its own errors: its covariance tables, the sigmas of its clocks and shutters.
+    """Return the rig file's statement of its errors: its covariance tables, the sigmas of its clocks and shutters.
 
     Clocks that stand in the covariance of the whole rig are correlated with the rest. ``reference`` are the errors of
     reference positions to carry besides; those of them that a flight has found together with the rig, and whose

@@ -32,7 +32,7 @@ class EvaluationConfig:
     lag_unprompted_min_s : … and by so much where neither came before it.
     glitch_sigma, glitch_min_m : a fix is a glitch when it departs so far from the curve of its neighbours.
     glitch_max_s : and no longer than this.
-    prior_position_sigma_m, prior_velocity_sigma_m_s : what the posterior bound knows at its start.
+    prior_position_sigma_m, prior_velocity_sigma_m_s : prior of the posterior bound at its start.
     """
 
     range_bins_m: tuple[float, ...] = (0.0, 60.0, 100.0, 150.0, 250.0, 400.0, 700.0)

@@ -83,9 +83,9 @@ def find_frozen(
 ) -> list[ExcludedSpan]:
     """Return held stretches, in the reference's clock.
 
-    A run of fixes within the noise of its first one is frozen if the aircraft moved meanwhile: the track says
-    so significantly (where ``track`` is given), or the fixes repeat to the last digit right after having moved
-    fast enough and the track does not say that the aircraft stopped. A standing aircraft moves in neither.
+    A run of fixes within the noise of its first one is frozen if the aircraft moved meanwhile: the track moves
+    significantly (where ``track`` is given), or the fixes repeat to the last digit right after having moved
+    fast enough and the track does not stop. A standing aircraft moves in neither.
     """
     spans = []
     tolerance = np.maximum(config.frozen_tolerance_m, 4.0 * np.median(reference.sigma_m, axis=0))

@@ -36,7 +36,7 @@ class RunDescription:
     speed : figures on processing speed, by name.
     fused_late : how many readings and frames came late and were fused in their place, by kind.
     faults : what could not be used (a broken reference file, a video cut short), one line each.
-    carried_errors : what the filter knows in the end of the errors of calibration and clocks.
+    carried_errors : the filter's final estimates of the errors of calibration and clocks.
     learnt_until_s : up to this time of the DGPS clock the filter used the DGPS; None if never.
     """
 

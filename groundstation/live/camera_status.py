@@ -1,4 +1,4 @@
-"""What the operator is told of a camera: what it lost, and how its clock stands to this machine's."""
+"""Status text of a camera: lost frames, and the offset of its clock from this machine's."""
 
 from groundstation.sources.cameras.camera import CameraCounts
 from groundstation.sources.cameras.host_clock_fit import ClockFitConfig, ClockFitState

@@ -85,7 +85,7 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, r
     except CameraError as fault:
         return failed(f"{name}: {fault}")
     except GroundstationError as fault:
-        # it says itself whose camera
+        # its text names the camera
         return failed(str(fault))
     wanted = rig[station.name].lens.image_size_px
     if frames and frames[-1] != wanted:

@@ -15,7 +15,7 @@ _COLOUR_BYTES = 3
 def searching_bytes_per_s(file: StationFile, rig: Rig, raw: Mapping[str, bool]) -> float:
     """Return what a recording takes a second while searching: whole pictures, not packed.
 
-    ``raw`` says by station whether a pixel is one byte; a camera that nothing is known of is taken for raw.
+    ``raw`` states by station whether a pixel is one byte; a camera without an entry counts as raw.
     """
     pixels = 0
     for station in rig.stations:
@@ -25,7 +25,7 @@ def searching_bytes_per_s(file: StationFile, rig: Rig, raw: Mapping[str, bool]) 
 
 
 def check_disk(file: StationFile, rig: Rig, raw: Mapping[str, bool]) -> CheckResult:
-    """Compare what is free with what the time that the station file wants takes."""
+    """Compare the free space with the need for the recording time of the station file."""
     if file.record is None:
         return passed("disk: no [record] folder; live will ask for --out")
     place = file.record

@@ -1,11 +1,11 @@
-"""What `groundstation check` says of one device."""
+"""Result of `groundstation check` for one device."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckResult:
-    """One device: whether it is well, and the line that says so."""
+    """Result for one device: whether it is well, and the line of text."""
 
     good: bool
     text: str

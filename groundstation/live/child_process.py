@@ -100,7 +100,7 @@ class ChildProcess:
         code = self._process.exitcode
         if code is None:
             return "has not ended"
-        # a program that SIGTERM asked to end in order says so with 128 and the signal's number
+        # a program that ended in order after SIGTERM returns 128 and the signal's number
         number = -code if code < 0 else code - _BY_SIGNAL
         try:
             return f"was ended by {signal.Signals(number).name}"

@@ -44,7 +44,7 @@ class LiveRequest:
     """Options of one run of `groundstation live`.
 
     ``station`` None only with a simulator. ``out`` None is a folder of its own below the station file's [record]
-    folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none".
+    folder. ``seconds`` None continues until ``stop``. ``screen`` is "desktop", "browser" or "none".
     """
 
     station: Path | None
@@ -58,10 +58,10 @@ class LiveRequest:
 class LiveResult:
     """Result of a run: the operation's figures and the files written.
 
-    ``files`` are those with something in them. ``incomplete`` says in a line each what the disk did not take,
+    ``files`` are those with something in them. ``incomplete`` states in a line each what the disk did not take,
     ``recorded`` how much it took, and how much a second; ``lost`` is that a recording was wanted and nothing of it is
     there. ``begin_s`` is when the operation began, with a simulator the flight's time zero, session time. ``losses``
-    says in a line each which of the heads' processes were lost, and which head is not known to stand.
+    states in a line each which of the heads' processes were lost, and which head may still turn.
     """
 
     operation: OperationResult
@@ -84,10 +84,10 @@ def live(
     """Operate a station. ``tell`` receives the status twice a second, ``say`` progress lines during start-up.
 
     ``simulator`` stands in for the devices. ``force_exit`` ends the program
-    at once where its end hangs beyond the time for it (`Shutdown`); it gets a line that says so.
+    at once where its end hangs beyond the time for it (`Shutdown`); it then gets a line about that.
 
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
-    where ``stop`` says so before it has begun.
+    where ``stop`` is set before it has begun.
     """
     out = _folder(request)
     configure_allocator()

@@ -37,7 +37,7 @@ from groundstation.tracking.pipeline import Pipeline
 COMMAND_EVERY_S = 0.03
 # with no pair answered and no heartbeat for so long there is one
 HEARTBEAT_EVERY_S = 0.1
-# without a pair for so many periods the track coasts, if that is longer than the tuning says: one pair may be missing
+# without a pair for so many periods the track coasts, if that is longer than in the tuning: one pair may be missing
 _COAST_PERIODS = 2.5
 # numerical failures of the filter
 _FAILED = (ArithmeticError, np.linalg.LinAlgError)

@@ -1,8 +1,8 @@
 """Distinguish a process that hangs from one that waits for processor time on a busy machine.
 
-Heads are halted when a lease has run out, whatever the reason. Killing is for what does not come back by itself, and
-the system says which that is: a process that is stopped never does, one that sleeps on has no reason to, and one that
-is ready to run, or whose other threads run, may only lack processor time.
+Heads are halted when a lease has run out, whatever the reason. Only a process that does not recover by itself is
+killed. The system's process state distinguishes the cases: a stopped process never recovers, a process that keeps on
+sleeping is unlikely to, and one that is ready to run, or has running threads, may only lack processor time.
 """
 
 from collections.abc import Callable

@@ -22,7 +22,7 @@ _WATCHDOG_S = 0.35
 
 
 class DeviceError(GroundstationError):
-    """A device of the station file cannot be used; one line that says which, and why."""
+    """A device of the station file cannot be used; one line with its name and the reason."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -119,7 +119,7 @@ class HeadManager:
     def opened(self, stop: Callable[[], bool] = lambda: False) -> "HeadManager":
         """Wait until the heads are opened.
 
-        Raises `DeviceError` where one cannot be, KeyboardInterrupt where ``stop`` says so meanwhile.
+        Raises `DeviceError` where one cannot be, KeyboardInterrupt where ``stop`` is set meanwhile.
         """
         child = self._child
         if child is None:

@@ -23,7 +23,7 @@ from ptu_drivers.messages import AngleSample, AxisDescription, Capability, NoRea
 # a unit that gives nothing is asked no more often than that
 _PATIENCE_S = 0.02
 _REPORT_AFTER_S = 1.0
-# so small a change of rate waits until the watchdog wants to hear something: the line is for readings
+# so small a change of rate waits until the watchdog needs a command: the line is for readings
 _SAME_RATE_RAD_S = math.radians(0.01)
 _REPEAT_S = 0.15
 _DELAY_RATE = 0.2
@@ -237,7 +237,7 @@ class HeadWorker:
             self.refused += 1
             self._log("warning", f"PTU: {fault}")
         except PtuError as fault:
-            # the next reading says what is wrong with the line
+            # the next reading reports what is wrong with the line
             self.refused += 1
             if self.refused == 1:
                 self._log("warning", f"PTU: {fault}")

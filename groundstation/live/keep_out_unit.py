@@ -145,7 +145,7 @@ class KeepOutUnit(PanTiltUnit):
                 zones = self._zones()
                 here = self._here(zones)
                 hold_s = self._age_s() + LOOK_S + self._held_s
-                # told first: between what it does now and what is wanted lies all that it may do
+                # noted first: the motion may be any between the present and the commanded one
                 ways = [*self._speeds(), wanted]
                 if not rates_are_clear(zones, here, ways, hold_s, self._brakes, MARGIN_RAD):
                     self.refused += 1
@@ -287,7 +287,7 @@ class KeepOutUnit(PanTiltUnit):
         try:
             self._unit.halt()
         except PtuError:
-            # the driver owes it, too, and its next reading says what is wrong with the line
+            # the driver repeats it, too, and its next reading reports what is wrong with the line
             return
         self._supersede()
         self._halt_owed = False

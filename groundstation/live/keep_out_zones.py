@@ -41,7 +41,7 @@ def with_keep_out(file: StationFile, rig: Rig, clock_s: float, utc_s: float) -> 
 
 
 def sun_text(file: StationFile, rig: Rig, utc_s: float) -> tuple[bool, str]:
-    """Return whether the heads of a station file avoid the Sun, or need not, and a line that says how."""
+    """Return whether the heads of a station file avoid the Sun, or need not, and a line that states how."""
     if file.sun_angle_rad == 0.0:
         return True, "the Sun is not avoided: [safety] sun_angle_deg = 0"
     sun = _sun_of(file)

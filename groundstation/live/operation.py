@@ -147,7 +147,7 @@ class Operation:
         reference: ReferenceWorker | None = None,
         shutdown: Shutdown | None = None,
     ) -> OperationResult:
-        """Operate until ``until`` says so, then park the heads, and let everything that waits be answered.
+        """Operate until ``until`` is set, then park the heads, and process everything that waits.
 
         Heads are parked as long as ``shutdown`` allows, and not at all once their process is lost.
 

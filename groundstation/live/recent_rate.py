@@ -7,7 +7,7 @@ OVER_S = 5.0
 
 
 class RecentRate:
-    """Takes a count now and then, and tells how fast it has grown over the last seconds."""
+    """Rate of a count over the last seconds, from its values at intervals."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, int]] = deque()

@@ -19,7 +19,7 @@ from groundstation.tracking.config import Config, config_to_mapping, config_to_t
 
 
 class LiveRecorder(Recorder):
-    """`Recorder` that says how it does in a few words: how much a second, and how long the disk will last."""
+    """`Recorder` with a short status text: data rate, and time until the disk is full."""
 
     def __init__(
         self,
@@ -36,7 +36,7 @@ class LiveRecorder(Recorder):
         self._least_free = config.keep_free_bytes
 
     def summary(self) -> str:
-        """Return what the operator is told."""
+        """Return the operator's status text."""
         status = self.status
         rate = self._recent.at(self._now(), status.written_bytes)
         text = f"{status.line()} at {rate / 1e6:.1f} MB/s"
@@ -61,7 +61,7 @@ def _long(seconds: float) -> str:
 
 
 def live_header(file: StationFile, config: Config) -> RecordingHeader:
-    """Return how an operation is set up, as its recording says it and a replay reads it."""
+    """Return an operation's settings in the form of its recording, which a replay reads."""
     session: dict[str, Any] = {
         "name": file.name,
         "date": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -19,7 +19,7 @@ DGPS_TABLE = "dgps.csv"
 
 
 def reference_tuning(config: Config, device: ReferenceDevice | None) -> Config:
-    """Return the tuning with what the station file says of how well the receiver's clock is known."""
+    """Return the tuning with the station file's uncertainty of the receiver's clock."""
     if device is None or device.clock_sigma_s is None:
         return config
     estimation = dataclasses.replace(config.estimation, reference_clock_sigma_s=device.clock_sigma_s)
@@ -39,7 +39,7 @@ class ReferenceReceiver:
     ----------
     known : of its antenna and clock, as a replay will know it.
     start_s : the session's time zero on the host's monotonic clock.
-    folder : where ``dgps.csv`` is written. faults : is told if the disk refuses it.
+    folder : where ``dgps.csv`` is written. faults : called if the disk refuses it.
     """
 
     def __init__(

@@ -19,7 +19,7 @@ class DgpsTable:
     Parameters
     ----------
     path : of the table; made with its first row.
-    faults : is told, once, if the disk takes no more.
+    faults : called once, if the disk takes no more.
     """
 
     def __init__(self, path: Path, faults: list[str]) -> None:

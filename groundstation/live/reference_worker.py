@@ -25,7 +25,7 @@ from groundstation.tracking.log_throttle import LogThrottle
 # so long after the last byte nothing more of the same moment comes
 _QUIET_S = 0.04
 _AGAIN_S = 1.0
-# a sender that is not allowed is told of so often
+# a sender that is not allowed is reported so often
 _REFUSED_EVERY_S = 10.0
 # a line that hangs while it is opened is left behind after so long
 _END_S = 0.3

@@ -1,4 +1,4 @@
-"""``STATION.toml``: which devices stand at the airstrip and how they are used. The rig file says where they are."""
+"""``STATION.toml``: which devices stand at the airstrip and how they are used. The rig file states their poses."""
 
 import math
 import os

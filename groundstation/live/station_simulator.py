@@ -23,7 +23,7 @@ class StationSimulator(ABC):
 
     @abstractmethod
     def station_file(self, station: Path | None, out: Path) -> StationFile:
-        """Return what stands on the range: as a station file says, None for the simulator's own set-up."""
+        """Return the range's equipment: that of a station file, None for the simulator's own set-up."""
 
     @abstractmethod
     def check(self, rig: Rig) -> None:

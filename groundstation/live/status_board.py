@@ -84,7 +84,7 @@ def dropped_text(dropped: Mapping[str, int]) -> str:
 
 
 class StatusBoard:
-    """Gathers what `LiveStatus` says."""
+    """Collects the content of `LiveStatus`."""
 
     def __init__(self) -> None:
         self._arrived: dict[int, float] = {}

@@ -102,5 +102,5 @@ class BufferedOutput:
 
 
 def as_stream(output: BufferedOutput) -> IO[bytes]:
-    """Return it as what a container's writer asks for: it writes, tells and flushes, and does nothing else."""
+    """Return it as the file object of a container's writer: with write, tell and flush only."""
     return output  # type: ignore[return-value]

@@ -282,7 +282,7 @@ def _parse(kind: type[R], data: bytes, where: str) -> R:
 
 
 def _decompressed(chunk: Chunk) -> bytes | memoryview:
-    """Unpack a chunk's data, no more than it says and one byte."""
+    """Unpack a chunk's data, at most its stated length and one byte."""
     most = chunk.uncompressed_size + 1
     if chunk.compression == "":
         return chunk.data
@@ -290,7 +290,7 @@ def _decompressed(chunk: Chunk) -> bytes | memoryview:
         unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most)
         return unpacked
     if chunk.compression == "zstd":
-        # room is made once, for what the chunk says
+        # memory is allocated once, for the chunk's stated length
         room = memoryview(bytearray(most))
         filled = 0
         with zstandard.ZstdDecompressor().stream_reader(chunk.data) as stream:

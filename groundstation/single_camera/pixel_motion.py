@@ -1,7 +1,7 @@
 """How a target moves across one camera's picture: constant velocity, with shake that is measured on the way.
 
 A hand or a pan-tilt unit shakes the picture by amounts that no model foresees, and by other amounts a minute
-later. The filter therefore learns the size of its own surprises and says how far off its prediction may be.
+later. The filter therefore estimates the size of its own innovations and states the error of its prediction.
 """
 
 import math

@@ -21,7 +21,7 @@ class PixelTarget:
     begun_s, newest_s, seen_s, checked_s : times of its first frame, of the newest one, of the last one that showed
         it, and of the last second look.
     proven : whether it was given and clearly there, or has shown itself often enough since it was found.
-    span_px : width to expect as long as the detector knows nothing better.
+    span_px : width to expect as long as the detector has no better one.
     whole_px : its length as second looks have shown it, None if they have not.
     misses : frames running that did not show it.
     frames, seen : how many frames it was looked for in, and how many showed it.

@@ -14,7 +14,7 @@ class PixelTrackerConfig:
     Attributes
     ----------
     detection, acquisition, search : tuning of its parts. The prediction is good to some pixels, so that little
-        has to be added to the target's size in the region of interest, and a fainter target is believed there.
+        has to be added to the target's size in the region of interest, and a fainter target is accepted there.
     least_shake_px, most_shake_px : bounds of what a frame brings beyond constant velocity, one sigma.
     search_after : after so many misses running the whole frame is searched, too.
     another_after_s : and after so long anything else that is found replaces the target, wherever it is.

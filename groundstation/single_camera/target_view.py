@@ -57,7 +57,7 @@ class TargetView:
         return self._window_search.inside(image, box)
 
     def look(self, target: PixelTarget, image: ImageArray) -> Look:
-        """Let the detector look where the motion says."""
+        """Run the detector at the predicted position."""
         place, covariance = target.motion.place(), target.motion.covariance()
         roi = place_roi(place, covariance, target.size_px, self._config.detection, self._image_size)
         if roi is None:

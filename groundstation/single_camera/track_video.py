@@ -45,7 +45,7 @@ class TrackRequest:
 class TrackResult:
     """What came of it; a gap is a run of frames without the target after it was first seen.
 
-    ``start_confirmed`` says whether the target was in the box given; None where none was. ``damage`` says in words
+    ``start_confirmed`` states whether the target was in the box given; None where none was. ``damage`` states in words
     which frames could not be decoded, None where all could; they are frames without the target.
     """
 

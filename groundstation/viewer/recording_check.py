@@ -1,6 +1,6 @@
 """Check that a Rerun recording can be read to its end, in a separate process.
 
-Rerun's reader aborts its process on some damaged files, which a caller cannot catch, and believes the lengths in them:
+Rerun's reader aborts its process on some damaged files, which a caller cannot catch, and trusts the lengths in them:
 a process that takes too much memory is ended.
 """
 

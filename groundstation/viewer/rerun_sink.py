@@ -109,7 +109,7 @@ class RerunSink:
             self._flush()
 
     def write_reference(self, reference: ReferenceTracks) -> None:
-        """Add what only the evaluation knows; call it after the last `write` and before `close`."""
+        """Add the results of the evaluation; call it after the last `write` and before `close`."""
         for line in reference.lines:
             log_reference_line(self._stream, line)
         if reference.errors is not None:

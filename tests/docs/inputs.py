@@ -164,7 +164,7 @@ def _stated_rig(folder: Path, rng: np.random.Generator) -> None:
     stated = replace(stated, stations=tuple(replace(s, **known) for s in stated.stations))
     folder.mkdir()
     write_session_folder(folder / "session", simulate(scenario), name="simulated")
-    (folder / "believed.toml").write_text(rig_to_toml(stated))
+    (folder / "stated.toml").write_text(rig_to_toml(stated))
 
 
 def _taught(folder: Path, rng: np.random.Generator) -> None:
@@ -207,7 +207,7 @@ _MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
     "flight": _flight,
     "import": _import,
     "field": _field,
-    "believed": _stated_rig,
+    "stated": _stated_rig,
     "taught": _taught,
     "runs": _runs,
     "pose": _pose,

@@ -401,7 +401,7 @@ def test_frozen_then_lagging_dgps_is_found(landing: Replayed, landing_1: Path, t
 def taught_and_judged(split: Split, seen: Path, folder: Path) -> None:
     """Perturb the rig, calibrate it by one part of the flight, evaluate on the rest by the pixels of a replay."""
     session = by_pixels(split.session, seen, folder / "pixels")
-    stated, found = folder / "believed.toml", folder / "found.toml"
+    stated, found = folder / "stated.toml", folder / "found.toml"
     stated.write_text(rig_to_toml(spoilt_rig(split)))
     (taught, until), (first, last) = split.taught_s, split.judged_s
     fit = calibrate_flight(

@@ -241,7 +241,7 @@ def _in_picture(
 
     Without what lasts.
 
-    The prior of the crossings is H P Hᵀ + pose noise; the picture says the rest. With the paper's measurement it
+    The prior of the crossings is H P Hᵀ + pose noise; the picture gives the rest. With the paper's measurement it
     is the projection of the updated state.
     """
     if config.measurement is MeasurementModel.LINES:
