@@ -7,7 +7,7 @@ from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ
 from groundstation.cli.time_span import add_span, require_span
 
-_FLIGHT = """Calibrate stations on an aircraft's DGPS track and the pixels that they saw:
+_FLIGHT = """Calibrate stations on an aircraft's DGPS track and their pixels of it:
 orientation, position, clocks; whatever the rig's `known` leaves open."""
 _FLIGHT_MORE = """examples:
   groundstation calibrate flight SESSION --to 342 --out rig.toml --report out/rig
@@ -27,7 +27,7 @@ exit code: 0 done; 1 the flight cannot teach that; 2 wrong usage"""
 def add_flight(kinds: Commands) -> None:
     """Add `calibrate flight`."""
     flight = add_command(
-        kinds, "flight", run_flight, "from an aircraft's DGPS track and the pixels that saw it", _FLIGHT, _FLIGHT_MORE
+        kinds, "flight", run_flight, "from an aircraft's DGPS track and its pixels", _FLIGHT, _FLIGHT_MORE
     )
     flight.add_argument("session", type=READ, metavar="SESSION", help="session folder with dgps.csv")
     flight.add_argument("--rig", type=READ, metavar="FILE", help="another rig than the session's rig.toml")

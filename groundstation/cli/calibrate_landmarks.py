@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from calibration.sightings import Landmark, LandmarkSighting
     from groundstation.rig.rig import Rig
 
-_SURVEY = """Where stations stand and look, from surveyed landmarks seen through them: all
+_SURVEY = """Poses of stations, from surveyed landmarks in their pictures: all
 stations and landmarks in one adjustment, no first guess needed."""
 _SURVEY_MORE = """example:
   groundstation calibrate survey sightings.csv --landmarks landmarks.csv \\
@@ -23,11 +23,11 @@ each, wait until it stands and note 40 or more rows of angles and pixel; leave
 for the next one, and come back to the first at the end. A station's position is
 found too unless the rig has known = ["position", ...]; its covariance there is
 how well. The sightings are kept next to the rig, for check. LIST, with commas:
-position, boresight, focal: find these within what the rig says of them (else
+position, boresight, focal: find these within the rig's covariance (else
 0.3 m, 1 deg, 1 %), though they are known.
 Tables: docs/formats.md
 
-exit code: 0 done; 1 the tables are at fault or cannot tell a pose, and no rig
+exit code: 0 done; 1 the tables are at fault or determine no pose, and no rig
 is written; 2 wrong usage"""
 _CHECK = """Two minutes before a session: whether any mount has moved since the rig was
 calibrated, by two or more landmarks from each station."""
@@ -90,7 +90,7 @@ def add_landmark_kinds(kinds: Commands) -> None:
         type=float,
         default=0.01,
         metavar="DEG",
-        help="say so if a turn this small could have been missed (default 0.01)",
+        help="report whether a turn this small could have been missed (default 0.01)",
     )
 
 

@@ -73,7 +73,7 @@ def add_convert_lens(kinds: Commands) -> None:
 
 def _add_format(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--format", choices=("toml", "opencv", "kalibr"), help="of the lens; .yaml is opencv unless said"
+        "--format", choices=("toml", "opencv", "kalibr"), help="of the lens; .yaml is opencv unless stated"
     )
 
 

@@ -21,14 +21,14 @@ _MOUNT_MORE = """examples:
 
 sightings.csv: station, landmark, pan_deg, tilt_deg, u_px, v_px. landmarks.csv:
 landmark, x_m, y_m, z_m; marks that are not in it are points of unknown place. Such
-marks near the horizon, a lone lamp above all, cannot tell where the camera looks:
-refused, unless --free leaves the boresight out; a board, or one 40 deg up, can.
+marks near the horizon, a lone lamp above all, do not determine the orientation:
+refused, unless --free leaves the boresight out; a board, or one 40 deg up, does.
 pictures.csv in the folder of --pictures: file, station, pan_deg, tilt_deg.
 
 LIST, with commas, of boresight, lever, lean, scale, backlash, base (all of these
-unless said) and zero. What the sightings do not determine is held, with a note.
+unless stated) and zero. What the sightings do not determine is held, with a note.
 
-exit code: 0 done; 1 the sightings are at fault or cannot teach that, and nothing
+exit code: 0 done; 1 the sightings are at fault or do not determine it, and nothing
 is written; 2 wrong usage"""
 
 

@@ -11,7 +11,7 @@ from groundstation.errors import InputError, UsageError
 
 _TIMING = """The offset between each camera's clock and its PTU's: swing the PTU before a scene that
 stands still and has texture all over (a sine of 5 deg at 0.3 Hz or so, 20 s), record it
-as a session; the pictures' motion against the readings tells the offset. Any session
+as a session; the pictures' motion against the readings gives the offset. Any session
 whose heads turn will do, if less well."""
 _TIMING_MORE = """examples:
   groundstation calibrate timing SESSION --rig rig.toml --out timed.toml \\
@@ -23,7 +23,7 @@ _TIMING_MORE = """examples:
 saw it, as calibrate flight does, with nothing else free; with --pictures as well
 both methods are run and compared, and the pictures' result is written.
 
-exit code: 0 done; 1 the session cannot teach that, and nothing is written;
+exit code: 0 done; 1 the session does not determine it; nothing is written;
 2 wrong usage; 130 interrupted"""
 
 

@@ -19,8 +19,8 @@ _MORE = """examples:
 
 SOURCE is the output folder of a replay, a session folder, a recording (.mcap) or a
 live run's folder with its flight.mcap; the last three are replayed first, once with
-each --config. The columns "± %" say by how much an error is larger (+) or smaller (−)
-than the baseline's. Runs of other length are compared as they are, and a note says so.
+each --config. The columns "± %" state by how much an error is larger (+) or smaller (−)
+than the baseline's. Runs of other length are compared unchanged, with a note.
 
 exit code: 0 done; 1 a source is at fault; 2 wrong usage; 130 interrupted"""
 

@@ -13,7 +13,7 @@ from groundstation.errors import InputError
 
 _IMPORT = """Make a session folder of what a flight left: a video from each station, the table of
 pan and tilt, the log of a receiver or an autopilot. Frame times are the stamps in
-the videos (they need not be even) from the start that you tell; positions come into
+the videos (they need not be even) from the given start; positions come into
 the runway's frame with quality and sigma; all of it is checked before the folder
 is there."""
 _IMPORT_MORE = """example:
@@ -28,7 +28,7 @@ pip install 'groundstation[logs]'), RTKLIB .pos, and .csv: lat_deg, lon_deg, hei
 with a time in UTC, or t_s, x_m, y_m, z_m as in dgps.csv. What each of them leaves
 open, and how times and heights are read: docs/formats.md
 
-exit code: 0 done; 1 something cannot be right, one line says what, and nothing is
+exit code: 0 done; 1 something cannot be right, one line states what, and nothing is
 written; 2 wrong usage; 130 interrupted"""
 
 

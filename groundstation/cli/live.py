@@ -23,7 +23,7 @@ _LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, liv
 follow it, everything is recorded. Ctrl-C parks the heads and ends it within 3 s,
 before it has begun once the step under way is done; parking may take longer
 (park_s in the station file). So does a terminal that is
-closed (unless nohup says otherwise); a second Ctrl-C does not park."""
+closed (unless under nohup); a second Ctrl-C does not park."""
 _LIVE_MORE = """examples:
   groundstation live field.toml --view
   groundstation live field.toml --for 1800 --web

@@ -23,8 +23,8 @@ image_size_px, focal_px, principal_point_px and distortion; that of `onboard
 edges` and `onboard fly` will do.
 
 poses.csv has filename,x_m,y_m,z_m,qw,qx,qy,qz,range_m,reprojection_px,status;
-the quaternion is runway_from_camera; status is ok, uncertain (the corners say next
-to nothing), residual (a pose that does not fit the corners' noise), no_pose or
+the quaternion is runway_from_camera; status is ok, uncertain (the corners
+hardly determine it), residual (a pose that does not fit the corners' noise), no_pose or
 no_corners (empty cells)
 
 --rerun poses.rrd also draws them: the runway, and picture by picture the camera,

@@ -15,7 +15,7 @@ from groundstation.errors import GroundstationError
 _PROBE = """Ask a pan-tilt unit what it is and how fast it answers: model, range, step, speeds,
 what it can do, a histogram of the round trips, failures. Nothing moves."""
 _MONITOR = """Watch a unit: where it is, how far from its limits, round trips, failures. Nothing moves."""
-_JOG = """Turn a unit carefully, watch how it goes, and say: lag, stiction, missed steps. It is
+_JOG = """Turn a unit carefully, and report lag, stiction, missed steps. It is
 halted on every way out: an error, Ctrl-C, a closed terminal."""
 _SIMULATE = """Simulate a pan-tilt unit, on a pty or a TCP port of this machine, as it leaves the
 factory: echo on, verbose, 9600 baud with its line times. Ends with Ctrl-C."""

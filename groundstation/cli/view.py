@@ -26,7 +26,7 @@ _MORE = """examples:
 SOURCE is the output folder of a replay, its session.rrd, a session folder, a
 recording (.mcap) or a live run's folder with its flight.mcap; the last three are
 replayed first. A run without an estimate, or a
-session that cannot be replayed yet, shows what it has, and a note says what is missing.
+session that cannot be replayed yet, shows what it has, and a note lists what is missing.
 
 exit code: 0 done; 1 a source is at fault, or there is no display; 2 wrong usage;
 130 interrupted"""
