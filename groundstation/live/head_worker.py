@@ -13,6 +13,7 @@ from typing import Protocol
 
 from groundstation.live.input_queue import DeviceLogLine, Item
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
+from groundstation.live.standing_check import StandingCheck
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from groundstation.pointing.head_limits import LEASE_S, AxisLimits, HeadLimits
 from groundstation.tracking.log_throttle import LogThrottle
@@ -137,6 +138,7 @@ class HeadWorker:
         """As it was a moment ago: asking the unit itself may wait for its line."""
         self._health_s = -math.inf
         self._held = self._held_still = False
+        self._standing = StandingCheck()
         self._thread = threading.Thread(target=self._work, name=f"ptu-{station}", daemon=True)
 
     def start(self) -> None:
@@ -149,7 +151,7 @@ class HeadWorker:
             self._command = command
 
     def set_hold(self, held: bool) -> None:
-        """Hold the unit still regardless of commands, or release it; does not block."""
+        """Hold the unit still regardless of commands, or release it once it stands; does not block."""
         self._held = held
 
     @property
@@ -174,7 +176,7 @@ class HeadWorker:
         try:
             while not self._stop.is_set():
                 began_s = self.last_cycle_s = self._clock()
-                if self._held:
+                if self._held or self._standing.is_awaited(began_s):
                     self._hold_still()
                 else:
                     self._held_still = False
@@ -207,6 +209,7 @@ class HeadWorker:
         if self._reported_reason:
             self._log("info", "PTU gives angles again")
         self._quiet_since_s, self._reported_reason = None, ""
+        self._standing.take(reading)
         sample = self._aligner.sample(reading)
         if sample is not None:
             self.readings += 1
@@ -251,6 +254,8 @@ class HeadWorker:
         try:
             self.unit.halt()
             self._held_still = True
+            # the cause may be over before the unit has braked: it stands first all the same
+            self._standing.begin(self._clock())
         except PtuError as fault:
             # tried again in the next round; the driver owes it, too
             self.refused += 1
