@@ -10,6 +10,7 @@ Equations: docs/derivation.md, section 18.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import lru_cache
 
 import numpy as np
 
@@ -84,7 +85,7 @@ class Mark:
         """
         n = len(body_m)
         if self.kind is MarkKind.POINT:
-            return np.tile(self.place_m + change, (n, 1)), np.tile(np.eye(3), (n, 1, 1))
+            return _repeated(self.place_m + change, n), _repeated(np.eye(3), n)
         if self.kind is MarkKind.BOARD:
             turned = body_m @ (rotation_from_vector(change[:3]) @ self.runway_from_board).T
             derivative = np.zeros((n, 3, 6))
@@ -98,14 +99,27 @@ class Mark:
             scale = distance * np.exp(change[2])
             unit, across = _direction(away / distance, change[:2])
             derivative = np.column_stack([scale * across, scale * unit])
-            return np.tile(station_m + scale * unit, (n, 1)), np.tile(derivative, (n, 1, 1))
+            return _repeated(station_m + scale * unit, n), _repeated(derivative, n)
         unit, across = _direction(self.place_m, change[:2])
-        return np.tile(station_m + _FAR_M * unit, (n, 1)), np.tile(_FAR_M * across, (n, 1, 1))
+        return _repeated(station_m + _FAR_M * unit, n), _repeated(_FAR_M * across, n)
+
+
+def _repeated(one: FloatArray, n: int) -> FloatArray:
+    """Return ``n`` times the same array, read only."""
+    return np.broadcast_to(one, (n, *one.shape))
+
+
+@lru_cache(maxsize=4096)
+def _plane_across(unit: bytes) -> FloatArray:
+    """Return two unit vectors (3, 2) across a unit vector (3,): the same in each step of a fit."""
+    frame = np.linalg.svd(np.frombuffer(unit)[None])[2][1:].T
+    frame.flags.writeable = False
+    return np.asarray(frame)
 
 
 def _direction(unit: FloatArray, change: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a changed unit vector (3,) and its derivative (3, 2)."""
-    frame = np.linalg.svd(unit[None])[2][1:].T
+    frame = _plane_across(unit.tobytes())
     vector = unit + frame @ change
     length = float(np.linalg.norm(vector))
     changed = vector / length
