@@ -68,7 +68,9 @@ class ReferenceUpdate:
         innovation = self._ekf.update_reference(reference)
         self.refused += not innovation.accepted
         if contradicted or (seen and not innovation.accepted):
-            self._report(fix.t_s, max(self._cross_check.distance_m(fix.t_s, nose), np.linalg.norm(innovation.residual)))
+            self._report(
+                fix.t_s, max(self._cross_check.distance_m(fix.t_s, nose), float(np.linalg.norm(innovation.residual)))
+            )
         return innovation.accepted and self._ekf.learns
 
     def _report(self, t_s: float, away_m: float) -> None:
