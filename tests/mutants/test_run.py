@@ -15,9 +15,6 @@ from mutants.session import PytestOutcome, Run, Work, serve
 from tests.conftest import ROOT
 
 PROGRAM = """
-from numba import njit
-
-
 def tested(a):
     return a + 1
 
@@ -46,6 +43,13 @@ def flaky(a):
     return a + 9
 
 
+TABLE = at_import(1)
+"""
+# a module of their own, so that the test's new process does not import the compiler
+KERNELS = """
+from numba import njit
+
+
 @njit(cache=True)
 def inner(a):
     return a + 11
@@ -54,9 +58,6 @@ def inner(a):
 @njit(cache=True)
 def outer(a):
     return inner(a) * 2.0
-
-
-TABLE = at_import(1)
 """
 TESTS = '''
 import subprocess
@@ -64,7 +65,7 @@ import sys
 
 import pytest
 
-from groundstation.geometry import sample
+from groundstation.geometry import compiled, sample
 
 
 @pytest.fixture(scope="module")
@@ -108,13 +109,13 @@ def test_new_process():
 
 
 def test_kernel():
-    assert sample.outer(1.0) == 24.0
+    assert compiled.outer(1.0) == 24.0
 '''
 
 
-def fault(function: str, before: str, after: str, kind: str = "arithmetic") -> str:
-    where = {"package": "groundstation.geometry", "module": "groundstation.geometry.sample", "function": function}
-    return json.dumps({**where, "shape": "", "kind": kind, "ordinal": 0, "before": before, "after": after})
+def fault(function: str, before: str, after: str, module: str = "sample") -> str:
+    where = {"package": "groundstation.geometry", "module": f"groundstation.geometry.{module}", "function": function}
+    return json.dumps({**where, "shape": "", "kind": "arithmetic", "ordinal": 0, "before": before, "after": after})
 
 
 FAULTS = {
@@ -125,7 +126,7 @@ FAULTS = {
     "in_new_process": fault("in_new_process", "a + 5", "a - 5"),
     "through_fixture": fault("through_fixture", "a + 7", "a - 7"),
     "flaky": fault("flaky", "a + 9", "a - 9"),
-    "inner": fault("inner", "a + 11", "a - 11"),
+    "inner": fault("inner", "a + 11", "a - 11", module="compiled"),
 }
 
 
@@ -140,6 +141,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (root / folder).mkdir(parents=True)
         (root / folder / "__init__.py").touch()
     (root / "groundstation" / "geometry" / "sample.py").write_text(PROGRAM)
+    (root / "groundstation" / "geometry" / "compiled.py").write_text(KERNELS)
     (root / "tests" / "geometry" / "test_sample.py").write_text(TESTS)
     (root / "pytest.ini").write_text("[pytest]\npythonpath = .\naddopts = --import-mode=importlib\n")
     (root / "benchmarks" / "mutants" / "list.jsonl").write_text("\n".join(FAULTS.values()) + "\n")
@@ -171,11 +173,12 @@ def test_results_found_missed_not_reached_and_continued(program: Path) -> None:
     }
     # the sources were never touched
     assert (program / "groundstation" / "geometry" / "sample.py").read_text() == PROGRAM
+    assert (program / "groundstation" / "geometry" / "compiled.py").read_text() == KERNELS
 
-    # as a run that was stopped after three faults
-    file.write_text("\n".join(file.read_text().splitlines()[:3]) + "\n")
+    # as a run that was stopped after six faults
+    file.write_text("\n".join(file.read_text().splitlines()[:6]) + "\n")
     again = run(program, "run")
-    assert "5 faults to try" in again
+    assert "2 faults to try" in again
     assert "found: 5 of 8 run (62.5 %); 8 on the list" in again
     assert len(file.read_text().splitlines()) == 8
 
