@@ -77,7 +77,7 @@ def _mount(folder: Path, rng: np.random.Generator) -> None:
 
 def _board(folder: Path, rng: np.random.Generator) -> None:
     """A head whose readings are off by nothing but noise, before a board that stands still, its front towards it."""
-    board, lens = parse_board(_BOARD), replace(a_lens(focal_px=3000.0), distortion=np.zeros(5))
+    board, lens = parse_board(_BOARD), replace(a_lens((480, 360), focal_px=2250.0), distortion=np.zeros(5))
     station = replace(plain_station(), lens=lens, ptu_sigma_rad=np.radians(0.002), ptu_resolution_rad=0.0)
     geometry, corners = station.geometry(), board.corners_m
     # the board's x is the runway's, its y goes down
@@ -145,6 +145,25 @@ def _import(folder: Path, rng: np.random.Generator) -> None:
     (folder / "flight.nmea").write_bytes(b"".join(sentences))
 
 
+def _landing(folder: Path, rng: np.random.Generator) -> None:
+    """The first 25 frames of the bundled landing's videos, and its other files as they are."""
+    short = folder / "recordings" / "landing-1"
+    short.mkdir(parents=True)
+    for name in ("rig.toml", "ptu.csv"):
+        (short / name).symlink_to(LANDING / name)
+    (folder / "recordings" / "receiver.nmea").symlink_to(ROOT / "recordings" / "receiver.nmea")
+    for name in ("left.mp4", "right.mp4"):
+        whole = cv2.VideoCapture(str(LANDING / name))
+        size = (int(whole.get(cv2.CAP_PROP_FRAME_WIDTH)), int(whole.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+        video = cv2.VideoWriter(str(short / name), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, size)
+        for _ in range(25):
+            decoded, picture = whole.read()
+            assert decoded
+            video.write(picture)
+        video.release()
+        whole.release()
+
+
 def _field(folder: Path, rng: np.random.Generator) -> None:
     """A recording as `live` leaves it, of a second."""
     kept = folder / "flights" / "2025-06-21T10-30-00Z"
@@ -206,6 +225,7 @@ _MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
     "strip": _strip,
     "flight": _flight,
     "import": _import,
+    "landing": _landing,
     "field": _field,
     "stated": _stated_rig,
     "taught": _taught,
