@@ -1,6 +1,8 @@
 """The list of faults: drawn the same each time, found again after moves, edits and renaming, true of the program."""
 
+import gc
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -29,8 +31,14 @@ Known = dict[tuple[str, str], Function]
 
 
 @pytest.fixture(scope="module")
-def known() -> Known:
-    return read_functions(ROOT)
+def known() -> Iterator[Known]:
+    # millions of nodes that all stay: collecting garbage among them takes longer than parsing
+    gc.disable()
+    functions = read_functions(ROOT)
+    gc.freeze()
+    gc.enable()
+    yield functions
+    gc.unfreeze()
 
 
 def functions(source: str, module: str = "groundstation.detection.sample") -> dict[tuple[str, str], Function]:

@@ -1,6 +1,7 @@
 """Made-up swings of a PTU: readings and a camera's turns, and rendered pictures of a scene with texture."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -128,6 +129,12 @@ class Scene:
         return np.repeat(np.clip(np.round(grey), 0, 255).astype(np.uint8)[:, :, None], 3, axis=2)
 
 
+@lru_cache
+def panorama() -> Scene:
+    """The scene of every session, drawn once."""
+    return Scene()
+
+
 def small_station(name: str = "left", **changes: object) -> Station:
     """Return a station with a small picture and no distortion."""
     plain = plain_station()
@@ -144,7 +151,7 @@ def small_station(name: str = "left", **changes: object) -> Station:
 def write_session(folder: Path, stations: list[Station], swing: Swing, how: Recorder, rng: np.random.Generator) -> Path:
     """Write a session of rendered pictures; station k's camera stamps are late by k · 10 ms."""
     folder.mkdir(parents=True, exist_ok=True)
-    scene = Scene()
+    scene = panorama()
     t = np.arange(0.0, how.seconds, 1.0 / how.frame_hz) + 1.0
     rows = ["index," + ",".join(f"{s.name}_t_s" for s in stations)]
     for index, at in enumerate(t):
