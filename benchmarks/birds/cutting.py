@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import cv2
@@ -28,7 +29,7 @@ class Sprite:
     alpha: FloatArray
     colour: FloatArray
 
-    @property
+    @cached_property
     def length_px(self) -> float:
         """The longer side of the area that is more than half opaque."""
         rows, columns = np.nonzero(self.alpha > 0.5)
@@ -42,7 +43,7 @@ class Flock:
     clip: str
     sprites: tuple[Sprite, ...]
 
-    @property
+    @cached_property
     def length_px(self) -> float:
         """The bird's usual length."""
         return float(np.median([s.length_px for s in self.sprites]))
@@ -172,12 +173,12 @@ def read_flocks(folder: Path, only: str = "") -> list[Flock]:
         last: BirdCutout | None = None
         missed = 0
         for frame in range(max(boxes) + 1):
-            good, image = video.read()
-            if not good:
+            if not video.grab():
                 break
-            box = boxes.get(frame)
-            picture = np.asarray(image, np.uint8)
-            cut = None if box is None else cut_out(picture, box, None if last is None else last.middle)
+            cut = None
+            if (box := boxes.get(frame)) is not None:
+                picture = np.asarray(video.retrieve()[1], np.uint8)
+                cut = cut_out(picture, box, None if last is None else last.middle)
             other = cut is not None and last is not None and not _goes_on(last, cut)
             missed = missed + 1 if cut is None else 0
             if missed > _GAP or other:

@@ -123,7 +123,8 @@ def _fit(flocks: list[Flock], length_px: float) -> list[Flock]:
 
 def _middles(boxes: dict[int, Box], begin: int, end: int) -> FloatArray:
     """Return the smoothed middles (n, 2) of the labelled boxes."""
-    raw = np.array([_middle(boxes[min(boxes, key=lambda b, f=f: abs(b - f))]) for f in range(begin, end + 1)])
+    nearest = (f if f in boxes else min(boxes, key=lambda b, f=f: abs(b - f)) for f in range(begin, end + 1))
+    raw = np.array([_middle(boxes[f]) for f in nearest])
     half = min(_SMOOTH_FRAMES, len(raw)) // 2
     padded = np.pad(raw, ((half, half), (0, 0)), mode="edge")
     kernel = np.full(2 * half + 1, 1.0 / (2 * half + 1))

@@ -93,6 +93,9 @@ def test_a_replay_writes_everything_and_prints_where(session: Path, capfd: pytes
     out = session.parent / "new" / "out"
     assert main(["replay", str(session), "--out", str(out)]) == 0
     assert {p.name for p in out.iterdir()} == {*TABLES, "session.rrd", "figures"}
+    pictures = list((out / "figures").iterdir())
+    assert pictures
+    assert all(picture.stat().st_size > 1000 for picture in pictures)
     assert rows(out) == rows(out, "triangulation.csv") == 12
     shown = capfd.readouterr()
     assert shown.out.splitlines()[0] == "tiny: 12 epochs, 1.1 s, stations left, right"
@@ -103,6 +106,7 @@ def test_a_replay_writes_everything_and_prints_where(session: Path, capfd: pytes
     assert len(shown.err.splitlines()) == 1
 
 
+@pytest.mark.usefixtures("unrendered_figures")
 def test_a_part_of_it(session: Path) -> None:
     assert rows(run(session, "--from", "1.25", "--to", "1.55")) == 3
 
@@ -118,6 +122,7 @@ def stopped(session: Path, capfd: pytest.CaptureFixture[str], message: str, at_r
     assert message in (out / "report.html").read_text()
 
 
+@pytest.mark.usefixtures("unrendered_figures")
 @pytest.mark.parametrize(
     ("name", "line", "text", "at_row"),
     [("frames.csv", 8, "6,nan,1.6", 6), ("ptu.csv", 18, "1.45,0,0,0,0", 5), ("ptu.csv", 18, "soon,0,0,0,0", 5)],
@@ -129,6 +134,7 @@ def test_what_was_usable_is_written(
     stopped(session, capfd, f"{name}: line {line}: got ", at_row)
 
 
+@pytest.mark.usefixtures("unrendered_figures")
 def test_a_video_cut_short_is_used_up_to_its_end(session: Path, capfd: pytest.CaptureFixture[str]) -> None:
     write_video(session / "right.avi", range(7))
     stopped(session, capfd, "right.avi: frame 7: got the end of the video after 7 frames", 7)
@@ -145,6 +151,7 @@ def test_a_video_that_is_none_and_decoders_that_keep_quiet(session: Path) -> Non
     assert not out.exists()
 
 
+@pytest.mark.usefixtures("unrendered_figures")
 @pytest.mark.parametrize("name", ["dgps.csv", "truth.csv"])
 def test_a_broken_reference_does_not_stop_the_track(
     session: Path, capfd: pytest.CaptureFixture[str], name: str
