@@ -27,12 +27,19 @@ def approach(seed: int, errors: Mapping[str, StationErrors], *, loop: bool = Fal
     return replace(scenario, true_rig=perturbed(scenario.true_rig, errors), dgps=DgpsModel(**dgps))
 
 
-def calibrated(folder: Path, scenario: Scenario, *, clocks_sigma_s: float | None = None, **how: object):
-    """Write a scenario as a session and calibrate on it; a sigma for the clocks makes session and DGPS time one."""
-    write_session_folder(folder / "session", simulate(scenario), name="simulated")
+def flown(folder: Path, scenario: Scenario, *, clocks_sigma_s: float | None = None) -> Path:
+    """Write a scenario as a session; a sigma for the clocks makes session and DGPS time one."""
+    session = folder / "session"
+    write_session_folder(session, simulate(scenario), name="simulated")
     if clocks_sigma_s is not None:
-        path = folder / "session" / "session.toml"
+        path = session / "session.toml"
         path.write_text(path.read_text() + CLOCKS.format(sigma=clocks_sigma_s))
+    return session
+
+
+def calibrated(folder: Path, scenario: Scenario, *, clocks_sigma_s: float | None = None, **how: object):
+    """Write a scenario as a session and calibrate on it."""
+    flown(folder, scenario, clocks_sigma_s=clocks_sigma_s)
     return run(folder, **how)
 
 

@@ -1,6 +1,7 @@
 """`calibrate flight` on simulated flights: what it finds, whether its sigmas hold, and what it refuses."""
 
 import csv
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from groundstation.simulation import StationErrors, simulate
 from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.session_folder import write_session_folder
 from groundstation.simulation.trajectory import LateralWeave, SuperposedTrajectory
-from tests.calibration.flight.flights import approach, calibrated, run, turned, unknown, with_clock_sigma
+from tests.calibration.flight.flights import approach, calibrated, flown, run, turned, unknown, with_clock_sigma
 
 MOUNTS = {
     "left": StationErrors(mount_rad=np.radians([0.04, 0.0, -0.08])),
@@ -128,8 +129,7 @@ def test_gross_pixels_and_glitches_are_left_out_and_listed(tmp_path: Path) -> No
     scenario = approach(4, MOUNTS)
     cameras = {name: replace(camera, outlier_probability=0.1) for name, camera in scenario.cameras.items()}
     scenario = replace(scenario, cameras=cameras)
-    calibrated(tmp_path, scenario, free="orientation", clocks_sigma_s=0.0)
-    path = tmp_path / "session" / "dgps.csv"
+    path = flown(tmp_path, scenario, clocks_sigma_s=0.0) / "dgps.csv"
     rows = path.read_text().splitlines()
     cells = rows[80].split(",")
     cells[1] = str(float(cells[1]) + 1.0)
@@ -196,11 +196,15 @@ def test_the_left_jacobian(rng: np.random.Generator) -> None:
 
 
 # ------------------------------------------------------------------------------------------------- bad input
+@pytest.fixture(scope="module")
+def one_flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A flight that several tests copy."""
+    return flown(tmp_path_factory.mktemp("one_flight"), approach(0, {}), clocks_sigma_s=0.0)
+
+
 @pytest.fixture
-def session(tmp_path: Path) -> Path:
-    calibrated(tmp_path, approach(0, {}), free="orientation", clocks_sigma_s=0.0)
-    (tmp_path / "rig.toml").unlink()
-    return tmp_path / "session"
+def session(tmp_path: Path, one_flight: Path) -> Path:
+    return Path(shutil.copytree(one_flight, tmp_path / "session"))
 
 
 def shift_dgps(session: Path, by_s: float) -> None:
