@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import Float32Array, FloatArray, ImageArray
 from groundstation.box import Box, box_of_size
 
 SIZE = (480, 360)
@@ -65,15 +65,16 @@ class Film:
         """Return frame ``k``, (h, w, 3)."""
         x, y = self.view(k)
         shifted = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]])
-        picture = cv2.warpAffine(self.scene, shifted, SIZE, flags=cv2.INTER_LINEAR).astype(np.float64)
+        picture = cv2.warpAffine(self.scene, shifted, SIZE, flags=cv2.INTER_LINEAR).astype(np.float32)
         if k not in self.hidden:
             picture += self.level * self._silhouette(k)[:, :, None]
-        picture = cv2.GaussianBlur(picture, (0, 0), 0.7) + self.rng.normal(0.0, self.noise, picture.shape)
+        noise = np.float32(self.noise) * self.rng.standard_normal(picture.shape, dtype=np.float32)
+        picture = cv2.GaussianBlur(picture, (0, 0), 0.7) + noise
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
-    def _silhouette(self, k: int) -> FloatArray:
-        """Return wing, body and fin of the aircraft, (h, w) from 0 to 1."""
-        shape = np.zeros((SIZE[1], SIZE[0]))
+    def _silhouette(self, k: int) -> Float32Array:
+        """Return wing, body and fin of the aircraft, (h, w) from 0 to 1, float32."""
+        shape = np.zeros((SIZE[1], SIZE[0]), dtype=np.float32)
         u, v = self.place(k)
         for x0, y0, x1, y1 in ((-0.5, -0.03, 0.5, 0.04), (-0.07, -0.1, 0.07, 0.12), (-0.02, -0.25, 0.02, 0.0)):
             corner = (round((u + x0 * self.span_px) * 16), round((v + y0 * self.span_px) * 16))

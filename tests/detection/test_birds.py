@@ -23,11 +23,17 @@ def with_bird(image: ImageArray, place: tuple[float, float], length_px: float, k
     """Paint a dark bird whose wings beat, longer than high in one frame and higher than long in another."""
     beat = 0.5 + 0.4 * np.sin(1.3 * k)
     axes = (round(8 * length_px * (0.3 + 0.7 * beat)), round(8 * length_px * (1.0 - 0.7 * beat)))
-    mask = np.zeros(image.shape[:2], np.float32)
-    centre = (round(16 * place[0]), round(16 * place[1]))
-    cv2.ellipse(mask, centre, axes, 20.0, 0.0, 360.0, 1.0, cv2.FILLED, cv2.LINE_AA, 4)
-    mask = cv2.GaussianBlur(mask, (0, 0), 0.7)[:, :, None]
-    painted = np.clip(np.round((1 - mask) * image + mask * (50, 40, 35)), 0, 255).astype(np.uint8)
+    # the bird and its soft edge are inside
+    reach = max(axes) // 8 + 8
+    x0, y0 = (max(int(middle) - reach, 0) for middle in place)
+    painted = image.copy()
+    around = painted[y0 : max(int(place[1]) + reach, 0), x0 : max(int(place[0]) + reach, 0)]
+    if around.size:
+        mask = np.zeros(around.shape[:2], np.float32)
+        centre = (round(16 * (place[0] - x0)), round(16 * (place[1] - y0)))
+        cv2.ellipse(mask, centre, axes, 20.0, 0.0, 360.0, 1.0, cv2.FILLED, cv2.LINE_AA, 4)
+        mask = cv2.GaussianBlur(mask, (0, 0), 0.7)[:, :, None]
+        around[:] = np.clip(np.round((1 - mask) * around + mask * (50, 40, 35)), 0, 255)
     w, h = axes[0] / 8, axes[1] / 8
     return painted, (place[0] - w / 2, place[1] - h / 2, w, h)
 
