@@ -9,7 +9,7 @@ import numpy as np
 from calibration.lens.boards import CalibrationBoard
 from calibration.lens.corners import BoardView
 from calibration.lens.fit import camera_matrix
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import Float32Array, FloatArray, ImageArray
 from groundstation.geometry.camera import Lens
 
 # px of the board's own drawing for one square
@@ -84,6 +84,7 @@ def corner_views(
     return views
 
 
+@lru_cache
 def drawn(board: CalibrationBoard) -> ImageArray:
     """The board as it is printed, a white margin around it."""
     margin = round(_MARGIN * _DRAWN_PX)
@@ -96,15 +97,15 @@ def drawn(board: CalibrationBoard) -> ImageArray:
 
 
 @lru_cache(maxsize=2)
-def rays(size: tuple[int, int], finer: int, matrix: bytes, distortion: bytes) -> FloatArray:
-    """The ray (n, 3) of each sub-pixel, row by row: the pictures of one lens have them in common."""
+def rays(size: tuple[int, int], finer: int, matrix: bytes, distortion: bytes) -> Float32Array:
+    """The ray (3, n) of each sub-pixel, row by row: the pictures of one lens have them in common."""
     w, h = size
     u, v = np.meshgrid((np.arange(finer * w) + 0.5) / finer - 0.5, (np.arange(finer * h) + 0.5) / finer - 0.5)
     grid = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 1e-9)
     k, d = np.frombuffer(matrix).reshape(3, 3), np.frombuffer(distortion)
     ray = cv2.undistortPoints(grid, k, d, criteria=criteria).reshape(-1, 2)
-    return np.column_stack([ray, np.ones(len(ray))])
+    return np.stack([*ray.T, np.ones(len(ray))]).astype(np.float32)
 
 
 def render(
@@ -121,13 +122,15 @@ def render(
     finer = 2
     ray = rays(lens.image_size_px, finer, camera_matrix(lens).tobytes(), lens.distortion.tobytes())
     matrix = cv2.Rodrigues(pose.rotation)[0]
-    # the ray meets the board's plane where its z on the board is zero
-    origin, direction = -matrix.T @ pose.translation_m, ray @ matrix
-    on_board = origin + direction * (-origin[2] / direction[:, 2])[:, None]
-    # a pixel's centre is half a pixel from its edge
-    place = on_board[:, :2] / board.square_m * _DRAWN_PX + _MARGIN * _DRAWN_PX - 0.5
-    maps = place.astype(np.float32).reshape(finer * h, finer * w, 2)
-    seen = cv2.remap(drawn(board), maps, None, cv2.INTER_AREA, borderMode=cv2.BORDER_CONSTANT, borderValue=90)
+    origin = -matrix.T @ pose.translation_m
+    # the ray o + s Rᵀr meets the board's plane where its z on the board is zero: (o_x - o_z d_x / d_z) and so in y
+    board_from_ray = np.array([[origin[2], 0.0, -origin[0]], [0.0, origin[2], -origin[1]], [0.0, 0.0, -1.0]]) @ matrix.T
+    # drawn px; a pixel's centre is half a pixel from its edge
+    scale, shift = _DRAWN_PX / board.square_m, _MARGIN * _DRAWN_PX - 0.5
+    drawn_from_board = np.array([[scale, 0.0, shift], [0.0, scale, shift], [0.0, 0.0, 1.0]])
+    u, v, depth = (drawn_from_board @ board_from_ray).astype(np.float32) @ ray
+    maps = ((place / depth).reshape(finer * h, finer * w) for place in (u, v))
+    seen = cv2.remap(drawn(board), *maps, cv2.INTER_AREA, borderMode=cv2.BORDER_CONSTANT, borderValue=90)
     seen = cv2.GaussianBlur(seen.astype(np.float32), (0, 0), finer * blur_px)
     picture = cv2.resize(seen, (w, h), interpolation=cv2.INTER_AREA)
     shade = np.linspace(0.75, 0.95, w)[None] * picture + 12.0
