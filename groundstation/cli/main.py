@@ -26,13 +26,25 @@ from groundstation.cli.reproduce import add_reproduce
 from groundstation.cli.simulate import add_simulate
 from groundstation.cli.terminal import print_line
 from groundstation.cli.track import add_track
+from groundstation.cli.train import add_train
 from groundstation.cli.view import add_view
 from groundstation.errors import GroundstationError, UsageError
 
 # in the order of the help
 _COMMANDS: tuple[Callable[[Commands], None], ...] = (
     *(add_replay, add_track, add_plan, add_calibrate, add_import, add_recover, add_convert, add_cameras, add_live),
-    *(add_check, add_onboard, add_ptu, add_simulate, add_bank, add_view, add_evaluate, add_reproduce, add_config),
+    *(
+        add_check,
+        add_onboard,
+        add_ptu,
+        add_simulate,
+        add_bank,
+        add_train,
+        add_view,
+        add_evaluate,
+        add_reproduce,
+        add_config,
+    ),
 )
 # FFmpeg and OpenCV write directly to the terminal; the program prints its own message
 _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}

@@ -112,12 +112,21 @@ class SnakeConfig:
             raise ValueError("gvf_mu must lie in (0, 0.2], gvf_iterations must be ≥ 0")
 
 
+class DetectorKind(StrEnum):
+    """How a camera's target is detected: by contrasts and learnt appearance, or by the learned channel."""
+
+    CLASSIC = "classic"
+    LEARNED = "learned"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionConfig:
     """Tuning of one camera's detector.
 
     Attributes
     ----------
+    detector : classic, with all settings below; or the learned channel (docs/learned-channel.md), which uses
+        ``level_set.mu``, ``target_point``, ``roi_…``, ``gate_sigmas`` and ``min_span_px`` alone.
     segmentation : the method that divides the image.
     level_set : the Chan-Vese weights and numerics, and the stopping rule of every method.
     snake : the snakes' weights and numerics.
@@ -139,6 +148,7 @@ class DetectionConfig:
     appearance_gate : appearance distance in sigmas beyond which a candidate is another object.
     """
 
+    detector: DetectorKind = DetectorKind.CLASSIC
     segmentation: SegmentationMethod = SegmentationMethod.CHAN_VESE
     level_set: LevelSetConfig = field(default_factory=LevelSetConfig)
     snake: SnakeConfig = field(default_factory=SnakeConfig)

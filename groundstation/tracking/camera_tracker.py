@@ -16,7 +16,8 @@ from groundstation.arrays import FloatArray, MaskArray
 from groundstation.box import Box
 from groundstation.detection.candidate_finder import CandidateFinder
 from groundstation.detection.channel_contrast import measure_channels
-from groundstation.detection.detector import DetectionHint, Detector
+from groundstation.detection.detector import DetectionHint
+from groundstation.detection.make_detector import make_detector
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.initialise import CameraCandidate
 from groundstation.messages import Detection, Frame, Miss, MissReason
@@ -96,7 +97,7 @@ class CameraTracker:
         self.station = station
         self.geometry = station.geometry()
         self._config = config
-        self._detector = Detector(config.detection, station.lens.image_size_px)
+        self._detector = make_detector(config.detection, station.lens.image_size_px)
         self._finder = CandidateFinder(config.acquisition, station.lens.image_size_px, station.lens)
         self._extent = _NO_EXTENT
         self._px_per_m: float | None = None

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("groundstation", "calibration", "ptu_drivers")
+PACKAGES = ("groundstation", "calibration", "ptu_drivers", "training")
 WITH_BENCHMARKS = (*PACKAGES, "benchmarks")
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef

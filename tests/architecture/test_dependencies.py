@@ -17,7 +17,7 @@ from packaging.version import Version
 
 from tests.architecture.sources import ROOT, tree_of
 
-OURS = {"groundstation", "calibration", "ptu_drivers", "tests", "benchmarks"} | {
+OURS = {"groundstation", "calibration", "ptu_drivers", "training", "tests", "benchmarks"} | {
     p.stem for p in (ROOT / "benchmarks").iterdir()
 }
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -98,6 +98,8 @@ def test_what_the_program_imports_is_declared() -> None:
     extras = distributions(r for name, extra in EXTRAS.items() if name not in ("dev", "docs") for r in extra)
     ours = ("groundstation", "calibration", "ptu_drivers")
     assert undeclared(ours, plain, extras) == []
+    # imported by the command that needs the extra, and by nothing else
+    assert undeclared(("training",), plain | distributions(EXTRAS["train"]), extras) == []
 
 
 def test_what_tests_and_benchmarks_import_is_declared() -> None:

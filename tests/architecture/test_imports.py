@@ -10,6 +10,7 @@ from tests.architecture.sources import ROOT, imports_of, modules, nodes_of, text
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.__main__",),
     ("groundstation.cli",),
+    ("training",),
     ("groundstation.bank", "groundstation.experiments"),
     ("groundstation.onboard",),
     ("groundstation.simulation",),

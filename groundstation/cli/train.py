@@ -1,0 +1,97 @@
+"""The part of the command line that trains the learned channel: `groundstation train`."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from groundstation.cli.command_arguments import Commands, add_command, add_result_folder, print_files
+from groundstation.cli.number_arguments import count
+from groundstation.cli.path_arguments import READ
+from groundstation.cli.progress import ProgressLine
+from groundstation.errors import InputError
+
+_TRAIN = """Train the learned channel: draw aircraft, birds and backgrounds of the train worlds once, then windows of
+them, fit the network, and write its weights as ONNX with a card of what they were made from. Goes on where an earlier
+run into the same folder was interrupted. On a GPU where there is one."""
+_MORE = """examples:
+  groundstation train --out out/channel
+  groundstation train --out out/channel --clips aircraft-clips --recording landing-1 --recording takeoff-1
+  groundstation train --out out/no-gliders --without glider --steps 1600
+
+writes aircraft.onnx, card.json, log.csv, checkpoint.pt and material/.
+Needs groundstation[train]. One core takes about 0.9 s a step of 64 windows.
+
+exit code: 0 done; 1 bad input; 2 wrong usage; 130 interrupted: the same command goes on"""
+
+
+def add_train(commands: Commands) -> None:
+    """Add `train`."""
+    train = add_command(
+        commands, "train", run_train, "drawn windows in, weights of the learned channel out", _TRAIN, _MORE
+    )
+    add_result_folder(train, ("aircraft.onnx", "card.json"))
+    train.add_argument("--clips", type=READ, metavar="DIR", help="real clips, whose frames are backgrounds, too")
+    train.add_argument(
+        "--recording",
+        type=READ,
+        metavar="SESSION",
+        action="append",
+        default=[],
+        help="rendered session with masks.npz, whose windows are mixed in; may be repeated",
+    )
+    train.add_argument("--worlds", type=count, metavar="N", default=450, help="train worlds (default: 450)")
+    train.add_argument("--scenes", type=count, metavar="N", default=170, help="backgrounds of them (default: 170)")
+    train.add_argument("--steps", type=count, metavar="N", default=4000, help="of 64 windows (default: 4000)")
+    train.add_argument("--seed", type=count, metavar="N", default=1, help="of weights and windows (default: 1)")
+    train.add_argument(
+        "--without",
+        metavar="KIND",
+        action="append",
+        default=[],
+        help="airframe family, scenery or sky that is left out; may be repeated",
+    )
+
+
+def run_train(options: argparse.Namespace) -> int:
+    """Train and say where the weights are; returns the exit code."""
+    from groundstation.simulation.airframes.kinds import AirframeFamily
+    from groundstation.simulation.scenery import SceneryName, SkyName
+
+    try:
+        from training.fit import FitSettings
+        from training.request import TrainRequest, train
+    except ModuleNotFoundError as fault:
+        raise InputError("groundstation train", got=str(fault), wanted="pip install 'groundstation[train]'") from fault
+    from training.material import MaterialRequest
+
+    kinds = {
+        "families": {kind.value for kind in AirframeFamily},
+        "sceneries": {kind.value for kind in SceneryName},
+        "skies": {kind.value for kind in SkyName},
+    }
+    unknown = [word for word in options.without if not any(word in names for names in kinds.values())]
+    if unknown:
+        wanted = "; ".join(f"{name}: {', '.join(sorted(names))}" for name, names in kinds.items())
+        raise InputError("--without", got=", ".join(unknown), wanted=wanted)
+
+    def chosen(name: str) -> tuple[str, ...]:
+        return tuple(word for word in options.without if word in kinds[name])
+
+    request = TrainRequest(
+        out=options.out,
+        material=MaterialRequest(
+            worlds=options.worlds,
+            scenes=options.scenes,
+            clips=options.clips,
+            without_families=chosen("families"),
+            without_sceneries=chosen("sceneries"),
+            without_skies=chosen("skies"),
+        ),
+        recordings=tuple(Path(folder) for folder in options.recording),
+        fit=FitSettings(seed=options.seed, steps=options.steps),
+    )
+    with ProgressLine(sys.stderr, "train", "step") as line:
+        trained = train(request, lambda _, done, total: line.update(done, total))
+    print(f"weights {trained.sha256}")
+    print_files((trained.weights, trained.card))
+    return 0

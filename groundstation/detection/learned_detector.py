@@ -1,0 +1,205 @@
+"""One camera's detector on the learned channel: windows around the prediction in, the pixel of the nose out.
+
+The network's log odds drive the level set, which divides the window by them and its length term alone; the candidates
+are its regions, weighed by their odds and their distance from the prediction. Size excludes none of them: it comes from
+the filter, and scales the window.
+"""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from groundstation.arrays import Float32Array, FloatArray, ImageArray, MaskArray
+from groundstation.box import Box, box_of_size
+from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX, ChannelWindow, channel_window
+from groundstation.detection.config import DetectionConfig, TargetPoint
+from groundstation.detection.contour_evolution import settle_driven
+from groundstation.detection.learned_channel import ChannelMaps, LearnedChannel, nose_of
+from groundstation.detection.working_image import UNKNOWN_SPAN_PX, DetectionHint
+from groundstation.files.channel_weights import channel_weights
+from groundstation.messages import Detection, Miss, MissReason
+from groundstation.picture import Picture, as_picture
+
+# drive of the level set per unit of log odds, and where odds say no more; its length term stays the configured one
+_DRIVE, _MOST_ODDS = 0.1, 6.0
+# regions nearer to each other than this share of the target are pieces of one
+_PIECES = 0.35
+# neighbouring windows overlap by a target; at most so many to a side
+_STEP_PX, _MOST_WINDOWS = 64.0, 3
+# one sigma of the nose from the middle of the silhouette, as a share of the width, where the map shows no nose
+_UNSEEN_NOSE = 0.2
+_LEAST_NOSE_SHARE = 0.05
+_NOSE_MARGIN = 0.2
+# variance of a pixel's own rounding, window px²
+_ROUNDING_PX2 = 1.0 / 12.0
+# of the covariance, what is new in each frame
+_NEW_SHARE = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChannelCandidate:
+    """A region of one window.
+
+    Attributes
+    ----------
+    mask : (96, 128) its pixels.
+    odds : largest log odds in it.
+    centre : (2,) of its pixels, window px.
+    box : around them, window px.
+    """
+
+    mask: MaskArray
+    odds: float
+    centre: FloatArray
+    box: Box[int]
+
+
+class LearnedDetector:
+    """Finds the target of one camera, frame after frame, with the learned channel."""
+
+    def __init__(self, config: DetectionConfig, image_size_px: tuple[int, int]) -> None:
+        self._config = config
+        self._image_size_px = image_size_px
+        self._channel = LearnedChannel(channel_weights())
+        self._width_px: float | None = None
+
+    def reset(self) -> None:
+        """Discard the size of the target."""
+        self._width_px = None
+
+    @contextmanager
+    def state_preserved(self) -> Iterator[None]:
+        """Detect without learning inside the block."""
+        width = self._width_px
+        yield
+        self._width_px = width
+
+    def detect(self, image: ImageArray | Picture, roi: Box[int], hint: DetectionHint) -> Detection | Miss:
+        """Detect the target near its prediction, in windows that begin inside ``roi``."""
+        picture = as_picture(image)
+        span = self._span(hint)
+        best: tuple[float, ChannelCandidate, ChannelWindow, ChannelMaps] | None = None
+        for centre in _centres(hint, span):
+            inside = roi.x0 <= centre[0] < roi.x1 and roi.y0 <= centre[1] < roi.y1
+            window = channel_window(picture, centre, span) if inside else None
+            if window is None:
+                continue
+            maps = self._channel.maps(window.image)
+            for candidate in candidates_of(maps, self._config.level_set.mu):
+                score = candidate.odds - 0.5 * _distance(window, candidate, hint, span)
+                if best is None or score > best[0]:
+                    best = score, candidate, window, maps
+        if best is None:
+            return Miss(reason=MissReason.LOW_CONTRAST, detail="no response to aircraft near the prediction")
+        _, candidate, window, maps = best
+        if _distance(window, candidate, hint, span) > self._config.gate_sigmas**2:
+            return Miss(reason=MissReason.NO_REGION, detail="the nearest region is too far from the prediction")
+        return self._described(candidate, window, maps)
+
+    def _span(self, hint: DetectionHint) -> float:
+        """Return the width to expect, px: the filter's where it is better known than the last one's."""
+        expected = hint.expected_span_px
+        if expected is not None and (self._width_px is None or hint.span_sigma_ratio < 0.3):
+            return max(expected, self._config.min_span_px)
+        return self._width_px if self._width_px is not None else UNKNOWN_SPAN_PX
+
+    def _described(self, candidate: ChannelCandidate, window: ChannelWindow, maps: ChannelMaps) -> Detection | Miss:
+        point, covariance = nose_in(maps, candidate)
+        if self._config.target_point is TargetPoint.CENTROID:
+            point = candidate.centre
+        u, v = window.to_picture(point)
+        box = candidate.box
+        (x0, y0), (x1, y1) = (window.to_picture(np.array(c) - 0.5) for c in ((box.x0, box.y0), (box.x1, box.y1)))
+        w, h = self._image_size_px
+        if not (-0.5 <= u <= w - 0.5 and -0.5 <= v <= h - 0.5):
+            return Miss(reason=MissReason.CUT, detail="the image border cuts the nose off")
+        cut = x0 <= 0.5 or y0 <= 0.5 or x1 >= w - 1.5 or y1 >= h - 1.5
+        covariance = covariance / window.scale**2
+        self._width_px = max(float(x1 - x0), 1.0)
+        return Detection(
+            u_px=float(u),
+            v_px=float(v),
+            covariance_px2=covariance,
+            noise_px2=_NEW_SHARE * covariance,
+            centroid_px=window.to_picture(candidate.centre),
+            box=box_of_size(float(x0), float(y0), float(x1 - x0), float(y1 - y0)),
+            area_px=float(candidate.mask.sum()) / window.scale**2,
+            contour_px=_outline(candidate.mask, window),
+            contrast_to_noise=candidate.odds,
+            channel="learned",
+            cut=bool(cut),
+        )
+
+
+def candidates_of(maps: ChannelMaps, mu: float) -> list[ChannelCandidate]:
+    """Return the regions into which the level set divides a window by its log odds; ``mu`` weighs its length."""
+    odds = np.clip(maps.aircraft, -_MOST_ODDS, _MOST_ODDS)
+    drive = np.ascontiguousarray(_DRIVE * odds, np.float32)
+    phi = np.where(drive > 0.0, np.float32(1.0), np.float32(-1.0))
+    settle_driven(drive, phi, mu)
+    inside = phi > 0.0
+    reach = max(round(0.5 * _PIECES * TARGET_PX), 1)
+    near = cv2.dilate(inside.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    count, labels = cv2.connectedComponents(near, connectivity=8)
+    found = []
+    for number in range(1, count):
+        mask = inside & (labels == number)
+        rows, columns = np.nonzero(mask)
+        if rows.size == 0:
+            continue
+        box = Box(int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
+        found.append(
+            ChannelCandidate(
+                mask=mask,
+                odds=float(maps.aircraft[mask].max()),
+                centre=np.array([columns.mean(), rows.mean()]),
+                box=box,
+            )
+        )
+    return found
+
+
+def nose_in(maps: ChannelMaps, candidate: ChannelCandidate) -> tuple[FloatArray, FloatArray]:
+    """Return a candidate's nose (2,) and its covariance (2, 2), window px, by the part of the nose map around it."""
+    box, margin = candidate.box, math.ceil(_NOSE_MARGIN * TARGET_PX)
+    rows = slice(max(box.y0 - margin, 0), box.y1 + margin)
+    columns = slice(max(box.x0 - margin, 0), box.x1 + margin)
+    own: Float32Array = np.zeros_like(maps.nose)
+    own[rows, columns] = maps.nose[rows, columns]
+    share = float(own.sum())
+    if share < _LEAST_NOSE_SHARE:
+        width = box.x1 - box.x0
+        return candidate.centre, np.eye(2) * (_UNSEEN_NOSE * width) ** 2
+    mean, covariance = nose_of(own / share)
+    return mean, covariance + _ROUNDING_PX2 * np.eye(2)
+
+
+def _centres(hint: DetectionHint, span_px: float) -> Iterator[FloatArray]:
+    """Yield the middles of the windows that hold two sigmas of the prediction, its own first."""
+    step = _STEP_PX * span_px / TARGET_PX
+    sigma = np.sqrt(np.diag(hint.predicted_covariance_px2))
+    room = 0.5 * (np.array(WINDOW_PX) - TARGET_PX) * span_px / TARGET_PX
+    sides = np.clip(np.ceil((2.0 * sigma - room) / step), 0, (_MOST_WINDOWS - 1) // 2).astype(int)
+    offsets = [(i, j) for i in range(-sides[0], sides[0] + 1) for j in range(-sides[1], sides[1] + 1)]
+    for i, j in sorted(offsets, key=lambda each: abs(each[0]) + abs(each[1])):
+        yield hint.predicted_px + step * np.array([i, j])
+
+
+def _distance(window: ChannelWindow, candidate: ChannelCandidate, hint: DetectionHint, span_px: float) -> float:
+    """Return the squared distance of a candidate from the prediction, in sigmas; its nose may be off its middle."""
+    away = window.to_picture(candidate.centre) - hint.predicted_px
+    spread = hint.predicted_covariance_px2 + np.eye(2) * (0.25 * span_px) ** 2
+    return float(away @ np.linalg.solve(spread, away))
+
+
+def _outline(mask: MaskArray, window: ChannelWindow) -> Float32Array:
+    """Return the outline in picture pixels, pieces separated by a row of NaN."""
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    pieces = []
+    for contour in contours:
+        pieces += [window.to_picture(contour[:, 0].astype(np.float64)), np.full((1, 2), np.nan)]
+    return np.concatenate(pieces[:-1]).astype(np.float32) if pieces else np.empty((0, 2), np.float32)

@@ -1,0 +1,37 @@
+"""The weights of the learned channel: a file of the program, as fixed as its code."""
+
+import hashlib
+from functools import cache
+from pathlib import Path
+
+from groundstation.errors import InputError
+
+WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights" / "aircraft.onnx"
+# of the file that docs/learned-channel.md describes
+SHA256 = "d199d92ddb7361d92b1c741f9f04be6841c6fa57cd43e672c1c0f95084db5a99"
+MOST_BYTES = 2_000_000
+
+
+@cache
+def channel_weights() -> bytes:
+    """Return the weights of the program. Raises `InputError` where the file is missing or another one."""
+    return read_weights(WEIGHTS, SHA256)
+
+
+def read_weights(path: Path, sha256: str | None) -> bytes:
+    """Return an ONNX file's content; ``sha256`` is what its hash has to be, None accepts any.
+
+    Raises `InputError` for a file that cannot be read, is too large, or has another hash.
+    """
+    wanted = "weights of the learned channel" if sha256 is None else f"weights with SHA-256 {sha256[:16]}…"
+    try:
+        size = path.stat().st_size
+        content = path.read_bytes() if size <= MOST_BYTES else b""
+    except OSError as fault:
+        raise InputError(str(path), got=str(fault), wanted=wanted) from fault
+    if size > MOST_BYTES:
+        raise InputError(str(path), got=f"{size} bytes", wanted=f"at most {MOST_BYTES}")
+    found = hashlib.sha256(content).hexdigest()
+    if sha256 is not None and found != sha256:
+        raise InputError(str(path), got=f"SHA-256 {found[:16]}…", wanted=wanted)
+    return content

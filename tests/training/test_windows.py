@@ -1,0 +1,114 @@
+"""What the network is trained on: sprites, windows with their truth, and material that is read back the same."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from groundstation.box import Box
+from groundstation.errors import InputError
+from groundstation.simulation.world.draw_world import draw_world
+from training.backgrounds import Background, world_background
+from training.material import Material, load_material, save_material
+from training.recorded_windows import RecordedTarget, recorded_window
+from training.sprites import SPRITE_PX, SpriteStudio
+from training.windows import TARGET_PX, WINDOW_PX, WindowDrawer
+
+SKY = Background(image=np.full((240, 320, 3), (230, 190, 150), np.uint8), occupied=None, drawn=True)
+
+
+@pytest.fixture(scope="module")
+def material() -> Material:
+    generator, studio = np.random.default_rng(5), SpriteStudio()
+    worlds = [draw_world(seed) for seed in (1, 4, 9)]
+    aircraft = [studio.aircraft(world, generator) for world in worlds for _ in range(2)]
+    specs = [(bird, world.scenery) for world in worlds for bird in world.traffic.birds][:2]
+    birds = [studio.bird(spec, scenery, generator) for spec, scenery in specs]
+    return Material(
+        aircraft=tuple(sprite for sprite in aircraft if sprite is not None),
+        birds=tuple(sprite for sprite in birds if sprite is not None),
+        backgrounds=(SKY, Background(image=SKY.image, occupied=Box(100.0, 80.0, 180.0, 140.0), drawn=False)),
+    )
+
+
+def test_a_sprite_holds_its_aircraft_and_its_nose(material: Material) -> None:
+    assert len(material.aircraft) == 6
+    for sprite in material.aircraft:
+        height, width = sprite.light.shape[:2]
+        assert max(height, width) <= SPRITE_PX
+        assert sprite.light[:, :, 3].max() == pytest.approx(1.0, abs=1e-3)
+        assert np.all(sprite.light[:, :, 3] >= 0.0)
+        assert np.all(sprite.light[:, :, :3] <= 256.0 * sprite.light[:, :, 3:] + 1e-3)
+        u, v = sprite.nose_px
+        assert -2.0 <= u <= width + 1.0
+        assert -2.0 <= v <= height + 1.0
+        assert 20.0 < sprite.width_px <= SPRITE_PX
+
+
+def test_a_window_is_the_same_for_the_same_generator_and_its_truth_fits(material: Material) -> None:
+    drawer = WindowDrawer(material.aircraft, material.birds, material.backgrounds)
+    widths, with_nose = [], 0
+    for seed in range(60):
+        window, again = (drawer.draw(np.random.default_rng(seed)) for _ in range(2))
+        np.testing.assert_array_equal(window.image, again.image)
+        np.testing.assert_array_equal(window.aircraft, again.aircraft)
+        assert window.image.shape == (WINDOW_PX[1], WINDOW_PX[0], 3)
+        assert np.all(window.aircraft + window.other <= 1.0 + 1e-3)
+        assert np.all(window.aircraft >= 0.0)
+        columns = np.flatnonzero((window.aircraft > 0.3).any(axis=0))
+        if columns.size:
+            widths.append(columns[-1] - columns[0] + 1)
+        if np.all(np.isfinite(window.nose_px)):
+            with_nose += 1
+            assert window.aircraft.max() > 0.0 or window.other.max() >= 0.0
+    assert 0.5 * TARGET_PX < np.median(widths) < 1.5 * TARGET_PX
+    assert with_nose > 25
+
+
+def test_a_clips_own_aircraft_is_never_in_a_background(material: Material, rng: np.random.Generator) -> None:
+    image = np.full((240, 320, 3), 200, np.uint8)
+    image[80:140, 100:180] = 0
+    own = Background(image=image, occupied=Box(100.0, 80.0, 180.0, 140.0), drawn=False)
+    drawer = WindowDrawer(material.aircraft, material.birds, [own])
+    for _ in range(40):
+        part = drawer._crop((48, 64), rng)
+        assert part.image.min() >= 180
+
+
+def test_material_is_read_back_the_same(material: Material, tmp_path: Path) -> None:
+    save_material(material, tmp_path)
+    found = load_material(tmp_path)
+    assert [len(part) for part in (found.aircraft, found.birds, found.backgrounds)] == [6, len(material.birds), 2]
+    for one, two in zip(material.aircraft, found.aircraft, strict=True):
+        # levels are kept to a half
+        np.testing.assert_allclose(one.light[:, :, :3], two.light[:, :, :3], atol=0.51)
+        np.testing.assert_allclose(one.light[:, :, 3], two.light[:, :, 3], atol=0.003)
+        np.testing.assert_array_equal(one.nose_px, two.nose_px)
+    assert found.backgrounds[0].occupied is None
+    assert found.backgrounds[1].occupied == Box(100.0, 80.0, 180.0, 140.0)
+    with pytest.raises(InputError, match="material"):
+        load_material(tmp_path / "none")
+
+
+def test_a_drawn_background_shows_a_scene() -> None:
+    found = world_background(draw_world(3), np.random.default_rng(1))
+    assert found.drawn
+    assert found.image.shape[2] == 3
+    assert found.image.std() > 1.0
+
+
+@pytest.mark.parametrize("width_px", [12.0, 44.0, 150.0])
+def test_a_recorded_target_has_its_silhouette_where_it_is_seen(width_px: float, rng: np.random.Generator) -> None:
+    side = round(4 * width_px)
+    image = np.full((side, side, 3), 200, np.uint8)
+    cover = np.zeros((side, side), np.float32)
+    low, high = round(1.5 * width_px), round(2.5 * width_px)
+    rows = slice(2 * side // 4 - 2, 2 * side // 4 + 2)
+    image[rows, low:high], cover[rows, low:high] = 20, 1.0
+    target = RecordedTarget(image=image, cover=cover, middle_px=np.array([2.0, 2.0]) * width_px, width_px=width_px)
+    for _ in range(10):
+        window = recorded_window(target, rng)
+        dark = window.image.mean(axis=2) < 0.5 * (window.image.max() + float(window.image.min()))
+        seen = window.aircraft > 0.5
+        if seen.sum() > 30:
+            assert (dark & seen).sum() > 0.6 * seen.sum()

@@ -1,0 +1,103 @@
+"""One training run: material, fit, weights and their card; it goes on where an earlier run into its folder ended."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from groundstation.errors import InputError
+from training.export import export_onnx
+from training.fit import FitSettings, fit
+from training.material import Material, MaterialRequest, load_material, make_material, save_material
+from training.network import ChannelNetwork, parameters_of
+from training.recorded_windows import RecordedTarget, recorded_targets
+
+WEIGHTS, CARD, MATERIAL = "aircraft.onnx", "card.json", "material"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainRequest:
+    """What is trained, from what.
+
+    Attributes
+    ----------
+    out : folder of the run.
+    material : what windows are drawn from.
+    recordings : session folders with true silhouettes whose windows are mixed in.
+    fit : length, rate and seed.
+    """
+
+    out: Path
+    material: MaterialRequest
+    recordings: tuple[Path, ...] = ()
+    fit: FitSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trained:
+    """Where the weights and their card are, and the weights' SHA-256."""
+
+    weights: Path
+    card: Path
+    sha256: str
+
+
+def train(request: TrainRequest, progress: Callable[[str, int, int], None]) -> Trained:
+    """Make the material, or read it; train; write the weights and their card.
+
+    ``progress(what, done, total)`` is called along the way. Raises `InputError` where the folder holds another run, or
+    a recording has no truth.
+    """
+    material = _material(request, progress)
+    recorded: list[RecordedTarget] = []
+    for folder in request.recordings:
+        recorded += recorded_targets(folder)
+    network = fit(material, recorded, request.fit, request.out, lambda done, total: progress("fit", done, total))
+    weights = request.out / WEIGHTS
+    sha256 = export_onnx(network, weights)
+    card = request.out / CARD
+    card.write_text(json.dumps(_card(request, material, recorded, network, sha256), indent=1) + "\n", encoding="utf-8")
+    return Trained(weights=weights, card=card, sha256=sha256)
+
+
+def _material(request: TrainRequest, progress: Callable[[str, int, int], None]) -> Material:
+    folder = request.out / MATERIAL
+    words = json.dumps(asdict(request.material), default=str)
+    noted = folder / "request.json"
+    if noted.exists():
+        if noted.read_text(encoding="utf-8") != words:
+            raise InputError(str(folder), got="material of another request", wanted=f"that of {words}, or no folder")
+        return load_material(folder)
+    material = make_material(request.material, lambda done, total: progress("material", done, total))
+    save_material(material, folder)
+    noted.write_text(words, encoding="utf-8")
+    return material
+
+
+def _card(
+    request: TrainRequest,
+    material: Material,
+    recorded: list[RecordedTarget],
+    network: ChannelNetwork,
+    sha256: str,
+) -> dict[str, object]:
+    """Return what the weights were made from."""
+    clips = sum(not background.drawn for background in material.backgrounds)
+    return {
+        "sha256": sha256,
+        "parameters": parameters_of(network),
+        "windows": request.fit.steps * request.fit.batch,
+        "fit": asdict(request.fit),
+        "train_worlds": request.material.worlds,
+        "drawn_aircraft": len(material.aircraft),
+        "drawn_birds": len(material.birds),
+        "drawn_backgrounds": len(material.backgrounds) - clips,
+        "frames_of_real_clips": clips,
+        "recorded_targets": len(recorded),
+        "recordings": [folder.name for folder in request.recordings],
+        "left_out": [
+            *request.material.without_families,
+            *request.material.without_sceneries,
+            *request.material.without_skies,
+        ],
+    }
