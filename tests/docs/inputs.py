@@ -165,10 +165,10 @@ def _landing(folder: Path, rng: np.random.Generator) -> None:
 
 
 def _field(folder: Path, rng: np.random.Generator) -> None:
-    """A recording as `live` leaves it, of a second."""
+    """A recording as `live` leaves it, of five pairs of frames."""
     kept = folder / "flights" / "2025-06-21T10-30-00Z"
     kept.mkdir(parents=True)
-    replay(ReplayRequest(session=LANDING, out=folder / "r", record=kept / "flight.mcap", to_s=1.2, rerun=False))
+    replay(ReplayRequest(session=LANDING, out=folder / "r", record=kept / "flight.mcap", to_s=0.9, rerun=False))
 
 
 def _stated_rig(folder: Path, rng: np.random.Generator) -> None:
