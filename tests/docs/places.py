@@ -117,7 +117,8 @@ PLACES: dict[str, tuple[str, ...]] = {
     "live: error over a replay's, the same flight": ("| all | _ | _ | #/#/# |",),
     "killed while recording: lost at most": ("of the flight ~ s lost (median), # s at most",),
     "a process lost: heads stand after; state right after, at most": (
-        "| ptu-guard | KILL, STOP, TERM | ~ | # s | # s |",
+        "| ptu-guard | KILL, STOP, TERM | ~ | # s |",
+        "| ptus | KILL, STOP, TERM | ~ | ~ s | # s |",
     ),
     "replay over decoding alone: without Rerun; with it": (
         _SPEED.format("replay without Rerun") + "~; # | ~–~;",
