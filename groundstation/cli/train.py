@@ -6,7 +6,7 @@ from pathlib import Path
 
 from groundstation.cli.command_arguments import Commands, add_command, add_result_folder, print_files
 from groundstation.cli.number_arguments import count
-from groundstation.cli.path_arguments import READ
+from groundstation.cli.path_arguments import READ, READ_TEXT
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import InputError
 
@@ -45,6 +45,7 @@ def add_train(commands: Commands) -> None:
     train.add_argument("--seed", type=count, metavar="N", default=1, help="of weights and windows (default: 1)")
     train.add_argument(
         "--without",
+        type=READ_TEXT,
         metavar="KIND",
         action="append",
         default=[],

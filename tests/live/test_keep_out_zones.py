@@ -92,7 +92,7 @@ def test_an_unavoided_sun_is_reported(tmp_path: Path, tables: str, good: bool, r
 
 def test_a_clock_that_was_never_set_ends_it(tmp_path: Path) -> None:
     reported = complaint(ConfigError, lambda: kept(tmp_path, ORIGIN, utc_s=1000.0))
-    assert "this machine's clock: got 1970-01-01 00:16 UTC; wanted it set" in reported
+    assert "this machine's clock: got 1970-01-01 00:16 UTC; wanted a clock that is set" in reported
     kept(tmp_path, ORIGIN + "[safety]\nsun_angle_deg = 0\n", utc_s=1000.0)
 
 

@@ -93,19 +93,24 @@ def surroundings_of(
     scenery: Scenery, eye_runway_m: FloatArray, focal_px: float, grey: bool, fine: FineRange | None = None
 ) -> Surroundings:
     """Draw what an eye (3,) sees through a lens of this focal length, px; takes some seconds."""
-    near = fine_panorama(scenery, eye_runway_m, focal_px, grey, FineRange() if fine is None else fine)
+    chosen = FineRange() if fine is None else fine
+    near = fine_panorama(scenery, eye_runway_m, focal_px, grey, chosen)
     turn, all_heights = (-math.pi - _LAP_RAD, math.pi + _LAP_RAD), (-0.5 * math.pi, 0.5 * math.pi)
-    coarse_density = min(float(near.place[2]) / _COARSER, _MAX_COARSE_DENSITY)
+    coarse_density = min(_density(focal_px, chosen) / _COARSER, _MAX_COARSE_DENSITY)
     coarse = _panorama(scenery, eye_runway_m, grey, coarse_density, turn, all_heights)
     return Surroundings(fine=near, coarse=coarse)
 
 
 def fine_panorama(scenery: Scenery, eye_runway_m: FloatArray, focal_px: float, grey: bool, fine: FineRange) -> Panorama:
     """Draw the fine part alone."""
-    density = min(_FINE_SHARE * focal_px, math.sqrt(_MAX_FINE_PIXELS / fine.area))
     azimuths = (fine.azimuth_from_rad, fine.azimuth_to_rad)
     elevations = (fine.elevation_from_rad, fine.elevation_to_rad)
-    return _panorama(scenery, eye_runway_m, grey, density, azimuths, elevations)
+    return _panorama(scenery, eye_runway_m, grey, _density(focal_px, fine), azimuths, elevations)
+
+
+def _density(focal_px: float, fine: FineRange) -> float:
+    """Return px/rad of the fine part."""
+    return min(_FINE_SHARE * focal_px, math.sqrt(_MAX_FINE_PIXELS / fine.area))
 
 
 def _panorama(

@@ -65,7 +65,7 @@ def test_what_the_rig_states_is_not_contradicted_by_its_own_flight(flown: Path) 
 def test_dgps_of_another_frame_gives_no_rig(shifted: Path) -> None:
     """40 cm aside are fitted to the pixels by a roll that the rig's sigmas exclude."""
     (shifted / "rig.toml").unlink(missing_ok=True)
-    wanted = r"runway_from_base\..: got .* sigmas from what .*; wanted DGPS in the rig's own frame"
+    wanted = r"runway_from_base\..: got .* sigmas from the value in .*; wanted DGPS in the rig's own frame"
     with pytest.raises(FlightFitError, match=wanted):
         run(shifted, rig=with_rig(shifted, STATED), free="orientation")
     assert not (shifted / "rig.toml").exists()
