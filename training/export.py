@@ -5,8 +5,8 @@ from pathlib import Path
 
 import torch
 
+from groundstation.detection.channel_window import WINDOW_PX
 from training.network import ChannelNetwork
-from training.windows import WINDOW_PX
 
 
 def export_onnx(network: ChannelNetwork, path: Path) -> str:

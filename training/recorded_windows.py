@@ -9,10 +9,11 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.bank.session_truth import SessionTruth
+from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.session import load_session
 from groundstation.sources.true_silhouettes import TrueSilhouette
 from groundstation.sources.video_file import VideoFile
-from training.windows import TARGET_PX, WINDOW_PX, LabelledWindow
+from training.windows import LabelledWindow
 
 _FRAME_STEP = 3
 # of a picture around its target that is kept, in target widths: what windows at the largest scale and offset show

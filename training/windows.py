@@ -13,12 +13,11 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import Float32Array, FloatArray, ImageArray
+from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.simulation.render_primitives import motion_blur_kernel
 from training.backgrounds import Background
 from training.sprites import Sprite
 
-WINDOW_PX = (128, 96)
-TARGET_PX = 44.0
 # native widths of targets, px: from the least that counts as visible to where windows are reduced enough
 _NATIVE_PX = (8.0, 260.0)
 # of the logarithm of the width in the window over the expected one, as the filter's prediction of it errs at worst

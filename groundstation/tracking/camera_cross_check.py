@@ -51,32 +51,42 @@ class CameraCrossCheck:
         self._most_age_s = most_age_s
         self._residual_gate_sigma = residual_gate_sigma
         self._newest: TriangulatedPoint | None = None
+        self._untriangulated: tuple[float, tuple[tuple[str, TriangulationView], ...]] | None = None
         self._compared_s = -math.inf
         self._differences: deque[tuple[float, FloatArray]] = deque(maxlen=_MOST)
 
     def add(self, t_s: float, views: Iterable[tuple[str, TriangulationView]]) -> None:
-        """Triangulate the views (station, view) of an epoch."""
-        exact, stated = [], []
-        for station, view in views:
-            exact.append(replace(view, angle_sigma_rad=0.0))
-            sigma = math.hypot(view.angle_sigma_rad, self._pointing_sigma_rad[station])
-            stated.append(replace(view, angle_sigma_rad=sigma))
-        by_pixels, point = (triangulate(each) if len(each) >= 2 else None for each in (exact, stated))
-        if by_pixels is None or point is None or point.residual_sigma > self._residual_gate_sigma:
-            return
-        self._newest = TriangulatedPoint(
-            t_s=t_s,
-            point_runway_m=point.point_runway_m,
-            by_pixels_m2=by_pixels.covariance_m2,
-            by_pointing_m2=point.covariance_m2 - by_pixels.covariance_m2,
-        )
+        """Take the views (station, view) of an epoch; they are triangulated when a reference position needs them."""
+        taken = tuple(views)
+        if len(taken) >= 2:
+            self._untriangulated = t_s, taken
+
+    def _triangulate(self) -> TriangulatedPoint | None:
+        """Return the newest point; that of the views taken last, where their rays meet."""
+        if self._untriangulated is None:
+            return self._newest
+        (t_s, views), self._untriangulated = self._untriangulated, None
+        exact = [replace(view, angle_sigma_rad=0.0) for _, view in views]
+        stated = [
+            replace(view, angle_sigma_rad=math.hypot(view.angle_sigma_rad, self._pointing_sigma_rad[station]))
+            for station, view in views
+        ]
+        by_pixels, point = triangulate(exact), triangulate(stated)
+        if by_pixels is not None and point is not None and point.residual_sigma <= self._residual_gate_sigma:
+            self._newest = TriangulatedPoint(
+                t_s=t_s,
+                point_runway_m=point.point_runway_m,
+                by_pixels_m2=by_pixels.covariance_m2,
+                by_pointing_m2=point.covariance_m2 - by_pixels.covariance_m2,
+            )
+        return self._newest
 
     def contradicts(self, t_s: float, nose: NosePosition) -> bool:
         """Return whether a reference's nose position is not where the cameras have the target.
 
         False without a recent point.
         """
-        newest = self._newest
+        newest = self._triangulate()
         if newest is None or abs(t_s - newest.t_s) > self._most_age_s:
             return False
         ahead = t_s - newest.t_s

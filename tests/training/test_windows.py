@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from groundstation.box import Box
+from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.errors import InputError
 from groundstation.simulation.world.draw_world import draw_world
 from training.backgrounds import Background, world_background
 from training.material import Material, load_material, save_material
 from training.recorded_windows import RecordedTarget, recorded_window
 from training.sprites import SPRITE_PX, SpriteStudio
-from training.windows import TARGET_PX, WINDOW_PX, WindowDrawer
+from training.windows import WindowDrawer
 
 SKY = Background(image=np.full((240, 320, 3), (230, 190, 150), np.uint8), occupied=None, drawn=True)
 
