@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import ImageArray
-from groundstation.simulation.scenery import FineRange, Scenery, draw_scenery, surroundings_of
+from groundstation.simulation.scenery import FineRange, Scenery, draw_scenery, fine_panorama
 
 _SIZE_PX = (1280, 960)
 _SHOWN = 0.5
@@ -31,7 +31,7 @@ def view(scenery: Scenery, focal_px: float, pan_rad: float, tilt_rad: float) -> 
         elevation_from_rad=max(tilt_rad - half[1] - margin, -1.5),
         elevation_to_rad=min(tilt_rad + half[1] + margin, 1.5),
     )
-    panorama = surroundings_of(scenery, _EYE_M, _SHOWN * focal_px / 0.8, grey=False, fine=fine).fine
+    panorama = fine_panorama(scenery, _EYE_M, _SHOWN * focal_px / 0.8, grey=False, fine=fine)
     width, height = (int(_SHOWN * n) for n in _SIZE_PX)
     u, v = np.meshgrid(np.arange(width) - 0.5 * width, np.arange(height) - 0.5 * height)
     ahead, aside, down = np.full(u.shape, _SHOWN * focal_px), u, v

@@ -59,7 +59,7 @@ def add_simulate(commands: Commands) -> None:
         "--pictures",
         choices=_FORMS,
         default="video",
-        help="video: JPEG frames of quality 95, .avi; h264: .mp4, with groundstation[world]; lossless: FFV1, .mkv; "
+        help="video: JPEG frames of quality 95, .avi; h264: .mp4, with groundstation[world]; lossless: FFV1, .avi; "
         "png: folders (default: video)",
     )
     simulate.add_argument(

@@ -10,7 +10,7 @@ from groundstation.geometry.rotation import rotation_x, rotation_z
 from groundstation.rig.rig import Station
 from groundstation.simulation import render_kernels
 from groundstation.simulation.head_motion import HeadMotion
-from groundstation.simulation.occlusion_kernels import NO_OBJECT, ObjectDepth, unhidden
+from groundstation.simulation.occlusion_kernels import ObjectDepth, unhidden
 from groundstation.simulation.optics import Optics
 from groundstation.simulation.render_primitives import ray_grid, smooth_mosaic
 from groundstation.simulation.scenery import Surroundings
@@ -35,7 +35,8 @@ class Backdrop:
         self._focal = float(station.lens.focal_px.max())
         self._optics = optics
         self._around = around
-        self._depths = _object_depths(around)
+        fine, coarse = (ObjectDepth(depth=p.depth, place=p.place) for p in around.panoramas)
+        self._depths = (fine, coarse) if around.hides_bodies else None
         self._rays = ray_grid(self._packed, station.lens.image_size_px)
         self._nodes = np.empty((*self._rays.shape[:2], 2))
         self._moved, self._samples = np.zeros_like(self._nodes), 1
@@ -54,13 +55,12 @@ class Backdrop:
             render_kernels.directions(self._rays, self._turns(head, rows + 0.5 * exposure), late)
             self._moved[:] = late - early
             self._moved[..., 0] = (self._moved[..., 0] + np.pi) % (2.0 * np.pi) - np.pi
+        self._around.draw_seen(self._nodes, self._moved)
 
     def fill(self, light: np.ndarray) -> None:
         """Fill the light (h, w)."""
-        around, channels = self._around, self._optics.channels
-        render_kernels.surroundings(
-            self._nodes, self._moved, self._samples, around.fine, around.coarse, channels, light
-        )
+        fine, coarse = self._around.panoramas
+        render_kernels.surroundings(self._nodes, self._moved, self._samples, fine, coarse, self._optics.channels, light)
         if self._optics.defocus_px > 0.0:
             smooth_mosaic(light, self._optics.defocus_px, coloured=self._optics.pattern is not None)
 
@@ -89,9 +89,3 @@ class Backdrop:
         if np.ptp(after_s) == 0.0:
             return np.repeat(turn(float(after_s[0]))[None], len(after_s), axis=0)
         return np.array([turn(float(dt_s)) for dt_s in after_s])
-
-
-def _object_depths(around: Surroundings) -> tuple[ObjectDepth, ObjectDepth] | None:
-    """Return the depths of both panoramas; None where they hold no object."""
-    fine, coarse = (ObjectDepth(depth=p.depth, place=p.place) for p in (around.fine, around.coarse))
-    return (fine, coarse) if min(int(d.depth.min()) for d in (fine, coarse)) < NO_OBJECT else None

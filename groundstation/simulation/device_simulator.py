@@ -301,6 +301,7 @@ def _made(rig: Rig, number: int, world: RenderedScene, config: DeviceSimulatorCo
         seed=config.seed + number,
     )
     camera = RenderedCamera(world, station, seed=config.seed, number=number)
+    camera.draw_surroundings()
     return _Station(name=station.name, camera=camera, unit=unit, server=server, arcsec=arcsec)
 
 

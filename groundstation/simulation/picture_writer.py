@@ -24,7 +24,7 @@ _KEY_EVERY = 30
 
 
 class PictureFormat(StrEnum):
-    """Format of stored pictures: JPEG frames in an AVI, H.264 in an MP4, lossless FFV1 in a Matroska, or PNG files."""
+    """Format of stored pictures: JPEG frames or lossless FFV1 in an AVI, H.264 in an MP4, or PNG files."""
 
     JPEG = "jpeg"
     H264 = "h264"
@@ -79,7 +79,8 @@ def picture_writer(
             crf = _DEFAULT_CRF if coding.quality is None else coding.quality
             return _H264Writer(below(folder, f"{name}.mp4"), size_px, crf, rate_hz)
         case PictureFormat.LOSSLESS:
-            return _OpenCvWriter(below(folder, f"{name}.mkv"), size_px, (cv2.CAP_FFMPEG, "FFV1"), rate_hz)
+            # a Matroska file would contain random numbers: the same pictures would not give the same bytes
+            return _OpenCvWriter(below(folder, f"{name}.avi"), size_px, (cv2.CAP_FFMPEG, "FFV1"), rate_hz)
         case _:
             quality = _DEFAULT_JPEG_QUALITY if coding.quality is None else coding.quality
             path = below(folder, f"{name}.avi")

@@ -78,7 +78,7 @@ class RenderedCamera:
     optics : exposure and sensor.
     seed : of the noise.
     number : distinguishes cameras of one seed.
-    around : what `surroundings_of` has drawn for this eye before; None draws it, which takes some seconds.
+    around : `surroundings_of` this eye, drawn further as the camera turns; None makes it.
     """
 
     def __init__(
@@ -106,6 +106,7 @@ class RenderedCamera:
         grey = self.optics.pattern is None
         if around is None:
             around = surroundings_of(world.scenery, self._eye, focal, grey)
+        self._around = around
         self._raster = BodyRaster(station, math.hypot(self.optics.blur_px, self.optics.defocus_px))
         self._backdrop = Backdrop(station, self.optics, around)
         self._painter = BodyPainter(world, self._eye, self._raster, self._backdrop, self.optics)
@@ -115,6 +116,10 @@ class RenderedCamera:
         self._kept: Float32Array | None = None
         if self.optics.vignetting or self.optics.flicker:
             self._kept = self.optics.vignette((w, h), (0.5 * (w - 1), 0.5 * (h - 1)))
+
+    def draw_surroundings(self) -> None:
+        """Draw all of the surroundings, so that no picture has to wait for a part of them; takes some seconds."""
+        self._around.draw_all()
 
     def picture(
         self, t_s: float, pan_rad: float, tilt_rad: float, pan_rate_rad_s: float = 0.0, tilt_rate_rad_s: float = 0.0

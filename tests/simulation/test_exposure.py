@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from groundstation.simulation.render_kernels import expose
-from groundstation.simulation.scenery import surroundings
+from groundstation.simulation.scenery import Scenery
 from groundstation.simulation.scenery.surroundings import (
     _COARSER,
     _FINE_SHARE,
@@ -34,11 +34,8 @@ def test_noise_has_the_stated_variance_and_never_wraps() -> None:
 
 
 @pytest.mark.parametrize("focal_px", [50.0, 500.0, 7000.0])
-def test_what_is_around_is_drawn_coarser_and_never_too_fine(focal_px: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    densities: list[float] = []
-    monkeypatch.setattr(surroundings, "_panorama", lambda s, eye, grey, density, *rest: densities.append(density))
-    surroundings_of(None, np.zeros(3), focal_px, grey=False)
-    fine, coarse = densities
+def test_what_is_around_is_drawn_coarser_and_never_too_fine(focal_px: float) -> None:
+    fine, coarse = (p.place[2] for p in surroundings_of(Scenery(), np.zeros(3), focal_px, grey=False).panoramas)
     assert fine <= _FINE_SHARE * focal_px
     assert coarse == pytest.approx(min(fine / _COARSER, _MAX_COARSE_DENSITY))
     assert math.isfinite(coarse)

@@ -129,17 +129,22 @@ def _column(
     end: int,
     place: FloatArray,
     column: int,
+    first_row: int,
     sky: SkyTones,
     cuts: FloatArray,
     room: FloatArray,
 ) -> tuple[int, int]:
-    """Fill rows (h, 5) of B, G, R times cover, cover, and distance, m; return which rows hold the part."""
+    """Fill rows (h, 5) of B, G, R times cover, cover, and distance, m; return which of them hold the part.
+
+    ``room`` starts at the panorama's ``first_row``.
+    """
     azimuth, density = place[0] + column / place[2], place[2]
     low, high = _cuts(faces, first, end, azimuth, place[1], density, cuts)
-    low, high = max(low, 0), min(high, room.shape[0] - 1)
+    low, high = max(low - first_row, 0), min(high - first_row, room.shape[0] - 1)
     c = np.empty(3)
-    for row in range(low, high + 1):
-        room[row, :] = 0.0
+    for place_in_room in range(low, high + 1):
+        row = first_row + place_in_room
+        room[place_in_room, :] = 0.0
         elevation = place[1] - row / density
         for k in range(first, end):
             share = 0.0
@@ -151,15 +156,16 @@ def _column(
             opacity, distance = _shade(faces, k, azimuth, elevation, 1.0 / density, sky, c)
             share *= opacity
             for n in range(3):
-                room[row, n] += share * c[n]
-            room[row, -2] += share
-            room[row, -1] = distance
+                room[place_in_room, n] += share * c[n]
+            room[place_in_room, -2] += share
+            room[place_in_room, -1] = distance
     return low, high
 
 
 @njit(cache=True, nogil=True)
 def draw_parts(
     place: FloatArray,
+    corner: np.ndarray,
     parts: PartTable,
     faces: FaceTable,
     sky: SkyTones,
@@ -167,8 +173,12 @@ def draw_parts(
     image: ImageArray,
     depth: np.ndarray,
 ) -> None:
-    """Draw parts over a panorama (h, w, 3) with its depth (h, w); ``place`` is the panorama's."""
+    """Draw parts over a part (h, w, 3) of a panorama with its depth (h, w).
+
+    ``place`` is the panorama's, ``corner`` (2,) the row and column of the first pixel.
+    """
     height, width = depth.shape
+    first_row, first_column = corner[0], corner[1]
     room, cuts = np.empty((height, 5)), np.empty((MAX_FACES, _CUTS, 2))
     colour = np.empty(3)
     for part in range(len(parts.first)):
@@ -177,8 +187,10 @@ def draw_parts(
         for turn in range(-1, 2):
             start = (parts.azimuth_from[part] + 2.0 * np.pi * turn - place[0]) * place[2]
             stop = (parts.azimuth_to[part] + 2.0 * np.pi * turn - place[0]) * place[2]
-            for column in range(max(int(np.floor(start)) - 1, 0), min(int(np.ceil(stop)) + 2, width)):
-                low, high = _column(faces, first, end, place, column, sky, cuts, room)
+            left = max(int(np.floor(start)) - 1 - first_column, 0)
+            right = min(int(np.ceil(stop)) + 2 - first_column, width)
+            for column in range(left, right):
+                low, high = _column(faces, first, end, place, first_column + column, first_row, sky, cuts, room)
                 for row in range(low, high + 1):
                     share = room[row, -2]
                     if share < _LEAST_SHARE:

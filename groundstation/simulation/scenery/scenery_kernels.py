@@ -215,8 +215,8 @@ def radiance(
 
 @njit(cache=True, nogil=True)
 def bake(
-    first: FloatArray,
-    density: float,
+    place: FloatArray,
+    corner: np.ndarray,
     eye: FloatArray,
     tones: Tones,
     tables: Tables,
@@ -224,17 +224,19 @@ def bake(
     out: ImageArray,
     depth: np.ndarray,
 ) -> None:
-    """Fill a panorama (h, w, 3) and its depth (h, w) in `DEPTH_STEP_M`.
+    """Fill a part (h, w, 3) of a panorama and its depth (h, w) in `DEPTH_STEP_M`.
 
-    Pixel (0, 0) is at azimuth and elevation ``first``, rows go down, density px/rad.
+    ``place`` (3,): azimuth and elevation of the panorama's pixel (0, 0), from which rows go down, and px/rad.
+    ``corner`` (2,): row and column of the part's first pixel.
     """
     colour, room = np.empty(3), np.empty((2, 3))
+    density = place[2]
     pixel = 1.0 / density
     for column_number in range(out.shape[1]):
-        column = column_at(tones, first[0] + column_number / density, pixel, eye)
+        column = column_at(tones, place[0] + (corner[1] + column_number) / density, pixel, eye)
         near = min(column.trees_m / DEPTH_STEP_M, NO_OBJECT - 1.0)
         for row in range(out.shape[0]):
-            elevation = first[1] - row / density
+            elevation = place[1] - (corner[0] + row) / density
             colour[:] = 0.0
             solid = radiance(tones, tables, column, elevation, pixel, eye, colour, room)
             depth[row, column_number] = np.uint16(near) if solid else np.uint16(NO_OBJECT)

@@ -1,4 +1,4 @@
-"""The surroundings of a runway as one station sees them: two panoramas that never change.
+"""The surroundings of a runway as one station sees them: two panoramas that never change, drawn where they are seen.
 
 Approximations: the eye stays where it is with pan and tilt at zero, so the ground does not shift by the lever arm
 when the head turns (1 cm at 20 m is half a milliradian); hills and clouds are infinitely far away; the ground is
@@ -12,19 +12,14 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.simulation.parameter_checks import require, require_finite
-from groundstation.simulation.render_kernels import TILE, Panorama, flat_blocks
-from groundstation.simulation.scenery.part_kernels import draw_parts
-from groundstation.simulation.scenery.part_tables import part_tables_of
+from groundstation.simulation.render_kernels import Panorama
+from groundstation.simulation.scenery.panorama import DrawnPanorama, mark_seen
 from groundstation.simulation.scenery.scenery import Scenery
-from groundstation.simulation.scenery.scenery_kernels import bake
-from groundstation.simulation.scenery.tones import tables_of, tones_of
 
 # of the lens's own pixels to a radian; interpolation then blurs about as a lens does
 _FINE_SHARE = 0.8
 _MAX_FINE_PIXELS = 10_000_000
 _COARSER, _MAX_COARSE_DENSITY = 8.0, 350.0
-# of a pixel off the plane through its block's corners, rounding included; noise is some two levels
-_FLAT_LEVELS = 1.5
 _LAP_RAD = 0.7  # the coarse panorama goes on beyond a full turn, so that no tile is torn
 
 
@@ -81,55 +76,64 @@ def fine_range_around(points_runway_m: FloatArray, eye_runway_m: FloatArray, mar
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Surroundings:
-    """What one station sees: ``fine`` where aircraft fly, ``coarse`` all around."""
+    """What one station sees.
 
-    fine: Panorama
-    coarse: Panorama
+    Parameters
+    ----------
+    fine : where aircraft fly.
+    coarse : all around.
+    hides_bodies : whether any of it may hide a body behind it.
+    """
+
+    def __init__(self, fine: DrawnPanorama, coarse: DrawnPanorama, hides_bodies: bool) -> None:
+        self._fine, self._coarse, self.hides_bodies = fine, coarse, hides_bodies
+        rows, columns = (max(fine.blocks[axis], coarse.blocks[axis]) for axis in range(2))
+        self._seen = np.zeros((2, rows, columns), dtype=bool)
+
+    @property
+    def panoramas(self) -> tuple[Panorama, Panorama]:
+        """Both as the kernels read them: the fine one and the coarse one."""
+        return self._fine.pixels, self._coarse.pixels
+
+    def draw_seen(self, nodes: FloatArray, moved: FloatArray) -> None:
+        """Draw what a picture with these directions (rows, columns, 2) and their motion, rad, shows."""
+        self._seen[:] = False
+        mark_seen(nodes, moved, *self.panoramas, self._seen)
+        for number, panorama in enumerate((self._fine, self._coarse)):
+            rows, columns = panorama.blocks
+            panorama.draw(self._seen[number, :rows, :columns])
+
+    def draw_all(self) -> None:
+        """Draw all of it, so that no picture has to wait; takes some seconds."""
+        self._fine.draw_all()
+        self._coarse.draw_all()
 
 
 def surroundings_of(
     scenery: Scenery, eye_runway_m: FloatArray, focal_px: float, grey: bool, fine: FineRange | None = None
 ) -> Surroundings:
-    """Draw what an eye (3,) sees through a lens of this focal length, px; takes some seconds."""
+    """Return what an eye (3,) sees through a lens of this focal length, px."""
     chosen = FineRange() if fine is None else fine
-    near = fine_panorama(scenery, eye_runway_m, focal_px, grey, chosen)
+    near = _fine(scenery, eye_runway_m, focal_px, grey, chosen)
     turn, all_heights = (-math.pi - _LAP_RAD, math.pi + _LAP_RAD), (-0.5 * math.pi, 0.5 * math.pi)
     coarse_density = min(_density(focal_px, chosen) / _COARSER, _MAX_COARSE_DENSITY)
-    coarse = _panorama(scenery, eye_runway_m, grey, coarse_density, turn, all_heights)
-    return Surroundings(fine=near, coarse=coarse)
+    coarse = DrawnPanorama(scenery, eye_runway_m, grey, coarse_density, turn, all_heights)
+    hides = bool(scenery.objects) or scenery.skyline.trees_solid
+    return Surroundings(near, coarse, hides)
 
 
 def fine_panorama(scenery: Scenery, eye_runway_m: FloatArray, focal_px: float, grey: bool, fine: FineRange) -> Panorama:
-    """Draw the fine part alone."""
+    """Draw all of the fine part alone."""
+    return _fine(scenery, eye_runway_m, focal_px, grey, fine).draw_all()
+
+
+def _fine(scenery: Scenery, eye_runway_m: FloatArray, focal_px: float, grey: bool, fine: FineRange) -> DrawnPanorama:
     azimuths = (fine.azimuth_from_rad, fine.azimuth_to_rad)
     elevations = (fine.elevation_from_rad, fine.elevation_to_rad)
-    return _panorama(scenery, eye_runway_m, grey, _density(focal_px, fine), azimuths, elevations)
+    return DrawnPanorama(scenery, eye_runway_m, grey, _density(focal_px, fine), azimuths, elevations)
 
 
 def _density(focal_px: float, fine: FineRange) -> float:
     """Return px/rad of the fine part."""
     return min(_FINE_SHARE * focal_px, math.sqrt(_MAX_FINE_PIXELS / fine.area))
-
-
-def _panorama(
-    scenery: Scenery,
-    eye: FloatArray,
-    grey: bool,
-    density: float,
-    azimuths: tuple[float, float],
-    elevations: tuple[float, float],
-) -> Panorama:
-    width = math.ceil((azimuths[1] - azimuths[0]) * density)
-    height = math.ceil((elevations[1] - elevations[0]) * density)
-    image, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.uint16)
-    first = np.array([azimuths[0], elevations[1]])
-    tones, place = tones_of(scenery), np.array([*first, density])
-    bake(first, density, np.asarray(eye, np.float64), tones, tables_of(scenery), grey, image, depth)
-    if scenery.objects:
-        parts, faces = part_tables_of(scenery, np.asarray(eye, np.float64), 1.0 / density)
-        draw_parts(place, parts, faces, tones.sky, grey, image, depth)
-    flat = np.zeros((-(-height // TILE), -(-width // TILE)), dtype=bool)
-    flat_blocks(image, _FLAT_LEVELS, flat)
-    return Panorama(image=image, place=place, flat=flat, depth=depth)

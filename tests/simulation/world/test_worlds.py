@@ -83,6 +83,16 @@ def test_a_rendered_world_is_a_session_and_the_same_from_its_file(tmp_path: Path
     assert all(0.0 <= row.share_seen <= 1.0 for row in visibility.values())
 
 
+@pytest.mark.parametrize("coding", [PictureFormat.LOSSLESS, PictureFormat.JPEG])
+def test_the_same_pictures_give_the_same_video(coding: PictureFormat, tmp_path: Path) -> None:
+    world = small(MIXED)
+    camera = replace(world.cameras[0], coding=coding)
+    world = replace(world, cameras=(camera,) * len(world.cameras))
+    for name in ("first", "second"):
+        render_world(world, tmp_path / name)
+    assert contents(tmp_path / "first") == contents(tmp_path / "second")
+
+
 def test_a_world_of_a_file_without_traffic_has_none(tmp_path: Path) -> None:
     path = tmp_path / FILE_NAME
     world = draw_world(MIXED)
