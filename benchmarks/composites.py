@@ -22,7 +22,7 @@ from groundstation.arrays import ImageArray
 from groundstation.bank.composites.composite_row import FrameVerdict, JudgedFrame, row_of, track_composite
 from groundstation.bank.composites.draw_composite import draw_composite
 from groundstation.bank.composites.render_composite import CompositeFrame, render_composite
-from groundstation.bank.composites.stretch_view import CompositeClips
+from groundstation.bank.composites.segment_view import CompositeClips
 from groundstation.simulation.world.world_sets import WorldSet, seed_of
 from groundstation.tracking.warm_up import warm_up
 
@@ -97,8 +97,8 @@ def print_table(rows: Sequence[dict[str, Any]]) -> None:
 
 def print_measures(clips: CompositeClips, world_set: WorldSet) -> None:
     """Print what is measured in each clip of a set."""
-    for stretch in clips.stretches(world_set):
-        part, view = clips.measured(stretch)
+    for segment in clips.segments(world_set):
+        part, view = clips.measured(segment)
         light = view.light
         print(
             f"{part.clip} {part.first}-{part.last}: blur {view.blur_px:.2f} px, noise {view.noise.sigma:.2f} levels "

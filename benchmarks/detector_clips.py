@@ -43,7 +43,7 @@ CSRT_PACKAGE = "opencv-contrib-python-headless<5"
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """A stretch of a clip with one target in it."""
+    """A segment of a clip with one target in it."""
 
     clip: str
     first: int

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import ImageArray
-from groundstation.bank.composites.clip_stretches import read_frames, read_stretches
+from groundstation.bank.composites.clip_segments import read_frames, read_segments
 from groundstation.box import Box
 from groundstation.errors import SessionError
 from groundstation.simulation.scenery import FineRange, fine_panorama
@@ -73,10 +73,10 @@ def clip_backgrounds(folder: Path) -> list[Background]:
     Raises `SessionError` where the folder has none.
     """
     found: list[Background] = []
-    for stretch in read_stretches(folder, WorldSet.TRAIN):
-        for place, image in enumerate(read_frames(stretch)):
+    for segment in read_segments(folder, WorldSet.TRAIN):
+        for place, image in enumerate(read_frames(segment)):
             if place % _FRAME_STEP == 0:
-                found.append(Background(image=image, occupied=_widened(stretch.boxes[place]), drawn=False))
+                found.append(Background(image=image, occupied=_widened(segment.boxes[place]), drawn=False))
     if not found:
         raise SessionError(str(folder), got="no frames", wanted="clips of train with labelled boxes")
     return found

@@ -32,7 +32,7 @@ class FitSettings:
     seed : of weights and windows.
     steps : of ``batch`` windows each.
     rate : largest learning rate; it falls to zero as a half cosine.
-    recorded_share : of the windows, those of recordings.
+    recorded_share, filmed_share : of the windows, those of recordings and of worlds as filmed; the rest are drawn.
     every : steps between lines of the log and checkpoints.
     """
 
@@ -40,7 +40,8 @@ class FitSettings:
     steps: int = 4000
     batch: int = 64
     rate: float = 3e-3
-    recorded_share: float = 0.15
+    recorded_share: float = 0.1
+    filmed_share: float = 0.5
     every: int = 50
 
 
@@ -72,13 +73,14 @@ def fit(
     folder.mkdir(parents=True, exist_ok=True)
     _resume(run, settings, folder, device)
     drawer = WindowDrawer(material.aircraft, material.birds, material.backgrounds)
+    sources = (recorded, settings.recorded_share), (material.filmed, settings.filmed_share)
     parts: list[dict[str, float]] = []
     network.train()
     while run.step < settings.steps:
         rate = _rate(run.step, settings)
         for group in run.optimizer.param_groups:
             group["lr"] = rate
-        batch = batch_of([_window(drawer, recorded, settings, run.step, k) for k in range(settings.batch)], device)
+        batch = batch_of([_window(drawer, sources, settings, run.step, k) for k in range(settings.batch)], device)
         loss, terms = loss_of(network(batch.windows), batch)
         run.optimizer.zero_grad(set_to_none=True)
         loss.backward()
@@ -105,11 +107,18 @@ def batch_of(windows: Sequence[LabelledWindow], device: torch.device) -> WindowB
 
 
 def _window(
-    drawer: WindowDrawer, recorded: Sequence[RecordedTarget], settings: FitSettings, step: int, number: int
+    drawer: WindowDrawer,
+    sources: Sequence[tuple[Sequence[RecordedTarget], float]],
+    settings: FitSettings,
+    step: int,
+    number: int,
 ) -> LabelledWindow:
     generator = np.random.default_rng([settings.seed, _WINDOW_STREAM, step, number])
-    if recorded and float(generator.uniform()) < settings.recorded_share:
-        return recorded_window(recorded[int(generator.integers(len(recorded)))], generator)
+    draw = float(generator.uniform())
+    for targets, share in sources:
+        if targets and draw < share:
+            return recorded_window(targets[int(generator.integers(len(targets)))], generator)
+        draw -= share
     return drawer.draw(generator)
 
 

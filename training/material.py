@@ -14,20 +14,23 @@ from groundstation.simulation.traffic.bird_spec import BirdSpec
 from groundstation.simulation.world.draw_world import draw_world
 from groundstation.simulation.world.world_sets import WorldSet, seed_of
 from training.backgrounds import Background, clip_backgrounds, world_background
+from training.filmed_targets import filmed_targets
+from training.recorded_windows import RecordedTarget, load_targets, save_targets
 from training.sprites import Sprite, SpriteStudio
 
-_STREAM = 601
+_STREAM, _FILM_STREAM = 601, 602
 _VIEWS_PER_WORLD, _BIRDS_PER_WORLD = 12, 4
 _BIRD_VIEWS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Material:
-    """Sprites of aircraft and of birds, and backgrounds."""
+    """Sprites of aircraft and of birds, backgrounds, and targets filmed in worlds."""
 
     aircraft: tuple[Sprite, ...]
     birds: tuple[Sprite, ...]
     backgrounds: tuple[Background, ...]
+    filmed: tuple[RecordedTarget, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,12 +41,14 @@ class MaterialRequest:
     ----------
     worlds : number of train worlds, from their first on.
     scenes : of so many of them a background is drawn.
+    pictures : of each world so many are filmed.
     clips : folder of the real clips; None trains on drawn backgrounds alone.
     without_families, without_sceneries, without_skies : kinds that are left out, by name.
     """
 
     worlds: int = 600
     scenes: int = 240
+    pictures: int = 20
     clips: Path | None = None
     without_families: tuple[str, ...] = ()
     without_sceneries: tuple[str, ...] = ()
@@ -55,10 +60,12 @@ def make_material(
 ) -> Material:
     """Draw sprites and backgrounds; the same request gives the same material."""
     studio, aircraft, birds, backgrounds = SpriteStudio(), [], [], []
+    filmed: list[RecordedTarget] = []
     for number in range(request.worlds):
         world = draw_world(seed_of(WorldSet.TRAIN, number))
         generator = np.random.default_rng([world.seed, _STREAM])
-        if world.airframe.family.value not in request.without_families:
+        family_left_out = world.airframe.family.value in request.without_families
+        if not family_left_out:
             aircraft += [
                 sprite for _ in range(_VIEWS_PER_WORLD) if (sprite := studio.aircraft(world, generator)) is not None
             ]
@@ -74,10 +81,12 @@ def make_material(
         )
         if number < request.scenes and not left_out:
             backgrounds.append(world_background(world, generator))
+        if not (left_out or family_left_out):
+            filmed += filmed_targets(world, request.pictures, np.random.default_rng([world.seed, _FILM_STREAM]))
         progress(number + 1, request.worlds)
     if request.clips is not None:
         backgrounds += clip_backgrounds(request.clips)
-    return Material(aircraft=tuple(aircraft), birds=tuple(birds), backgrounds=tuple(backgrounds))
+    return Material(aircraft=tuple(aircraft), birds=tuple(birds), backgrounds=tuple(backgrounds), filmed=tuple(filmed))
 
 
 def _birds(traffic: TrafficSpec) -> list[BirdSpec]:
@@ -90,6 +99,7 @@ def save_material(material: Material, folder: Path) -> None:
     for name in ("aircraft", "birds"):
         np.savez(folder / f"{name}.npz", **dict(_sprite_arrays(getattr(material, name))))
     np.savez(folder / "backgrounds.npz", **dict(_background_arrays(material.backgrounds)))
+    save_targets(material.filmed, folder / "filmed.npz")
 
 
 def load_material(folder: Path) -> Material:
@@ -99,9 +109,10 @@ def load_material(folder: Path) -> Material:
             sprites = [tuple(_sprites(file)) for file in (aircraft, birds)]
         with np.load(folder / "backgrounds.npz") as file:
             backgrounds = tuple(_backgrounds(file))
+        filmed = load_targets(folder / "filmed.npz")
     except (OSError, KeyError, ValueError) as fault:
         raise InputError(str(folder), got=str(fault), wanted="material that `groundstation train` made") from fault
-    return Material(aircraft=sprites[0], birds=sprites[1], backgrounds=backgrounds)
+    return Material(aircraft=sprites[0], birds=sprites[1], backgrounds=backgrounds, filmed=filmed)
 
 
 def _sprite_arrays(sprites: tuple[Sprite, ...]) -> Iterator[tuple[str, Any]]:

@@ -1,13 +1,14 @@
-"""Windows of rendered recordings with true silhouettes, of other renderers than the bank's: no nose is labelled."""
+"""Windows of pictures with true silhouettes: of recordings by other renderers, and of filmed train worlds."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from groundstation.arrays import ImageArray
+from groundstation.arrays import FloatArray, ImageArray
 from groundstation.bank.session_truth import SessionTruth
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.session import load_session
@@ -18,17 +19,29 @@ from training.windows import LabelledWindow
 _FRAME_STEP = 3
 # of a picture around its target that is kept, in target widths: what windows at the largest scale and offset show
 _REACH = 3.2
+# targets are stored at most so wide, px: half as wide again as in most windows
+_FINEST_PX = 66.0
 _SIZE_SIGMA, _OFFSET_SIGMA, _MOST = 0.25, 0.13, 0.42
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordedTarget:
-    """A part of a picture (h, w, 3) and the silhouette in it, (h, w) float32, whose box has ``middle_px`` (2,)."""
+    """A part of a picture.
+
+    Attributes
+    ----------
+    image : (h, w, 3) uint8 BGR.
+    cover : (h, w) uint8, 255 where the target is.
+    middle_px : (2,) around which windows are placed: the silhouette's centre, or any point where none is expected.
+    width_px : of the target, or as large as one would be.
+    nose_px : (2,) of the target; NaN where it is not known, or the window is not of the target.
+    """
 
     image: ImageArray
-    cover: np.ndarray
-    middle_px: np.ndarray
+    cover: ImageArray
+    middle_px: FloatArray
     width_px: float
+    nose_px: FloatArray
 
 
 def recorded_targets(session_folder: Path) -> list[RecordedTarget]:
@@ -43,21 +56,41 @@ def recorded_targets(session_folder: Path) -> list[RecordedTarget]:
                 continue
             seen = truth.frame(station, frame.index)
             if seen is not None and seen.visible:
-                found.append(_target(frame.image, seen.silhouette))
+                truth_px = seen.silhouette
+                middle, width = truth_px.centre_px, float(truth_px.width_px)
+                found.append(target_in(frame.image, truth_px, middle, width, np.full(2, np.nan)))
     return found
 
 
-def _target(image: ImageArray, silhouette: TrueSilhouette) -> RecordedTarget:
-    width = float(silhouette.width_px)
-    middle = silhouette.centre_px
-    half = np.array([_REACH * width, 0.75 * _REACH * width]) + 2.0
-    low = np.maximum(np.floor(middle - half).astype(int), 0)
-    high = np.minimum(np.ceil(middle + half).astype(int) + 1, image.shape[1::-1])
-    cover = np.zeros(image.shape[:2], np.float32)
+def target_in(
+    image: ImageArray,
+    silhouette: TrueSilhouette,
+    middle_px: FloatArray,
+    width_px: float,
+    nose_px: FloatArray,
+) -> RecordedTarget:
+    """Return the part of a picture that windows around a point (2,) show."""
+    half = np.array([_REACH * width_px, 0.75 * _REACH * width_px]) + 2.0
+    low = np.maximum(np.floor(middle_px - half).astype(int), 0)
+    high = np.minimum(np.ceil(middle_px + half).astype(int) + 1, image.shape[1::-1])
+    cover = np.zeros(image.shape[:2], np.uint8)
     h, w = silhouette.mask.shape
-    cover[silhouette.y : silhouette.y + h, silhouette.x : silhouette.x + w] = silhouette.mask
+    cover[silhouette.y : silhouette.y + h, silhouette.x : silhouette.x + w] = 255 * silhouette.mask
     part = slice(low[1], high[1]), slice(low[0], high[0])
-    return RecordedTarget(image=image[part].copy(), cover=cover[part].copy(), middle_px=middle - low, width_px=width)
+    small, seen, scale = image[part].copy(), cover[part].copy(), 1.0
+    if width_px > _FINEST_PX:
+        # a window never shows more of it
+        scale = _FINEST_PX / width_px
+        size = max(round(small.shape[1] * scale), 1), max(round(small.shape[0] * scale), 1)
+        small = np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_AREA), np.uint8)
+        seen = np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+    def moved(point: FloatArray) -> FloatArray:
+        return (point - low + 0.5) * scale - 0.5
+
+    return RecordedTarget(
+        image=small, cover=seen, middle_px=moved(middle_px), width_px=scale * width_px, nose_px=moved(nose_px)
+    )
 
 
 def recorded_window(target: RecordedTarget, generator: np.random.Generator) -> LabelledWindow:
@@ -67,24 +100,60 @@ def recorded_window(target: RecordedTarget, generator: np.random.Generator) -> L
     offset = np.clip(generator.normal(0.0, _OFFSET_SIGMA, 2), -_MOST, _MOST) * WINDOW_PX
     place = np.array(WINDOW_PX) / 2.0 - 0.5 + offset
     # from the window's pixels to the part's: reduced with all pixels that fall into one
-    image, cover, middle = target.image, target.cover, target.middle_px
+    image, cover = target.image, target.cover
+    middle, nose = target.middle_px, target.nose_px
     if scale < 1.0:
         shape = max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1)
         image = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.uint8)
         cover = np.asarray(cv2.resize(cover, shape, interpolation=cv2.INTER_AREA), np.float32)
-        middle, scale = (middle + 0.5) * scale - 0.5, 1.0
+        middle, nose, scale = (middle + 0.5) * scale - 0.5, (nose + 0.5) * scale - 0.5, 1.0
     move = np.array([[scale, 0.0, place[0] - scale * middle[0]], [0.0, scale, place[1] - scale * middle[1]]])
     window = cv2.warpAffine(image, move, WINDOW_PX, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    share = cv2.warpAffine(cover, move, WINDOW_PX, flags=cv2.INTER_LINEAR)
+    share = cv2.warpAffine(cover, move, WINDOW_PX, flags=cv2.INTER_LINEAR).astype(np.float32) / 255.0
+    nose = move[:, :2] @ nose + move[:, 2]
     gain, lift = math.exp(float(generator.normal(0.0, 0.2))), float(generator.normal(0.0, 12.0))
     levels = gain * window.astype(np.float32) + lift
     levels += float(generator.exponential(1.5)) * generator.standard_normal(levels.shape, dtype=np.float32)
     if float(generator.uniform()) < 0.3:
         levels[:] = (levels @ np.array([0.114, 0.587, 0.299], np.float32))[:, :, None]
     step = -1 if float(generator.uniform()) < 0.5 else 1
+    if step < 0:
+        nose = np.array([WINDOW_PX[0] - 1.0 - nose[0], nose[1]])
+    inside = bool(np.all(nose > -0.5) and nose[0] < WINDOW_PX[0] - 0.5 and nose[1] < WINDOW_PX[1] - 0.5)
     return LabelledWindow(
         image=np.ascontiguousarray(np.clip(np.rint(levels), 0.0, 255.0).astype(np.uint8)[:, ::step]),
-        aircraft=np.ascontiguousarray(np.asarray(share, np.float32)[:, ::step]),
+        aircraft=np.ascontiguousarray(share[:, ::step]),
         other=np.zeros(WINDOW_PX[::-1], np.float32),
-        nose_px=np.full(2, np.nan),
+        nose_px=nose if inside else np.full(2, np.nan),
     )
+
+
+def save_targets(targets: Sequence[RecordedTarget], path: Path) -> None:
+    """Write targets, one after the other in three arrays: a file of many arrays is read slowly."""
+    pixels = [np.dstack([t.image, t.cover]).reshape(-1, 4) for t in targets]
+    np.savez(
+        path,
+        pixels=np.concatenate(pixels) if pixels else np.zeros((0, 4), np.uint8),
+        shapes=np.array([t.cover.shape for t in targets], np.int64).reshape(-1, 2),
+        numbers=np.array([[*t.middle_px, t.width_px, *t.nose_px] for t in targets], np.float64).reshape(-1, 5),
+    )
+
+
+def load_targets(path: Path) -> tuple[RecordedTarget, ...]:
+    """Read what `save_targets` wrote."""
+    with np.load(path) as file:
+        pixels, shapes, numbers = file["pixels"], file["shapes"], file["numbers"]
+    ends = np.cumsum(shapes.prod(axis=1))
+    found = []
+    for (h, w), end, (x, y, width, u, v) in zip(shapes, ends, numbers, strict=True):
+        both = pixels[end - h * w : end].reshape(h, w, 4)
+        found.append(
+            RecordedTarget(
+                image=np.ascontiguousarray(both[:, :, :3]),
+                cover=np.ascontiguousarray(both[:, :, 3]),
+                middle_px=np.array([x, y]),
+                width_px=float(width),
+                nose_px=np.array([u, v]),
+            )
+        )
+    return tuple(found)

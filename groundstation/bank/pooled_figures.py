@@ -40,9 +40,7 @@ class PooledFigure:
 HIT = Ratio(title="visible frames hit", above="hit", below="visible_frames")
 WRONG = Ratio(title="visible frames with a wrong point", above="wrong_visible", below="visible_frames")
 COVERAGE = Ratio(title="epochs with an estimate, from the first track on", above="covered_epochs", below="due_epochs")
-MISLEADING = Ratio(
-    title="misleading of the epochs that say tracking", above="misleading_epochs", below="tracking_epochs"
-)
+MISLEADING = Ratio(title="misleading, of tracking epochs", above="misleading_epochs", below="tracking_epochs")
 POOLED = (
     HIT,
     WRONG,
@@ -50,7 +48,7 @@ POOLED = (
     MISLEADING,
     Ratio(title="ANEES while tracking", above="nees_sum", below="nees_count", divisor=3.0, percent=False),
     Ratio(title="NIS per degree of freedom", above="nis_sum", below="nis_dof", percent=False),
-    Ratio(title="losses that came back", above="returned", below="losses"),
+    Ratio(title="losses followed by a return", above="returned", below="losses"),
 )
 
 

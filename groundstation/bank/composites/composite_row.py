@@ -10,7 +10,7 @@ import numpy as np
 from groundstation.bank.composites.composite_spec import CompositeSpec
 from groundstation.bank.composites.draw_composite import draw_composite
 from groundstation.bank.composites.render_composite import CompositeFrame, render_composite, silhouette_box
-from groundstation.bank.composites.stretch_view import CompositeClips
+from groundstation.bank.composites.segment_view import CompositeClips
 from groundstation.bank.frame_outcomes import HIT_MARGIN_PX
 from groundstation.bank.session_truth import distance_outside_px
 from groundstation.box import box_of_size

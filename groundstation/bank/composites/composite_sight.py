@@ -6,7 +6,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.bank.composites.composite_spec import RATE_HZ, CompositeCamera
-from groundstation.bank.composites.stretch_view import StretchView
+from groundstation.bank.composites.segment_view import SegmentView
 from groundstation.box import Box
 from groundstation.simulation.airframes.spec import AirframeSpec
 from groundstation.simulation.trajectory import Trajectory
@@ -19,11 +19,11 @@ _NEAREST_M, _LOWEST_M = 12.0, 1.5
 
 
 class CompositeSight:
-    """Visibility of an aircraft in the frames of a stretch; a sphere about its nose encloses all of it.
+    """Visibility of an aircraft in the frames of a segment; a sphere about its nose encloses all of it.
 
     Parameters
     ----------
-    camera, view : of the composite, and of the stretch.
+    camera, view : of the composite, and of the segment.
     airframe : the aircraft.
 
     Attributes
@@ -32,7 +32,7 @@ class CompositeSight:
     horizon_row : of the first picture; None without ground.
     """
 
-    def __init__(self, camera: CompositeCamera, view: StretchView, airframe: AirframeSpec) -> None:
+    def __init__(self, camera: CompositeCamera, view: SegmentView, airframe: AirframeSpec) -> None:
         self.camera, self.airframe, self.size_px = camera, airframe, view.size_px
         self.horizon_row = view.horizon_row
         self._middle = 0.5 * (np.array(view.size_px) - 1.0)

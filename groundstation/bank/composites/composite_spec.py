@@ -6,7 +6,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.bank.composites.clip_sets import require_clip_of
-from groundstation.bank.composites.stretch_view import StretchView
+from groundstation.bank.composites.segment_view import SegmentView
 from groundstation.geometry.camera import Lens
 from groundstation.rig.rig import Station
 from groundstation.simulation.airframes.spec import AirframeSpec
@@ -29,7 +29,7 @@ class CompositeCamera:
     Attributes
     ----------
     focal_px : of its lens.
-    tilt_rad : of its axis in the stretch's first frame, upwards.
+    tilt_rad : of its axis in the segment's first frame, upwards.
     exposure_s : how long a frame gathers light.
     """
 
@@ -139,7 +139,7 @@ class CompositeSpec:
         require_within(self.camera, {"focal_px": (50.0, 50_000.0), "exposure_s": (1e-5, 1.0 / RATE_HZ)})
 
 
-def horizon_tilt_rad(view: StretchView, focal_px: float) -> float | None:
+def horizon_tilt_rad(view: SegmentView, focal_px: float) -> float | None:
     """Return the tilt at which the horizon is where a clip's sky ends; None where it shows no ground."""
     if view.horizon_row is None:
         return None

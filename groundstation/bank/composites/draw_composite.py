@@ -1,4 +1,4 @@
-"""Composites drawn at random: a clip's stretch, an aircraft that flies through its picture, birds, and the sun."""
+"""Composites drawn at random: a clip's segment, an aircraft that flies through its picture, birds, and the sun."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.bank.composites.clip_stretches import ClipStretch
+from groundstation.bank.composites.clip_segments import ClipSegment
 from groundstation.bank.composites.composite_sight import CompositeSight
 from groundstation.bank.composites.composite_spec import (
     EYE_HEIGHT_M,
@@ -17,7 +17,7 @@ from groundstation.bank.composites.composite_spec import (
     CompositeSun,
     horizon_tilt_rad,
 )
-from groundstation.bank.composites.stretch_view import CompositeClips, StretchView
+from groundstation.bank.composites.segment_view import CompositeClips, SegmentView
 from groundstation.errors import ScenarioError
 from groundstation.simulation.airframes.draw import draw_airframe
 from groundstation.simulation.airframes.kinds import FAMILIES
@@ -56,22 +56,22 @@ def draw_composite(seed: int, clips: CompositeClips) -> CompositeSpec:
     Raises `ScenarioError` for a seed of no set or of *test*, and where no clip has room for an aircraft.
     """
     world_set = set_of(seed)
-    stretches = clips.stretches(world_set)
+    segments = clips.segments(world_set)
     order = np.random.default_rng([seed, _CLIP])
     for number in range(_STRETCHES):
-        stretch, view = clips.measured(stretches[int(order.integers(len(stretches)))])
-        found = _CompositeDraw(seed, number, stretch, view).composite()
+        segment, view = clips.measured(segments[int(order.integers(len(segments)))])
+        found = _CompositeDraw(seed, number, segment, view).composite()
         if found is not None:
             return found
     raise ScenarioError(f"composite {seed}", got="no path without the real aircraft", wanted="clips with more room")
 
 
 class _CompositeDraw:
-    """One composite's draw over one stretch."""
+    """One composite's draw over one segment."""
 
-    def __init__(self, seed: int, number: int, stretch: ClipStretch, view: StretchView) -> None:
+    def __init__(self, seed: int, number: int, segment: ClipSegment, view: SegmentView) -> None:
         self._seed, self._number = seed, number
-        self._stretch, self._view = stretch, view
+        self._segment, self._view = segment, view
 
     def composite(self) -> CompositeSpec | None:
         """Return a composite; None where no path was found."""
@@ -85,9 +85,9 @@ class _CompositeDraw:
         path, first, last = found
         return CompositeSpec(
             seed=self._seed,
-            clip=self._stretch.clip,
-            first=self._stretch.first + first,
-            last=self._stretch.first + last,
+            clip=self._segment.clip,
+            first=self._segment.first + first,
+            last=self._segment.first + last,
             camera=camera,
             sun=_sun(self._stream(_SUN)),
             airframe=airframe,
@@ -108,13 +108,13 @@ class _CompositeDraw:
 
     def _path(self, generator: np.random.Generator, sight: CompositeSight) -> tuple[ArcPath, int, int] | None:
         """Return a path with a long enough aircraft in the picture, and the frames, from 0, that contain it."""
-        count = len(self._stretch.boxes)
+        count = len(self._segment.boxes)
         if count < LEAST_FRAMES:
             return None
         for _ in range(_PATHS):
             middle = int(generator.integers(count))
             path = _drawn(generator, sight, middle)
-            run = _run_around(sight.free(path, self._stretch.boxes), middle)
+            run = _run_around(sight.free(path, self._segment.boxes), middle)
             if run is None or run[1] - run[0] + 1 < LEAST_FRAMES:
                 continue
             first, last = run
@@ -125,7 +125,7 @@ class _CompositeDraw:
 
 
 def _drawn(generator: np.random.Generator, sight: CompositeSight, middle: int) -> ArcPath:
-    """Return a path through a pixel of the frame ``middle``; time is 0 in the stretch's first frame."""
+    """Return a path through a pixel of the frame ``middle``; time is 0 in the segment's first frame."""
     span_m, size = sight.airframe.span_m, sight.size_px
     width = math.exp(float(generator.uniform(math.log(_LEAST_WIDTH_PX), math.log(_MOST_WIDTH * size[0]))))
     pixel = generator.uniform(*_INNER, 2) * np.array(size)

@@ -12,7 +12,7 @@ from groundstation.bank.composites.composite_light import CompositeLight
 from groundstation.bank.composites.composite_spec import RATE_HZ, CompositeSpec
 from groundstation.bank.composites.layered_picture import layered
 from groundstation.bank.composites.picture_light import is_sky, sky_mask
-from groundstation.bank.composites.stretch_view import StretchFootage
+from groundstation.bank.composites.segment_view import SegmentFootage
 from groundstation.bank.session_truth import LEAST_SHARE_SEEN, LEAST_SNR, LEAST_WIDTH_PX
 from groundstation.box import Box, box_of_size
 from groundstation.errors import ScenarioError
@@ -68,15 +68,15 @@ class CompositeFrame:
         return seen and self.width_px >= LEAST_WIDTH_PX and self.snr >= LEAST_SNR
 
 
-def render_composite(spec: CompositeSpec, clip: StretchFootage) -> Iterator[CompositeFrame]:
-    """Return the frames of a composite, drawn one at a time, over the stretch of its clip.
+def render_composite(spec: CompositeSpec, clip: SegmentFootage) -> Iterator[CompositeFrame]:
+    """Return the frames of a composite, drawn one at a time, over the segment of its clip.
 
-    Raises `ScenarioError` at once where the stretch is another's, or of a clip that the seed's set may not use.
+    Raises `ScenarioError` at once where the segment is another's, or of a clip that the seed's set may not use.
     """
-    stretch = clip.stretch
-    require_clip_of(set_of(spec.seed), stretch.clip)
-    if stretch.clip != spec.clip or not stretch.first <= spec.first <= spec.last <= stretch.last:
-        got = f"frames {stretch.first} to {stretch.last} of {stretch.clip}"
+    segment = clip.segment
+    require_clip_of(set_of(spec.seed), segment.clip)
+    if segment.clip != spec.clip or not segment.first <= spec.first <= spec.last <= segment.last:
+        got = f"frames {segment.first} to {segment.last} of {segment.clip}"
         wanted = f"frames {spec.first} to {spec.last} of {spec.clip}"
         raise ScenarioError(f"composite {spec.seed}", got=got, wanted=wanted)
     return _CompositeScene(spec, clip).frames()
@@ -85,7 +85,7 @@ def render_composite(spec: CompositeSpec, clip: StretchFootage) -> Iterator[Comp
 class _CompositeScene:
     """Specification of one composite."""
 
-    def __init__(self, spec: CompositeSpec, clip: StretchFootage) -> None:
+    def __init__(self, spec: CompositeSpec, clip: SegmentFootage) -> None:
         self._spec, self._clip = spec, clip
         station = spec.camera.station(clip.view.size_px)
         eye = station.geometry().camera_pose(0.0, 0.0).position_runway_m
@@ -102,7 +102,7 @@ class _CompositeScene:
 
     def _frame(self, index: int) -> CompositeFrame:
         spec, clip = self._spec, self._clip
-        place = index - clip.stretch.first
+        place = index - clip.segment.first
         t_s, head = (index - spec.first) / RATE_HZ, self._heads[place]
         target = self._layer(self._target, t_s, head)
         birds = [(bird, layer) for bird in self._birds if (layer := self._layer(bird, t_s, head)) is not None]
@@ -124,7 +124,7 @@ class _CompositeScene:
             unhidden=0.0 if own is None else _unhidden(own, before),
             snr=picture.snr,
             over_sky=own is not None and is_sky(sky_mask(clip.frames[place]), own.centre_px),
-            real_aircraft=clip.stretch.boxes[place],
+            real_aircraft=clip.segment.boxes[place],
             birds=tuple(silhouette_box(o) for _, o in outlines if o is not None),
         )
 

@@ -41,20 +41,15 @@ def render_world(
 
     Raises `InputError` where the folder cannot be written or is not empty.
     """
-    flown = build_flight(world.flight, world.seed)
+    flown, built = build_flight(world.flight, world.seed), built_stations(world)
     duration = world.flight.duration_s
-    cameras = [
-        StationCamera(lens=c.lens(), readout_s=c.readout_s, phase_s=c.phase_s, pixel_sigma_px=0.5)
-        for c in world.cameras
-    ]
-    built = build_stations(world.stations, cameras, duration_s=duration, seed=world.seed)
     flight = simulate(built.scenario(flown, frame_hz=world.frame_hz, seed=world.seed))
     checked_frames(flight, built.faults)
     make_session_folder(folder)
     write_rendered_session(
         folder,
         flight,
-        _rendered_cameras(world, built, flown),
+        rendered_cameras(world, built, flown),
         words=_words(world),
         faults=built.faults,
         recordings={s.name: c.recording() for s, c in zip(built.rig.stations, world.cameras, strict=True)},
@@ -64,7 +59,16 @@ def render_world(
     return FilmedWorld(pairs=flight.truth.t_s.size, duration_s=duration, folder=folder)
 
 
-def _rendered_cameras(world: World, built: BuiltStations, flown: Trajectory) -> dict[str, RenderedCamera]:
+def built_stations(world: World) -> BuiltStations:
+    """Return a world's stations with their cameras."""
+    cameras = [
+        StationCamera(lens=c.lens(), readout_s=c.readout_s, phase_s=c.phase_s, pixel_sigma_px=0.5)
+        for c in world.cameras
+    ]
+    return build_stations(world.stations, cameras, duration_s=world.flight.duration_s, seed=world.seed)
+
+
+def rendered_cameras(world: World, built: BuiltStations, flown: Trajectory) -> dict[str, RenderedCamera]:
     """Return a camera for each true station, all in one scene."""
     scene = RenderedScene(
         trajectory=flown,

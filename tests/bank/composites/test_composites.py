@@ -13,7 +13,7 @@ from groundstation.bank.composites.composite_spec import CompositeSpec
 from groundstation.bank.composites.draw_composite import LEAST_FRAMES, draw_composite
 from groundstation.bank.composites.layered_picture import BLOCK_PX
 from groundstation.bank.composites.render_composite import CompositeFrame, render_composite, silhouette_box
-from groundstation.bank.composites.stretch_view import CompositeClips, StretchFootage
+from groundstation.bank.composites.segment_view import CompositeClips, SegmentFootage
 from groundstation.box import expand, overlap
 from groundstation.errors import ScenarioError
 from groundstation.simulation.world.draw_world import WITHHELD_FAMILIES
@@ -39,12 +39,12 @@ def spec(clips: CompositeClips) -> CompositeSpec:
 
 
 @pytest.fixture(scope="module")
-def footage(clips: CompositeClips, spec: CompositeSpec) -> StretchFootage:
+def footage(clips: CompositeClips, spec: CompositeSpec) -> SegmentFootage:
     return clips.footage(WorldSet.TRAIN, spec.clip, spec.first)
 
 
 @pytest.fixture(scope="module")
-def frames(spec: CompositeSpec, footage: StretchFootage) -> list[CompositeFrame]:
+def frames(spec: CompositeSpec, footage: SegmentFootage) -> list[CompositeFrame]:
     return list(render_composite(spec, footage))
 
 
@@ -63,12 +63,12 @@ def test_the_same_seed_gives_the_same_frames_to_the_last_bit(
 
 
 def test_the_picture_changes_where_the_silhouette_is_and_nowhere_else(
-    spec: CompositeSpec, footage: StretchFootage, frames: list[CompositeFrame]
+    spec: CompositeSpec, footage: SegmentFootage, frames: list[CompositeFrame]
 ) -> None:
     """Expected: without birds, what differs from the clip is in the coder's blocks that silhouette and blur touch."""
     alone = frames if not spec.birds else list(render_composite(replace(spec, birds=()), footage))
     for frame in alone[::8]:
-        clip = footage.frames[frame.index - footage.stretch.first].astype(int)
+        clip = footage.frames[frame.index - footage.segment.first].astype(int)
         change = np.abs(frame.image.astype(int) - clip).max(axis=2)
         assert frame.silhouette is not None
         mask = np.zeros(change.shape, np.uint8)
@@ -109,7 +109,7 @@ def test_no_frame_is_drawn_over_a_clip_of_another_set(clips: CompositeClips, spe
         replace(spec, clip="V_AIRPLANE_033")
 
 
-def test_the_camera_of_a_clip_follows_its_pan_and_horizon(footage: StretchFootage, spec: CompositeSpec) -> None:
+def test_the_camera_of_a_clip_follows_its_pan_and_horizon(footage: SegmentFootage, spec: CompositeSpec) -> None:
     shift = footage.view.shifts_px[-1]
     # small copies show a step of half a pixel to some hundredths
     assert shift == pytest.approx([-PAN_PX * (FRAMES - 1), 0.0], abs=0.08 * FRAMES)

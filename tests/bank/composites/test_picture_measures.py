@@ -9,7 +9,7 @@ from groundstation.bank.composites.linear_light import levels_of, light_of, with
 from groundstation.bank.composites.picture_blur import USUAL_BLUR_PX, edge_blur_px
 from groundstation.bank.composites.picture_light import is_sky, picture_light, sky_mask
 from groundstation.bank.composites.picture_noise import PictureNoise, picture_noise
-from groundstation.bank.composites.stretch_view import longest_without_cut
+from groundstation.bank.composites.segment_view import longest_without_cut
 from groundstation.detection.picture_shift import small_copy
 from tests.bank.composites.made_clips import SKY_BGR, SKYLINE_ROW, scene
 
@@ -73,6 +73,6 @@ def test_levels_come_back_from_light_and_bright_paint_stays_below_white() -> Non
     assert bright[-1] < 1.0
 
 
-def test_a_stretch_ends_where_another_scene_begins() -> None:
+def test_a_segment_ends_where_another_scene_begins() -> None:
     one, other = small_copy(scene(1)), small_copy(grey(np.full((240, 320), 30.0)))
     assert longest_without_cut([one, one, other, other, other, one]) == (2, 4)

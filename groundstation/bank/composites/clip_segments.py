@@ -1,4 +1,4 @@
-"""Stretches of real clips without a cut, from a folder with segments.csv, boxes.csv and the clips.
+"""Segments of real clips without a cut, from a folder with segments.csv, boxes.csv and the clips.
 
 Frames are numbered from 0 in the clip; boxes are x, y, w, h in px, loose, empty where the aircraft is absent.
 """
@@ -19,8 +19,8 @@ _BOX_COLUMNS = ("x", "y", "w", "h")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ClipStretch:
-    """A stretch of a clip that shows one scene.
+class ClipSegment:
+    """A segment of a clip that shows one scene.
 
     Attributes
     ----------
@@ -37,8 +37,8 @@ class ClipStretch:
     boxes: tuple[Box[float] | None, ...]
 
 
-def read_stretches(folder: Path, world_set: WorldSet) -> tuple[ClipStretch, ...]:
-    """Return the stretches of a set's clips that are in a folder, in the table's order.
+def read_segments(folder: Path, world_set: WorldSet) -> tuple[ClipSegment, ...]:
+    """Return the segments of a set's clips that are in a folder, in the table's order.
 
     Raises `SessionError` where a table is damaged or the folder has no clip of the set.
     """
@@ -55,28 +55,28 @@ def read_stretches(folder: Path, world_set: WorldSet) -> tuple[ClipStretch, ...]
                 row.line, got=f"frames {first} to {last}", wanted="0 or later, and a start before the end"
             )
         own = boxes.get(clip, {})
-        stretch = ClipStretch(
+        segment = ClipSegment(
             clip=clip,
             path=below(folder, f"{clip}.mp4"),
             first=first,
             last=last,
             boxes=tuple(own.get(k) for k in range(first, last + 1)),
         )
-        found.append(stretch)
+        found.append(segment)
     if not found:
         raise SessionError(str(folder / "segments.csv"), got="no clip of this set", wanted=f"clips of {world_set}")
     return tuple(found)
 
 
-def read_frames(stretch: ClipStretch) -> tuple[ImageArray, ...]:
-    """Decode the frames (h, w, 3) BGR of a stretch.
+def read_frames(segment: ClipSegment) -> tuple[ImageArray, ...]:
+    """Decode the frames (h, w, 3) BGR of a segment.
 
     Raises `InputError` where the clip has not all of them.
     """
-    frames = tuple(frame.image for frame in VideoFile(stretch.path).frames(stretch.first, stretch.last))
-    wanted = stretch.last - stretch.first + 1
+    frames = tuple(frame.image for frame in VideoFile(segment.path).frames(segment.first, segment.last))
+    wanted = segment.last - segment.first + 1
     if len(frames) != wanted:
-        where = f"{stretch.path}: frames {stretch.first} to {stretch.last}"
+        where = f"{segment.path}: frames {segment.first} to {segment.last}"
         raise SessionError(where, got=f"{len(frames)} frames", wanted=f"{wanted}")
     return frames
 
