@@ -9,7 +9,7 @@ from training.network import CLASSES
 
 # a target covers some 3 % of a window; weighed so, it counts about as much as what surrounds it
 AIRCRAFT_WEIGHT, OTHER_WEIGHT = 6.0, 4.0
-_NOSE_WEIGHT = 0.02
+_NOSE_WEIGHT = 0.1
 # one sigma of the nose's mark, px: half a pixel of labelling, and the pixel itself
 _NOSE_SIGMA_PX = 0.6
 

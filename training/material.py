@@ -41,13 +41,14 @@ class MaterialRequest:
     ----------
     worlds : number of train worlds, from their first on.
     scenes : of so many of them a background is drawn.
-    pictures : of each world so many are filmed.
+    filmed : so many of them are filmed, ``pictures`` each.
     clips : folder of the real clips; None trains on drawn backgrounds alone.
     without_families, without_sceneries, without_skies : kinds that are left out, by name.
     """
 
     worlds: int = 600
     scenes: int = 240
+    filmed: int = 200
     pictures: int = 20
     clips: Path | None = None
     without_families: tuple[str, ...] = ()
@@ -81,7 +82,7 @@ def make_material(
         )
         if number < request.scenes and not left_out:
             backgrounds.append(world_background(world, generator))
-        if not (left_out or family_left_out):
+        if number < request.filmed and not (left_out or family_left_out):
             filmed += filmed_targets(world, request.pictures, np.random.default_rng([world.seed, _FILM_STREAM]))
         progress(number + 1, request.worlds)
     if request.clips is not None:

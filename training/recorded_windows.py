@@ -77,19 +77,29 @@ def target_in(
     h, w = silhouette.mask.shape
     cover[silhouette.y : silhouette.y + h, silhouette.x : silhouette.x + w] = 255 * silhouette.mask
     part = slice(low[1], high[1]), slice(low[0], high[0])
-    small, seen, scale = image[part].copy(), cover[part].copy(), 1.0
-    if width_px > _FINEST_PX:
-        # a window never shows more of it
-        scale = _FINEST_PX / width_px
-        size = max(round(small.shape[1] * scale), 1), max(round(small.shape[0] * scale), 1)
-        small = np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_AREA), np.uint8)
-        seen = np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_AREA), np.uint8)
+    cut = RecordedTarget(
+        image=image[part].copy(),
+        cover=cover[part].copy(),
+        middle_px=middle_px - low,
+        width_px=width_px,
+        nose_px=nose_px - low,
+    )
+    # a window never shows more of it
+    return cut if width_px <= _FINEST_PX else _reduced(cut, _FINEST_PX / width_px)
 
-    def moved(point: FloatArray) -> FloatArray:
-        return (point - low + 0.5) * scale - 0.5
 
+def _reduced(target: RecordedTarget, scale: float) -> RecordedTarget:
+    """Return a target in fewer pixels, each the mean of those that fall into it."""
+    height, width = target.cover.shape
+    size = max(round(width * scale), 1), max(round(height * scale), 1)
+    ratio = np.array(size) / (width, height)
+    image, cover = (cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in (target.image, target.cover))
     return RecordedTarget(
-        image=small, cover=seen, middle_px=moved(middle_px), width_px=scale * width_px, nose_px=moved(nose_px)
+        image=np.asarray(image, np.uint8),
+        cover=np.asarray(cover, np.uint8),
+        middle_px=(target.middle_px + 0.5) * ratio - 0.5,
+        width_px=float(target.width_px * ratio[0]),
+        nose_px=(target.nose_px + 0.5) * ratio - 0.5,
     )
 
 
@@ -99,18 +109,13 @@ def recorded_window(target: RecordedTarget, generator: np.random.Generator) -> L
     scale = size / target.width_px
     offset = np.clip(generator.normal(0.0, _OFFSET_SIGMA, 2), -_MOST, _MOST) * WINDOW_PX
     place = np.array(WINDOW_PX) / 2.0 - 0.5 + offset
-    # from the window's pixels to the part's: reduced with all pixels that fall into one
-    image, cover = target.image, target.cover
-    middle, nose = target.middle_px, target.nose_px
     if scale < 1.0:
-        shape = max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1)
-        image = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.uint8)
-        cover = np.asarray(cv2.resize(cover, shape, interpolation=cv2.INTER_AREA), np.float32)
-        middle, nose, scale = (middle + 0.5) * scale - 0.5, (nose + 0.5) * scale - 0.5, 1.0
+        target, scale = _reduced(target, scale), 1.0
+    middle = target.middle_px
     move = np.array([[scale, 0.0, place[0] - scale * middle[0]], [0.0, scale, place[1] - scale * middle[1]]])
-    window = cv2.warpAffine(image, move, WINDOW_PX, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    share = cv2.warpAffine(cover, move, WINDOW_PX, flags=cv2.INTER_LINEAR).astype(np.float32) / 255.0
-    nose = move[:, :2] @ nose + move[:, 2]
+    window = cv2.warpAffine(target.image, move, WINDOW_PX, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    share = cv2.warpAffine(target.cover, move, WINDOW_PX, flags=cv2.INTER_LINEAR).astype(np.float32) / 255.0
+    nose = move[:, :2] @ target.nose_px + move[:, 2]
     gain, lift = math.exp(float(generator.normal(0.0, 0.2))), float(generator.normal(0.0, 12.0))
     levels = gain * window.astype(np.float32) + lift
     levels += float(generator.exponential(1.5)) * generator.standard_normal(levels.shape, dtype=np.float32)

@@ -91,6 +91,7 @@ def _card(
         "train_worlds": request.material.worlds,
         "drawn_aircraft": len(material.aircraft),
         "drawn_birds": len(material.birds),
+        "filmed_targets": len(material.filmed),
         "drawn_backgrounds": len(material.backgrounds) - clips,
         "frames_of_real_clips": clips,
         "recorded_targets": len(recorded),

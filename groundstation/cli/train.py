@@ -41,6 +41,7 @@ def add_train(commands: Commands) -> None:
     )
     train.add_argument("--worlds", type=count, metavar="N", default=450, help="train worlds (default: 450)")
     train.add_argument("--scenes", type=count, metavar="N", default=170, help="backgrounds of them (default: 170)")
+    train.add_argument("--filmed", type=count, metavar="N", default=200, help="of them are filmed (default: 200)")
     train.add_argument("--steps", type=count, metavar="N", default=4000, help="of 64 windows (default: 4000)")
     train.add_argument("--seed", type=count, metavar="N", default=1, help="of weights and windows (default: 1)")
     train.add_argument(
@@ -83,6 +84,7 @@ def run_train(options: argparse.Namespace) -> int:
         material=MaterialRequest(
             worlds=options.worlds,
             scenes=options.scenes,
+            filmed=options.filmed,
             clips=options.clips,
             without_families=chosen("families"),
             without_sceneries=chosen("sceneries"),

@@ -3,10 +3,11 @@
 It was trained by `training/` on drawn aircraft over drawn and real backgrounds; its card is docs/learned-channel.md.
 """
 
+import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
+from numba import njit
 
 from groundstation.arrays import Float32Array, FloatArray, ImageArray
 from groundstation.errors import InputError
@@ -35,6 +36,8 @@ class ChannelMaps:
 class LearnedChannel:
     """The network, on one thread; each camera has its own.
 
+    ONNX Runtime takes 2.0 ms a window where OpenCV's DNN module takes 3.7 ms (2026-11, one core of a busy machine).
+
     Parameters
     ----------
     weights : content of an ONNX file, as `groundstation.files.channel_weights` reads it.
@@ -43,20 +46,52 @@ class LearnedChannel:
     """
 
     def __init__(self, weights: bytes) -> None:
+        # a quarter of a second to import, which only those pay who use it
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4
         try:
-            self._network = cv2.dnn.readNetFromONNX(np.frombuffer(weights, np.uint8))
-        except cv2.error as fault:
-            raise InputError("weights of the learned channel", got=str(fault.err), wanted="an ONNX network") from fault
+            self._network = onnxruntime.InferenceSession(weights, options, providers=["CPUExecutionProvider"])
+        except Exception as fault:
+            # its own exceptions have no common class but this
+            raise InputError("weights of the learned channel", got=str(fault), wanted="an ONNX network") from fault
+        self._input = self._network.get_inputs()[0].name
 
     def maps(self, window: ImageArray) -> ChannelMaps:
         """Return the maps of a window (96, 128, 3) uint8 BGR."""
-        self._network.setInput(np.ascontiguousarray(window.transpose(2, 0, 1)[None], np.float32))
-        neither, aircraft, other, nose = self._network.forward()[0]
-        return ChannelMaps(
-            aircraft=aircraft - np.logaddexp(neither, other),
-            other=other - np.logaddexp(neither, aircraft),
-            nose=_probabilities(_SHARPNESS * nose),
-        )
+        levels = np.ascontiguousarray(window.transpose(2, 0, 1)[None], np.float32)
+        raw = self._network.run(None, {self._input: levels})[0][0]
+        aircraft, other, nose = (np.empty(raw.shape[1:], np.float32) for _ in range(3))
+        _odds(raw, aircraft, other)
+        _probabilities(raw[3], _SHARPNESS, nose)
+        return ChannelMaps(aircraft=aircraft, other=other, nose=nose)
+
+
+@njit(cache=True, nogil=True)
+def _odds(raw: Float32Array, aircraft: Float32Array, other: Float32Array) -> None:
+    """Fill the log odds (h, w) of two classes from the logits (3 or more, h, w) of neither, aircraft, other."""
+    for i in range(raw.shape[1]):
+        for j in range(raw.shape[2]):
+            n, a, o = raw[0, i, j], raw[1, i, j], raw[2, i, j]
+            aircraft[i, j] = a - max(n, o) - math.log1p(math.exp(-abs(n - o)))
+            other[i, j] = o - max(n, a) - math.log1p(math.exp(-abs(n - a)))
+
+
+@njit(cache=True, nogil=True)
+def _probabilities(logits: Float32Array, sharpness: float, out: Float32Array) -> None:
+    """Fill a map (h, w) with the softmax of its logits times the sharpness."""
+    most = logits.max()
+    total = 0.0
+    for i in range(logits.shape[0]):
+        for j in range(logits.shape[1]):
+            value = math.exp(sharpness * (logits[i, j] - most))
+            out[i, j] = value
+            total += value
+    for i in range(logits.shape[0]):
+        for j in range(logits.shape[1]):
+            out[i, j] /= total
 
 
 def nose_of(nose: Float32Array) -> tuple[FloatArray, FloatArray]:
@@ -67,8 +102,3 @@ def nose_of(nose: Float32Array) -> tuple[FloatArray, FloatArray]:
     du, dv = columns - mean[0], rows - mean[1]
     cross = float(dv @ nose.astype(np.float64) @ du)
     return mean, np.array([[float(by_column @ du**2), cross], [cross, float(by_row @ dv**2)]])
-
-
-def _probabilities(logits: Float32Array) -> Float32Array:
-    shifted = np.exp(logits - logits.max())
-    return np.asarray(shifted / shifted.sum(), np.float32)

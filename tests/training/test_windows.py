@@ -9,9 +9,11 @@ from groundstation.box import Box
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.errors import InputError
 from groundstation.simulation.world.draw_world import draw_world
+from groundstation.sources.true_silhouettes import TrueSilhouette
 from training.backgrounds import Background, world_background
+from training.filmed_targets import filmed_targets
 from training.material import Material, load_material, save_material
-from training.recorded_windows import RecordedTarget, recorded_window
+from training.recorded_windows import recorded_window, target_in
 from training.sprites import SPRITE_PX, SpriteStudio
 from training.windows import WindowDrawer
 
@@ -29,6 +31,7 @@ def material() -> Material:
         aircraft=tuple(sprite for sprite in aircraft if sprite is not None),
         birds=tuple(sprite for sprite in birds if sprite is not None),
         backgrounds=(SKY, Background(image=SKY.image, occupied=Box(100.0, 80.0, 180.0, 140.0), drawn=False)),
+        filmed=tuple(filmed_targets(draw_world(1), 3, np.random.default_rng(2))),
     )
 
 
@@ -85,6 +88,10 @@ def test_material_is_read_back_the_same(material: Material, tmp_path: Path) -> N
         np.testing.assert_allclose(one.light[:, :, :3], two.light[:, :, :3], atol=0.51)
         np.testing.assert_allclose(one.light[:, :, 3], two.light[:, :, 3], atol=0.003)
         np.testing.assert_array_equal(one.nose_px, two.nose_px)
+    assert len(found.filmed) == len(material.filmed) > 0
+    for drawn, read in zip(material.filmed, found.filmed, strict=True):
+        for name in ("image", "cover", "middle_px", "width_px", "nose_px"):
+            np.testing.assert_array_equal(getattr(drawn, name), getattr(read, name))
     assert found.backgrounds[0].occupied is None
     assert found.backgrounds[1].occupied == Box(100.0, 80.0, 180.0, 140.0)
     with pytest.raises(InputError, match="material"):
@@ -102,14 +109,39 @@ def test_a_drawn_background_shows_a_scene() -> None:
 def test_a_recorded_target_has_its_silhouette_where_it_is_seen(width_px: float, rng: np.random.Generator) -> None:
     side = round(4 * width_px)
     image = np.full((side, side, 3), 200, np.uint8)
-    cover = np.zeros((side, side), np.float32)
     low, high = round(1.5 * width_px), round(2.5 * width_px)
     rows = slice(2 * side // 4 - 2, 2 * side // 4 + 2)
-    image[rows, low:high], cover[rows, low:high] = 20, 1.0
-    target = RecordedTarget(image=image, cover=cover, middle_px=np.array([2.0, 2.0]) * width_px, width_px=width_px)
+    image[rows, low:high] = 20
+    silhouette = TrueSilhouette(x=low, y=rows.start, mask=np.ones((4, high - low), dtype=bool))
+    nose = np.array([low + 0.0, 2.0 * side / 4.0 - 0.5])
+    target = target_in(image, silhouette, silhouette.centre_px, width_px, nose)
     for _ in range(10):
         window = recorded_window(target, rng)
         dark = window.image.mean(axis=2) < 0.5 * (window.image.max() + float(window.image.min()))
         seen = window.aircraft > 0.5
         if seen.sum() > 30:
             assert (dark & seen).sum() > 0.6 * seen.sum()
+            columns = np.flatnonzero(seen.any(axis=0))
+            # mirrored or not, it is at an end
+            if np.isfinite(window.nose_px[0]) and columns[0] > 0 and columns[-1] < WINDOW_PX[0] - 1:
+                # to half a pixel of the picture, and one of the window
+                assert np.abs(columns[[0, -1]] - window.nose_px[0]).min() < 1.5 + 0.9 * TARGET_PX / width_px
+
+
+def test_filmed_targets_are_where_they_are_labelled() -> None:
+    world = draw_world(11)
+    found = list(filmed_targets(world, 12, np.random.default_rng(7)))
+    again = list(filmed_targets(world, 12, np.random.default_rng(7)))
+    own, elsewhere = found[::2], found[1::2]
+    assert len(own) == len(elsewhere) > 3
+    for one, other in zip(found, again, strict=True):
+        np.testing.assert_array_equal(one.image, other.image)
+    for target in own:
+        share = target.cover / target.cover.sum(dtype=np.float64)
+        rows, columns = np.indices(share.shape)
+        centre = np.array([(share * columns).sum(), (share * rows).sum()])
+        assert np.hypot(*(centre - target.middle_px)) < 1.0
+        assert np.hypot(*(centre - target.nose_px)) < 0.8 * target.width_px
+        assert target.cover.shape == target.image.shape[:2]
+    # some windows elsewhere show nothing
+    assert any(not target.cover.any() for target in elsewhere)
