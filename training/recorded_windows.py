@@ -103,12 +103,12 @@ def _reduced(target: RecordedTarget, scale: float) -> RecordedTarget:
     )
 
 
-def recorded_window(target: RecordedTarget, generator: np.random.Generator) -> LabelledWindow:
-    """Draw a window that shows a recorded target at a drawn size and place, in drawn light, mirrored or not."""
-    size = TARGET_PX * math.exp(min(max(float(generator.normal(0.0, _SIZE_SIGMA)), -0.55), 0.55))
+def target_window(target: RecordedTarget, size: float, place: FloatArray) -> tuple[ImageArray, FloatArray, FloatArray]:
+    """Return a window (96, 128, 3), the target's share of its pixels (96, 128), and where its nose is (2,).
+
+    The target is ``size`` px wide, with its middle at a place (2,) of the window.
+    """
     scale = size / target.width_px
-    offset = np.clip(generator.normal(0.0, _OFFSET_SIGMA, 2), -_MOST, _MOST) * WINDOW_PX
-    place = np.array(WINDOW_PX) / 2.0 - 0.5 + offset
     if scale < 1.0:
         target, scale = _reduced(target, scale), 1.0
     middle = target.middle_px
@@ -116,6 +116,14 @@ def recorded_window(target: RecordedTarget, generator: np.random.Generator) -> L
     window = cv2.warpAffine(target.image, move, WINDOW_PX, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     share = cv2.warpAffine(target.cover, move, WINDOW_PX, flags=cv2.INTER_LINEAR).astype(np.float32) / 255.0
     nose = move[:, :2] @ target.nose_px + move[:, 2]
+    return np.asarray(window, np.uint8), np.asarray(share, np.float32), np.asarray(nose)
+
+
+def recorded_window(target: RecordedTarget, generator: np.random.Generator) -> LabelledWindow:
+    """Draw a window that shows a recorded target at a drawn size and place, in drawn light, mirrored or not."""
+    size = TARGET_PX * math.exp(min(max(float(generator.normal(0.0, _SIZE_SIGMA)), -0.55), 0.55))
+    offset = np.clip(generator.normal(0.0, _OFFSET_SIGMA, 2), -_MOST, _MOST) * WINDOW_PX
+    window, share, nose = target_window(target, size, np.array(WINDOW_PX) / 2.0 - 0.5 + offset)
     gain, lift = math.exp(float(generator.normal(0.0, 0.2))), float(generator.normal(0.0, 12.0))
     levels = gain * window.astype(np.float32) + lift
     levels += float(generator.exponential(1.5)) * generator.standard_normal(levels.shape, dtype=np.float32)
