@@ -14,10 +14,9 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.box import Box
-from groundstation.detection.candidate_finder import CandidateFinder
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.detector import DetectionHint
-from groundstation.detection.make_detector import make_detector
+from groundstation.detection.make_detector import make_detector, make_finder
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.initialise import CameraCandidate
 from groundstation.messages import Detection, Frame, Miss, MissReason
@@ -98,7 +97,7 @@ class CameraTracker:
         self.geometry = station.geometry()
         self._config = config
         self._detector = make_detector(config.detection, station.lens.image_size_px)
-        self._finder = CandidateFinder(config.acquisition, station.lens.image_size_px, station.lens)
+        self._finder = make_finder(config.acquisition, config.detection, station.lens)
         self._extent = _NO_EXTENT
         self._px_per_m: float | None = None
         self._direction = FlightDirection()
