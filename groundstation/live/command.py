@@ -124,7 +124,7 @@ def _live(
         opened.callback(heads.close)
         heads.begin()
         say("compiling, once")
-        warm_up()
+        warm_up(station.config.detection.detector)
         outputs = _Outputs(out, opened, tell, simulator)
         recorder = outputs.open_recorder(station) if request.record else None
         if recorder is not None:

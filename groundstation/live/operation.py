@@ -153,7 +153,7 @@ class Operation:
 
         The devices are already open, and the caller closes them; ``reference`` opens its line itself.
         """
-        warm_up()
+        warm_up(self._config.detection.detector)
         workers = [CameraWorker(n, c, self.input_queue, -self.start_s) for n, c in cameras.items()]
         core = self._core(heads)
         with ExitStack() as stack:

@@ -55,7 +55,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         learns = bool(fixes) or _learns_as_recorded(request, inputs)
         initial = initial_state(request, config, session, inputs.dgps, source.span_s[0])
         _make_folder(request.out)
-        warm_up()
+        warm_up(config.detection.detector)
         outputs = ReplayOutputs(request, session, comparison, opened)
         if request.record is not None:
             outputs.recorder = recorder_for(request.record, session, request.rig, config, initial, learns)

@@ -6,11 +6,12 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
-from groundstation.detection.candidate_finder import AcquisitionConfig, CandidateFinder
+from groundstation.detection.candidate_finder import AcquisitionConfig
 from groundstation.detection.channel_contrast import measure_channels
-from groundstation.detection.config import DetectionConfig
-from groundstation.detection.detector import DetectionHint, Detector
+from groundstation.detection.config import DetectionConfig, DetectorKind
+from groundstation.detection.detector import DetectionHint
 from groundstation.detection.detector import warm_up as warm_up_detector
+from groundstation.detection.make_detector import make_detector, make_finder
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
@@ -27,8 +28,8 @@ _FRAMES = 10
 
 
 @cache
-def warm_up() -> None:
-    """Run every compiled kernel on a short made-up flight, once in a process.
+def warm_up(kind: DetectorKind = DetectorKind.CLASSIC) -> None:
+    """Run every compiled kernel on a short made-up flight, once in a process, with the detector of this kind.
 
     Takes seconds the first time, then one second, in which the kernels are read from numba's cache.
     """
@@ -43,9 +44,9 @@ def warm_up() -> None:
     geometry.ray(10.0, 10.0, 0.0, 0.0)
     _warm_up_estimation(geometry)
     warm_up_detector()
-    finder = CandidateFinder(AcquisitionConfig(), lens.image_size_px, lens)
-    config = DetectionConfig()
-    detector = Detector(config, lens.image_size_px)
+    config = DetectionConfig(detector=kind)
+    finder = make_finder(AcquisitionConfig(), config, lens)
+    detector = make_detector(config, lens.image_size_px)
     pose = geometry.camera_pose(0.0, 0.0)
     for k in range(_FRAMES):
         place = np.array([250.0 + 8.0 * k, 200.0 + 3.0 * k])
