@@ -32,7 +32,8 @@ class FitSettings:
     seed : of weights and windows.
     steps : of ``batch`` windows each.
     rate : largest learning rate; it falls to zero as a half cosine.
-    recorded_share, filmed_share : of the windows, those of recordings and of worlds as filmed; the rest are drawn.
+    recorded_share, picture_share, filmed_share : of the windows, those of recordings, of labelled pictures and of
+        worlds as filmed, where there are such; the rest are drawn.
     every : steps between lines of the log and checkpoints.
     """
 
@@ -41,6 +42,7 @@ class FitSettings:
     batch: int = 64
     rate: float = 3e-3
     recorded_share: float = 0.1
+    picture_share: float = 0.25
     filmed_share: float = 0.5
     every: int = 50
 
@@ -59,11 +61,14 @@ def fit(
     settings: FitSettings,
     folder: Path,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    pictures: Sequence[RecordedTarget] = (),
     start: ChannelNetwork | None = None,
 ) -> ChannelNetwork:
     """Train, or go on with what a folder's checkpoint holds; the same on one machine, interrupted or not.
 
-    ``start`` has the weights to begin with, for fine-tuning. Raises `InputError` for a checkpoint of other settings.
+    ``pictures`` are one's own, ``start`` has the weights to begin with, for fine-tuning. Raises `InputError` for a
+    checkpoint of other settings.
     """
     torch.manual_seed(settings.seed)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -73,7 +78,11 @@ def fit(
     folder.mkdir(parents=True, exist_ok=True)
     _resume(run, settings, folder, device)
     drawer = WindowDrawer(material.aircraft, material.birds, material.backgrounds)
-    sources = (recorded, settings.recorded_share), (material.filmed, settings.filmed_share)
+    sources = (
+        (recorded, settings.recorded_share),
+        (pictures, settings.picture_share),
+        (material.filmed, settings.filmed_share),
+    )
     parts: list[dict[str, float]] = []
     network.train()
     while run.step < settings.steps:
@@ -116,7 +125,9 @@ def _window(
     generator = np.random.default_rng([settings.seed, _WINDOW_STREAM, step, number])
     draw = float(generator.uniform())
     for targets, share in sources:
-        if targets and draw < share:
+        if not targets:
+            continue
+        if draw < share:
             return recorded_window(targets[int(generator.integers(len(targets)))], generator)
         draw -= share
     return drawer.draw(generator)

@@ -1,13 +1,15 @@
 """One training run: material, fit, weights and their card; it goes on where an earlier run into its folder ended."""
 
+import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from groundstation.errors import InputError
-from training.export import export_onnx
+from training.export import export_onnx, load_onnx
 from training.fit import FitSettings, fit
+from training.labelled_pictures import labelled_pictures
 from training.material import Material, MaterialRequest, load_material, make_material, save_material
 from training.network import ChannelNetwork, parameters_of
 from training.recorded_windows import RecordedTarget, recorded_targets
@@ -24,12 +26,16 @@ class TrainRequest:
     out : folder of the run.
     material : what windows are drawn from.
     recordings : session folders with true silhouettes whose windows are mixed in.
+    pictures : folder of labelled pictures, mixed in, too.
+    start : weights to begin with; None begins with random ones.
     fit : length, rate and seed.
     """
 
     out: Path
     material: MaterialRequest
     recordings: tuple[Path, ...] = ()
+    pictures: Path | None = None
+    start: Path | None = None
     fit: FitSettings
 
 
@@ -45,18 +51,30 @@ class Trained:
 def train(request: TrainRequest, progress: Callable[[str, int, int], None]) -> Trained:
     """Make the material, or read it; train; write the weights and their card.
 
-    ``progress(what, done, total)`` is called along the way. Raises `InputError` where the folder holds another run, or
-    a recording has no truth.
+    ``progress(what, done, total)`` is called along the way. Raises `InputError` where the folder holds another run, a
+    recording has no truth, or pictures or weights are not as wanted.
     """
+    start = None if request.start is None else load_onnx(request.start)
+    pictures = [] if request.pictures is None else labelled_pictures(request.pictures)
     material = _material(request, progress)
     recorded: list[RecordedTarget] = []
     for folder in request.recordings:
         recorded += recorded_targets(folder)
-    network = fit(material, recorded, request.fit, request.out, lambda done, total: progress("fit", done, total))
+    network = fit(
+        material,
+        recorded,
+        request.fit,
+        request.out,
+        lambda done, total: progress("fit", done, total),
+        pictures=pictures,
+        start=start,
+    )
     weights = request.out / WEIGHTS
     sha256 = export_onnx(network, weights)
     card = request.out / CARD
-    card.write_text(json.dumps(_card(request, material, recorded, network, sha256), indent=1) + "\n", encoding="utf-8")
+    card.write_text(
+        json.dumps(_card(request, material, recorded, pictures, network, sha256), indent=1) + "\n", encoding="utf-8"
+    )
     return Trained(weights=weights, card=card, sha256=sha256)
 
 
@@ -78,6 +96,7 @@ def _card(
     request: TrainRequest,
     material: Material,
     recorded: list[RecordedTarget],
+    pictures: list[RecordedTarget],
     network: ChannelNetwork,
     sha256: str,
 ) -> dict[str, object]:
@@ -96,6 +115,8 @@ def _card(
         "frames_of_real_clips": clips,
         "recorded_targets": len(recorded),
         "recordings": [folder.name for folder in request.recordings],
+        "labelled_pictures": len(pictures),
+        "started_with": None if request.start is None else hashlib.sha256(request.start.read_bytes()).hexdigest(),
         "left_out": [
             *request.material.without_families,
             *request.material.without_sceneries,

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from groundstation.cli.command_arguments import Commands, add_command, add_result_folder, print_files
-from groundstation.cli.number_arguments import count
+from groundstation.cli.number_arguments import count, positive_number
 from groundstation.cli.path_arguments import READ, READ_TEXT
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import InputError
@@ -17,6 +17,7 @@ _MORE = """examples:
   groundstation train --out out/channel
   groundstation train --out out/channel --clips aircraft-clips --recording landing-1 --recording takeoff-1
   groundstation train --out out/no-gliders --without glider --steps 1600
+  groundstation train --out out/own --pictures mine --start out/channel/aircraft.onnx --steps 300 --rate 5e-4
 
 writes aircraft.onnx, card.json, log.csv, checkpoint.pt and material/.
 Needs groundstation[train]. One core takes about 0.9 s a step of 64 windows.
@@ -39,10 +40,17 @@ def add_train(commands: Commands) -> None:
         default=[],
         help="rendered session with masks.npz, whose windows are mixed in; may be repeated",
     )
+    train.add_argument(
+        "--pictures", type=READ, metavar="DIR", help="one's own labelled pictures: NAME.png, NAME.mask.png, noses.csv"
+    )
+    train.add_argument("--start", type=READ, metavar="ONNX", help="weights to begin with, to fine-tune them")
     train.add_argument("--worlds", type=count, metavar="N", default=450, help="train worlds (default: 450)")
     train.add_argument("--scenes", type=count, metavar="N", default=170, help="backgrounds of them (default: 170)")
     train.add_argument("--filmed", type=count, metavar="N", default=200, help="of them are filmed (default: 200)")
     train.add_argument("--steps", type=count, metavar="N", default=4000, help="of 64 windows (default: 4000)")
+    train.add_argument(
+        "--rate", type=positive_number, metavar="R", default=3e-3, help="largest learning rate (default: 0.003)"
+    )
     train.add_argument("--seed", type=count, metavar="N", default=1, help="of weights and windows (default: 1)")
     train.add_argument(
         "--without",
@@ -91,7 +99,9 @@ def run_train(options: argparse.Namespace) -> int:
             without_skies=chosen("skies"),
         ),
         recordings=tuple(Path(folder) for folder in options.recording),
-        fit=FitSettings(seed=options.seed, steps=options.steps),
+        pictures=options.pictures,
+        start=options.start,
+        fit=FitSettings(seed=options.seed, steps=options.steps, rate=options.rate),
     )
     with ProgressLine(sys.stderr, "train", "step") as line:
         trained = train(request, lambda _, done, total: line.update(done, total))
