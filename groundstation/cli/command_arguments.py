@@ -147,3 +147,13 @@ def print_video_result(result: VideoResult, summary: str) -> None:
         print(f"groundstation: {result.damage}", file=sys.stderr)
     if result.fault is not None:
         print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
+
+
+def add_weights_option(parser: argparse.ArgumentParser) -> None:
+    """Add ``--weights``, one's own weights of the learned channel."""
+    parser.add_argument(
+        "--weights",
+        type=READ,
+        metavar="ONNX",
+        help="detect with the learned channel and one's own weights, of `groundstation train`",
+    )

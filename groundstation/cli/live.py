@@ -6,7 +6,7 @@ import sys
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from groundstation.cli.command_arguments import Commands, add_command, add_simulated_flight
+from groundstation.cli.command_arguments import Commands, add_command, add_simulated_flight, add_weights_option
 from groundstation.cli.number_arguments import duration_s
 from groundstation.cli.path_arguments import NEW_FOLDER, READ
 from groundstation.cli.status_display import StatusDisplay
@@ -49,6 +49,7 @@ def add_live(commands: Commands) -> None:
     live = add_command(commands, "live", run_live, "operate a station: track, point, record, live", _LIVE, _LIVE_MORE)
     live.add_argument("station", type=READ, nargs="?", metavar="STATION", help="station file, TOML")
     live.add_argument("--out", type=NEW_FOLDER, metavar="DIR", help="where it is recorded; new or empty")
+    add_weights_option(live)
     live.add_argument("--for", type=duration_s, dest="seconds", metavar="S", help="end after so many seconds")
     live.add_argument("--simulate", action="store_true", help="with a range that is not there")
     live.add_argument("--rig", type=READ, metavar="FILE", help="with --simulate: another rig than the built-in one")
@@ -96,6 +97,7 @@ def run_live(options: argparse.Namespace) -> int:
         seconds=options.seconds,
         screen="desktop" if options.view else "browser" if options.web else "none",
         record=not options.no_record,
+        weights=options.weights,
     )
     simulator = None
     if options.simulate:

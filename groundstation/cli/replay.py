@@ -4,7 +4,13 @@ import argparse
 import os
 import sys
 
-from groundstation.cli.command_arguments import Commands, add_command, add_result_folder, print_files
+from groundstation.cli.command_arguments import (
+    Commands,
+    add_command,
+    add_result_folder,
+    add_weights_option,
+    print_files,
+)
 from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
@@ -38,6 +44,7 @@ def add_replay(commands: Commands) -> None:
         metavar="FILE",
         help="tuning, TOML; what it leaves out keeps its default (all of them: groundstation config)",
     )
+    add_weights_option(replay)
     add_span(replay)
     replay.add_argument(
         "--learn-until",
@@ -79,6 +86,7 @@ def run_replay(options: argparse.Namespace) -> int:
         rerun=not options.no_rerun,
         record=options.record,
         smooth=options.smooth,
+        weights=options.weights,
     )
     with ProgressLine(sys.stderr, "replay") as line:
         result = replay(request, line.update)

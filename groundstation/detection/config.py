@@ -127,6 +127,7 @@ class DetectionConfig:
     ----------
     detector : classic, with all settings below; or the learned channel (docs/learned-channel.md), which uses
         ``level_set.mu``, ``target_point``, ``roi_…``, ``gate_sigmas`` and ``min_span_px`` alone.
+    weights_sha256 : SHA-256 of the learned channel's weights; empty for those of the program. ``--weights`` sets it.
     segmentation : the method that divides the image.
     level_set : the Chan-Vese weights and numerics, and the stopping rule of every method.
     snake : the snakes' weights and numerics.
@@ -149,6 +150,7 @@ class DetectionConfig:
     """
 
     detector: DetectorKind = DetectorKind.CLASSIC
+    weights_sha256: str = ""
     segmentation: SegmentationMethod = SegmentationMethod.CHAN_VESE
     level_set: LevelSetConfig = field(default_factory=LevelSetConfig)
     snake: SnakeConfig = field(default_factory=SnakeConfig)

@@ -64,7 +64,7 @@ class LearnedDetector:
     def __init__(self, config: DetectionConfig, image_size_px: tuple[int, int]) -> None:
         self._config = config
         self._image_size_px = image_size_px
-        self._channel = LearnedChannel(channel_weights())
+        self._channel = LearnedChannel(channel_weights(config.weights_sha256))
         self._width_px: float | None = None
 
     def reset(self) -> None:

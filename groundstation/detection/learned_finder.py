@@ -44,7 +44,7 @@ class LearnedFinder:
         lens: Lens | None = None,
     ) -> None:
         self._proposals = CandidateFinder(acquisition, image_size_px, lens)
-        self._channel = LearnedChannel(channel_weights())
+        self._channel = LearnedChannel(channel_weights(detection.weights_sha256))
         self._detection = detection
 
     def reset(self) -> None:

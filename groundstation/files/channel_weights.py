@@ -5,6 +5,7 @@ from functools import cache
 from pathlib import Path
 
 from groundstation.errors import InputError
+from groundstation.files.toml_table import shown
 
 WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights" / "aircraft.onnx"
 # of the file that docs/learned-channel.md describes
@@ -12,9 +13,37 @@ SHA256 = "d199d92ddb7361d92b1c741f9f04be6841c6fa57cd43e672c1c0f95084db5a99"
 MOST_BYTES = 2_000_000
 
 
+# one's own weights by their SHA-256: a tuning, which a recording may bring, names a hash and never a path
+_own: dict[str, bytes] = {}
+
+
+def add_weights(path: Path) -> str:
+    """Read one's own weights for this process and return their SHA-256, by which a tuning names them.
+
+    Raises `InputError` as `read_weights` does.
+    """
+    content = read_weights(path, None)
+    sha256 = hashlib.sha256(content).hexdigest()
+    _own[sha256] = content
+    return sha256
+
+
+def channel_weights(sha256: str = "") -> bytes:
+    """Return the weights with a hash, by default those of the program.
+
+    Raises `InputError` where the program's file is missing or another one, and for a hash that `add_weights` has not
+    seen.
+    """
+    if sha256 in ("", SHA256):
+        return _weights_of_the_program()
+    if sha256 not in _own:
+        got = f"SHA-256 {shown(sha256, 16)}…, which is not of this program's weights"
+        raise InputError("detection.weights_sha256", got=got, wanted="the option --weights with that file")
+    return _own[sha256]
+
+
 @cache
-def channel_weights() -> bytes:
-    """Return the weights of the program. Raises `InputError` where the file is missing or another one."""
+def _weights_of_the_program() -> bytes:
     return read_weights(WEIGHTS, SHA256)
 
 

@@ -32,7 +32,7 @@ from groundstation.replay.reference_prior import ReferencePrior
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
-from groundstation.tracking.config import Config, load_config
+from groundstation.tracking.config import Config, load_config, with_weights
 from groundstation.tracking.warm_up import warm_up
 
 _BEGIN_AFTER_S = 3.0
@@ -44,7 +44,8 @@ class LiveRequest:
     """Options of one run of `groundstation live`.
 
     ``station`` None only with a simulator. ``out`` None is a folder of its own below the station file's [record]
-    folder. ``seconds`` None continues until ``stop``. ``screen`` is "desktop", "browser" or "none".
+    folder. ``seconds`` None continues until ``stop``. ``screen`` is "desktop", "browser" or "none". ``weights``
+    are one's own for the learned channel, which then detects.
     """
 
     station: Path | None
@@ -52,6 +53,7 @@ class LiveRequest:
     seconds: float | None = None
     screen: str = "none"
     record: bool = True
+    weights: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,7 +182,8 @@ def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -
     file = with_keep_out(file, rig, time.monotonic(), time.time())
     if simulator is not None:
         simulator.check(rig)
-    config = live_config(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
+    tuning = with_weights(load_config(file.config), request.weights)
+    config = live_config(reference_tuning(tuning, file.reference), file.rate_hz)
     header = live_header(file, config)
     return _LiveStation(file=file, rig=rig, config=config, header=header, reference=live_reference(header, rig, config))
 

@@ -47,7 +47,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     session, config = inputs.session, inputs.config
     with ExitStack() as opened:
         opened.enter_context(short_gil_switch_interval())
-        comparison = OutputComparisonSink() if session.recorded is not None and request.unmodified else None
+        unmodified = request.unmodified and not inputs.other_weights
+        comparison = OutputComparisonSink() if session.recorded is not None and unmodified else None
         on_recorded_output = comparison.recorded if comparison is not None else lambda line: None
         source = session_source(session, request.from_s, request.to_s, on_recorded_output)
         opened.enter_context(source)

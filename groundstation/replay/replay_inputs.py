@@ -11,7 +11,7 @@ from groundstation.replay.reference_prior import ReferencePrior, reference_prior
 from groundstation.replay.replay_request import ReplayRequest
 from groundstation.session import Session, Truth, load_dgps, load_session, load_truth
 from groundstation.sources.reference_fixes import reference_fixes
-from groundstation.tracking.config import Config
+from groundstation.tracking.config import Config, with_weights
 
 _MIN_BASELINE_M = 0.1
 _CLOCKS_APART_S = 0.2
@@ -19,7 +19,10 @@ _CLOCKS_APART_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReplayInputs:
-    """The inputs of a replay; ``notes`` are faults of the references and assumptions on clocks, one line each."""
+    """The inputs of a replay; ``notes`` are faults of the references and assumptions on clocks, one line each.
+
+    ``other_weights`` is whether the request's weights are not those that the tuning names.
+    """
 
     session: Session
     config: Config
@@ -27,6 +30,7 @@ class ReplayInputs:
     truth: Truth | None
     prior: ReferencePrior
     notes: tuple[str, ...]
+    other_weights: bool
 
 
 def load_inputs(request: ReplayRequest) -> ReplayInputs:
@@ -35,7 +39,8 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
     A damaged reference table does not stop the replay: its rows before the fault are used.
     """
     session = _usable_session(request)
-    config = load_replay_config(session, request.config)
+    tuning = load_replay_config(session, request.config)
+    config = with_weights(tuning, request.weights)
     broken: list[SessionError] = []
     dgps_notes: list[str] = []
     dgps = load_dgps(session, broken.append, dgps_notes.append)
@@ -46,7 +51,15 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
     notes += _clock_notes(session)
     prior = reference_prior(session, config.estimation)
     notes += prior.notes
-    return ReplayInputs(session=session, config=config, dgps=dgps, truth=truth, prior=prior, notes=tuple(notes))
+    return ReplayInputs(
+        session=session,
+        config=config,
+        dgps=dgps,
+        truth=truth,
+        prior=prior,
+        notes=tuple(notes),
+        other_weights=config != tuning,
+    )
 
 
 def learning_fixes(request: ReplayRequest, inputs: ReplayInputs) -> list[ReferenceFix]:

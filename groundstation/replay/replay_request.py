@@ -14,6 +14,7 @@ class ReplayRequest:
 
     Up to ``learn_until_s`` of its clock the DGPS updates the filter and its calibration states; None uses it for
     comparison only. ``smooth`` also writes the smoothed track. ``record`` is the path of a recording to write.
+    ``weights`` are one's own for the learned channel, which then detects.
     ``report`` False leaves out report.html, whose figures take longer than a short replay.
     """
 
@@ -28,6 +29,7 @@ class ReplayRequest:
     smooth: bool = False
     record: Path | None = None
     report: bool = True
+    weights: Path | None = None
 
     @property
     def unmodified(self) -> bool:

@@ -11,14 +11,16 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from groundstation.detection.candidate_finder import AcquisitionConfig
-from groundstation.detection.config import DetectionConfig
+from groundstation.detection.config import DetectionConfig, DetectorKind
 from groundstation.errors import ConfigError
 from groundstation.estimation.config import EstimationConfig, InitiationConfig
 from groundstation.evaluation.config import EvaluationConfig
+from groundstation.files.channel_weights import add_weights
 from groundstation.files.text_file import TextFile
 from groundstation.files.toml_table import load_toml, quoted, shown
 from groundstation.integrity.station_exclusion import IntegrityConfig
@@ -53,6 +55,17 @@ class Config:
 def load_config(path: TextFile | None) -> Config:
     """Read a configuration file; None gives the defaults. Raises `ConfigError`."""
     return Config() if path is None else config_from_mapping(Config, load_toml(path, ConfigError), str(path))
+
+
+def with_weights(config: Config, path: Path | None) -> Config:
+    """Return a configuration that detects with one's own weights of the learned channel; None leaves it as it is.
+
+    Raises `InputError` for a file that is none.
+    """
+    if path is None:
+        return config
+    detection = dataclasses.replace(config.detection, detector=DetectorKind.LEARNED, weights_sha256=add_weights(path))
+    return dataclasses.replace(config, detection=detection)
 
 
 def config_from_mapping(kind: type[T], values: Mapping[str, Any], where: str) -> T:

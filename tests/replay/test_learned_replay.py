@@ -3,8 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from groundstation.cli.main import main
 from groundstation.detection_messages import DetectionStatus
+from groundstation.files import channel_weights
+from groundstation.files.channel_weights import WEIGHTS
 from groundstation.replay.replay import ReplayRequest, replay
 
 FROM_S, TO_S = 2.0, 8.0
@@ -30,3 +34,33 @@ def test_the_start_of_the_landing(landing_1: Path, tmp_path: Path) -> None:
     total = result.evaluation.summary["accuracy"]["truth"]["total"]["ekf"]
     assert total["epochs"] > 20
     assert np.all(np.array(total["rmse_m"]) < [0.1, 4.0, 0.25])
+
+
+def other_weights(folder: Path) -> Path:
+    """The program's weights with another hash: a letter of the program that wrote them is changed."""
+    content = WEIGHTS.read_bytes()
+    assert content.count(b"pytorch") == 1
+    path = folder / "own.onnx"
+    path.write_bytes(content.replace(b"pytorch", b"pytorcH"))
+    return path
+
+
+def test_own_weights_are_named_by_their_hash(
+    landing_1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A recording made with them is replayed with them alone, and says so."""
+    own, recording = other_weights(tmp_path), tmp_path / "own.mcap"
+    span = ["--from", "2", "--to", "3", "--no-rerun"]
+    words = ["replay", str(landing_1), "--out", str(tmp_path / "out"), *span, "--weights", str(own)]
+    assert main([*words, "--record", str(recording)]) == 0
+    again = ["replay", str(recording), "--out", str(tmp_path / "again"), "--no-rerun"]
+    capsys.readouterr()
+    assert main([*again, "--weights", str(own)]) == 0
+    assert "the same track as was recorded, bit for bit: 10 epochs" in capsys.readouterr().out
+    monkeypatch.setattr(channel_weights, "_own", {})
+    assert main([*again[:3], str(tmp_path / "third"), "--no-rerun"]) == 1
+    reported = capsys.readouterr().err
+    assert "which is not of this program's weights; wanted the option --weights" in reported
+    # the program's own are others: another tuning, and no comparison with what was recorded
+    assert main([*again[:3], str(tmp_path / "fourth"), "--no-rerun", "--weights", str(WEIGHTS)]) == 0
+    assert "as was recorded" not in capsys.readouterr().out
