@@ -47,6 +47,10 @@ NOT_RUN = {
         "wants the file of the block above it; tests/replay/test_learned_replay.py"
     ),
     ("learned-channel.md", "groundstation train"): "trains for half an hour; tests/cli/test_train.py",
+    (
+        "learned-channel.md",
+        "groundstation replay flights/one --weights",
+    ): "wants own weights; tests/replay/test_learned_replay.py",
     ("rerun.md", "python - out/session.rrd 22.9 rerun.png <<'EOF'"): "wants a Vulkan driver and 12 s; compiled below",
     ("rerun.md", "python -c"): "reads that picture; compiled below",
 }
