@@ -24,12 +24,10 @@ class ChannelMaps:
     Attributes
     ----------
     aircraft : (96, 128) float32, logarithm of the odds of aircraft against everything else.
-    other : (96, 128) float32, the same of birds and other flying things.
     nose : (96, 128) float32, probability that the nose is at the pixel; its sum is 1, wherever it may be.
     """
 
     aircraft: Float32Array
-    other: Float32Array
     nose: Float32Array
 
 
@@ -63,20 +61,19 @@ class LearnedChannel:
         """Return the maps of a window (96, 128, 3) uint8 BGR."""
         levels = np.ascontiguousarray(window.transpose(2, 0, 1)[None], np.float32)
         raw = self._network.run(None, {self._input: levels})[0][0]
-        aircraft, other, nose = (np.empty(raw.shape[1:], np.float32) for _ in range(3))
-        _odds(raw, aircraft, other)
+        aircraft, nose = (np.empty(raw.shape[1:], np.float32) for _ in range(2))
+        _odds(raw, aircraft)
         _probabilities(raw[3], _SHARPNESS, nose)
-        return ChannelMaps(aircraft=aircraft, other=other, nose=nose)
+        return ChannelMaps(aircraft=aircraft, nose=nose)
 
 
 @njit(cache=True, nogil=True)
-def _odds(raw: Float32Array, aircraft: Float32Array, other: Float32Array) -> None:
-    """Fill the log odds (h, w) of two classes from the logits (3 or more, h, w) of neither, aircraft, other."""
+def _odds(raw: Float32Array, aircraft: Float32Array) -> None:
+    """Fill the log odds (h, w) of aircraft from the logits (3 or more, h, w) of neither, aircraft, other flying things."""
     for i in range(raw.shape[1]):
         for j in range(raw.shape[2]):
             n, a, o = raw[0, i, j], raw[1, i, j], raw[2, i, j]
             aircraft[i, j] = a - max(n, o) - math.log1p(math.exp(-abs(n - o)))
-            other[i, j] = o - max(n, a) - math.log1p(math.exp(-abs(n - a)))
 
 
 @njit(cache=True, nogil=True)
