@@ -69,7 +69,7 @@ class LearnedChannel:
 
 @njit(cache=True, nogil=True)
 def _odds(raw: Float32Array, aircraft: Float32Array) -> None:
-    """Fill the log odds (h, w) of aircraft from the logits (3 or more, h, w) of neither, aircraft, other flying things."""
+    """Fill the log odds (h, w) of aircraft from the logits (3, h, w) of neither, aircraft, other flying things."""
     for i in range(raw.shape[1]):
         for j in range(raw.shape[2]):
             n, a, o = raw[0, i, j], raw[1, i, j], raw[2, i, j]
