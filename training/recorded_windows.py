@@ -11,7 +11,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.bank.session_truth import SessionTruth
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
-from groundstation.session import load_session
+from groundstation.session import load_session, load_truth
 from groundstation.sources.true_silhouettes import TrueSilhouette
 from groundstation.sources.video_file import VideoFile
 from training.windows import LabelledWindow
@@ -45,9 +45,10 @@ class RecordedTarget:
 
 
 def recorded_targets(session_folder: Path) -> list[RecordedTarget]:
-    """Return every third frame's target of a session's stations."""
+    """Return every third frame's target of a session's stations, with its nose where truth.csv has a row a frame."""
     session = load_session(session_folder)
-    truth = SessionTruth(session)
+    truth, pixels = SessionTruth(session), load_truth(session)
+    by_frame = pixels is not None and len(pixels.t_s) == truth.pairs
     found: list[RecordedTarget] = []
     for station in session.rig.names:
         video = VideoFile(session_folder / f"{station}.mp4")
@@ -55,10 +56,13 @@ def recorded_targets(session_folder: Path) -> list[RecordedTarget]:
             if frame.index % _FRAME_STEP:
                 continue
             seen = truth.frame(station, frame.index)
-            if seen is not None and seen.visible:
-                truth_px = seen.silhouette
-                middle, width = truth_px.centre_px, float(truth_px.width_px)
-                found.append(target_in(frame.image, truth_px, middle, width, np.full(2, np.nan)))
+            if seen is None or not seen.visible:
+                continue
+            nose = np.full(2, np.nan)
+            if pixels is not None and by_frame and pixels.visible[station][frame.index]:
+                nose = pixels.pixels_px[station][frame.index]
+            silhouette = seen.silhouette
+            found.append(target_in(frame.image, silhouette, silhouette.centre_px, float(silhouette.width_px), nose))
     return found
 
 

@@ -9,7 +9,7 @@ from groundstation.files.toml_table import shown
 
 WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights" / "aircraft.onnx"
 # of the file that docs/learned-channel.md describes
-SHA256 = "d199d92ddb7361d92b1c741f9f04be6841c6fa57cd43e672c1c0f95084db5a99"
+SHA256 = "d87403deedd6676257eec3459e4991c914047216f340f23121104eb64f0a9408"
 MOST_BYTES = 2_000_000
 
 
