@@ -12,7 +12,7 @@ from numba import njit
 from groundstation.arrays import Float32Array, FloatArray, ImageArray
 from groundstation.errors import InputError
 
-# the trained map is too flat: with this exponent the noses of thirty train worlds that were not trained on (342 windows)
+# the trained map is too flat: with this exponent the noses of thirty train worlds not trained on (342 windows)
 # are most likely (normalised square: median 0.8, 90 % below 4.8; 0.5 and 2.7 without it)
 _SHARPNESS = 1.5
 
