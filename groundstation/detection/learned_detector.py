@@ -30,7 +30,7 @@ _DRIVE, _MOST_ODDS = 0.1, 6.0
 _PIECES = 0.35
 # neighbouring windows overlap by a target; at most so many to a side
 _STEP_PX, _MOST_WINDOWS = 64.0, 3
-# one sigma of the nose from the middle of the silhouette, as a share of the width, where the map shows no nose
+# one sigma of the nose, as a share of the width, where the map shows none, or the picture's border cuts the silhouette
 _UNSEEN_NOSE = 0.2
 _LEAST_NOSE_SHARE = 0.05
 _NOSE_MARGIN = 0.2
@@ -119,6 +119,9 @@ class LearnedDetector:
             return Miss(reason=MissReason.CUT, detail="the image border cuts the nose off")
         cut = x0 <= 0.5 or y0 <= 0.5 or x1 >= w - 1.5 or y1 >= h - 1.5
         covariance = covariance / window.scale**2
+        if cut:
+            # the nose may be in the part that is outside the picture
+            covariance = covariance + np.eye(2) * (_UNSEEN_NOSE * float(x1 - x0)) ** 2
         self._width_px = max(float(x1 - x0), 1.0)
         return Detection(
             u_px=float(u),

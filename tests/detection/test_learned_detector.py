@@ -100,6 +100,21 @@ def test_a_hidden_nose_costs_accuracy_and_is_stated_so(rng: np.random.Generator)
     assert sigmas[0] > 1.5 * sigmas[1]
 
 
+def test_a_silhouette_that_the_border_cuts_may_have_its_nose_outside(sprite: Sprite, rng: np.random.Generator) -> None:
+    """The left third of the wings is outside: the covariance covers a nose that is there, too."""
+    image, nose = picture(sprite, (280, 200), 80.0, rng)
+    whole = make_detector(LEARNED, SIZE_PX).detect(image, ROI, hint(nose, 80.0))
+    part = np.ascontiguousarray(image[:, 280 + 27 :])
+    size = part.shape[1], part.shape[0]
+    cut = make_detector(LEARNED, size).detect(part, Box(0, 0, *size), hint(nose - [307.0, 0.0], 80.0))
+    assert isinstance(whole, Detection)
+    assert isinstance(cut, Detection)
+    assert (whole.cut, cut.cut) == (False, True)
+    sigmas = [float(np.sqrt(found.covariance_px2[0, 0])) for found in (whole, cut)]
+    assert sigmas[1] > 4.0 * sigmas[0]
+    assert sigmas[1] > 8.0
+
+
 def test_a_prediction_that_is_far_off_is_searched_around(sprite: Sprite, rng: np.random.Generator) -> None:
     image, nose = picture(sprite, (280, 200), 30.0, rng)
     found = make_detector(LEARNED, SIZE_PX).detect(image, ROI, hint(nose + [70.0, 10.0], 30.0, sigma_px=40.0))
