@@ -69,7 +69,7 @@ def test_a_hanging_step_before_operation_is_abandoned_too(monkeypatch: pytest.Mo
     """Expected: while something compiles or opens that does not return, the bound of the end holds as in operation."""
     asked, given_up, reported = threading.Event(), threading.Event(), list[str]()
 
-    def hangs() -> None:
+    def hangs(_: object) -> None:
         asked.set()
         assert given_up.wait(60.0)
 
