@@ -72,6 +72,7 @@ class LearnedFinder:
             c
             for c in candidates_of(maps, self._detection.level_set.mu)
             if float(np.hypot(*(c.centre - middle))) <= _REACH * TARGET_PX
+            and _is_inside(window.to_picture(c.centre), picture.size_px)
         ]
         if not near:
             return replace(proposal, score=_LEAST_SHARE * proposal.score)
@@ -86,3 +87,8 @@ class LearnedFinder:
         x1, y1 = window.to_picture(np.array([best.box.x1, best.box.y1]) - 0.5) + 0.5
         box = Box(max(float(x0), 0.0), max(float(y0), 0.0), min(float(x1), float(w)), min(float(y1), float(h)))
         return replace(proposal, u_px=u, v_px=v, box=box, score=score)
+
+
+def _is_inside(point_px: FloatArray, size_px: tuple[int, int]) -> bool:
+    """Return whether a point (2,) is in the picture: beyond its border a window repeats it, and may show a copy."""
+    return bool(np.all(point_px > -0.5) and np.all(point_px < np.array(size_px) - 0.5))

@@ -38,3 +38,14 @@ def test_the_nearest_part_of_a_picture_is_enough(rng: np.random.Generator) -> No
             assert 0.0 <= found.box.x0 < found.box.x1 <= SIZE_PX[0]
             assert 0.0 <= found.box.y0 < found.box.y1 <= SIZE_PX[1]
     finder.reset()
+
+
+def test_a_copy_beyond_the_border_is_no_candidate(rng: np.random.Generator) -> None:
+    """Wings that the border cuts go on in the window, where it repeats the picture's last column."""
+    image, _ = picture(drawn(13), (280, 200), 90.0, rng)
+    for left in (300, 320, 340, 355):
+        part = np.ascontiguousarray(image[:, left:])
+        size = part.shape[1], part.shape[0]
+        for found in LearnedFinder(AcquisitionConfig(), LEARNED, size).find(part, 0.0):
+            assert 0.0 <= found.box.x0 < found.box.x1 <= size[0]
+            assert 0.0 <= found.u_px <= size[0] - 1.0
