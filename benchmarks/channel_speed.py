@@ -2,7 +2,7 @@
 
     python benchmarks/channel_speed.py [--csrt PYTHON] [--frames N] [SESSION]
 
-Each frame that shows the target whole is detected with its true place as the prediction (3 px of sigma) and its true
+Each frame that shows the target is detected with its true place as the prediction (3 px of sigma) and its true
 width; CSRT follows from the first one on. All on one thread. "search" is a search of the whole frame.
 """
 

@@ -4,7 +4,8 @@
 
 Pictures are filmed as for training (`training/filmed_targets.py`), once for a folder, of worlds of a set by number. A
 window whose middle is off the silhouette's by up to 0.3 of its width and whose scale by 0.6 to 1.6 is hit where the
-strongest response to aircraft is on the silhouette or within 4 px of it; a window elsewhere fires where even odds are
+strongest response to aircraft is on the silhouette or within 4 px of it, in pictures reduced to targets of at most 66
+px; a window elsewhere fires where even odds are
 reached off the target. d² is the nose's normalised square error, 2 where the covariance is true.
 """
 
@@ -122,7 +123,7 @@ def _print(found: list[WindowResult]) -> None:
     print(f"windows elsewhere {len(other)}, fire off the target {share(other, lambda r: r.fired):.3f}")
     with_nose = [r for r in own if math.isfinite(r.d2)]
     print(f"{'width px':16}{'n':>6}{'hit':>8}{'error/width':>13}{'d2 mean':>9}{'median':>8}{'90 %':>8}")
-    for low, high in ((0, 16), (16, 32), (32, 67), (0, 1000)):
+    for low, high in ((0, 16), (16, 32), (32, 67), (0, 67)):
         part = [r for r in own if low <= r.width_px < high]
         noses = [r for r in with_nose if low <= r.width_px < high]
         if noses:

@@ -1,6 +1,7 @@
 """Fitting the network: steps that depend on seed and number alone, a log, and checkpoints from which a run goes on."""
 
 import csv
+import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -51,6 +52,7 @@ class FitSettings:
 class _Run:
     network: ChannelNetwork
     optimizer: torch.optim.Optimizer
+    inputs: str
     step: int = 0
     rows: list[list[Any]] = field(default_factory=list)
 
@@ -68,13 +70,14 @@ def fit(
     """Train, or go on with what a folder's checkpoint holds; the same on one machine, interrupted or not.
 
     ``pictures`` are one's own, ``start`` has the weights to begin with, for fine-tuning. Raises `InputError` for a
-    checkpoint of other settings.
+    checkpoint of other settings, recordings, pictures or first weights.
     """
     torch.manual_seed(settings.seed)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     network = ChannelNetwork() if start is None else start
+    inputs = _digest(start, recorded, pictures)
     network.to(device=device, memory_format=torch.channels_last)
-    run = _Run(network, torch.optim.AdamW(network.parameters(), lr=settings.rate, weight_decay=1e-4))
+    run = _Run(network, torch.optim.AdamW(network.parameters(), lr=settings.rate, weight_decay=1e-4), inputs)
     folder.mkdir(parents=True, exist_ok=True)
     _resume(run, settings, folder, device)
     drawer = WindowDrawer(material.aircraft, material.birds, material.backgrounds)
@@ -141,6 +144,7 @@ def _rate(step: int, settings: FitSettings) -> float:
 def _keep(run: _Run, settings: FitSettings, folder: Path) -> None:
     state = {
         "settings": repr(settings),
+        "inputs": run.inputs,
         "step": run.step,
         "network": run.network.state_dict(),
         "optimizer": run.optimizer.state_dict(),
@@ -160,6 +164,24 @@ def _resume(run: _Run, settings: FitSettings, folder: Path, device: torch.device
     state = torch.load(path, map_location=device, weights_only=True)
     if state["settings"] != repr(settings):
         raise InputError(str(path), got=f"a run of {state['settings']}", wanted=f"{settings}, or an empty folder")
+    if state["inputs"] != run.inputs:
+        got, wanted = "a run with other recordings, pictures or first weights", "an empty folder for this one"
+        raise InputError(str(path), got=got, wanted=wanted)
     run.network.load_state_dict(state["network"])
     run.optimizer.load_state_dict(state["optimizer"])
     run.step, run.rows = state["step"], state["rows"]
+
+
+def _digest(start: ChannelNetwork | None, *targets: Sequence[RecordedTarget]) -> str:
+    """Return a hash of the first weights and of what recordings and pictures show."""
+    found = hashlib.sha256()
+    for name, value in () if start is None else start.state_dict().items():
+        found.update(name.encode())
+        found.update(value.cpu().numpy().tobytes())
+    for group in targets:
+        found.update(len(group).to_bytes(8, "little"))
+        for target in group:
+            found.update(target.image.tobytes())
+            found.update(target.cover.tobytes())
+            found.update(np.array([*target.middle_px, target.width_px, *target.nose_px]).tobytes())
+    return found.hexdigest()

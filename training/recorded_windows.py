@@ -34,7 +34,7 @@ class RecordedTarget:
     cover : (h, w) uint8, 255 where the target is.
     middle_px : (2,) around which windows are placed: the silhouette's centre, or any point where none is expected.
     width_px : of the target, or as large as one would be.
-    nose_px : (2,) of the target; NaN where it is not known, or the window is not of the target.
+    nose_px : (2,) of the target; NaN where it is not known.
     """
 
     image: ImageArray

@@ -55,6 +55,8 @@ def train(request: TrainRequest, progress: Callable[[str, int, int], None]) -> T
     recording has no truth, or pictures or weights are not as wanted.
     """
     start = None if request.start is None else load_onnx(request.start)
+    # the run may overwrite the very file that it begins with
+    started_with = None if request.start is None else hashlib.sha256(request.start.read_bytes()).hexdigest()
     pictures = [] if request.pictures is None else labelled_pictures(request.pictures)
     material = _material(request, progress)
     recorded: list[RecordedTarget] = []
@@ -71,9 +73,10 @@ def train(request: TrainRequest, progress: Callable[[str, int, int], None]) -> T
     )
     weights = request.out / WEIGHTS
     sha256 = export_onnx(network, weights)
+    hashes = {"sha256": sha256, "started_with": started_with}
     card = request.out / CARD
     card.write_text(
-        json.dumps(_card(request, material, recorded, pictures, network, sha256), indent=1) + "\n", encoding="utf-8"
+        json.dumps(_card(request, material, recorded, pictures, network) | hashes, indent=1) + "\n", encoding="utf-8"
     )
     return Trained(weights=weights, card=card, sha256=sha256)
 
@@ -98,12 +101,10 @@ def _card(
     recorded: list[RecordedTarget],
     pictures: list[RecordedTarget],
     network: ChannelNetwork,
-    sha256: str,
 ) -> dict[str, object]:
     """Return what the weights were made from."""
     clips = sum(not background.drawn for background in material.backgrounds)
     return {
-        "sha256": sha256,
         "parameters": parameters_of(network),
         "windows": request.fit.steps * request.fit.batch,
         "fit": asdict(request.fit),
@@ -116,7 +117,6 @@ def _card(
         "recorded_targets": len(recorded),
         "recordings": [folder.name for folder in request.recordings],
         "labelled_pictures": len(pictures),
-        "started_with": None if request.start is None else hashlib.sha256(request.start.read_bytes()).hexdigest(),
         "left_out": [
             *request.material.without_families,
             *request.material.without_sceneries,

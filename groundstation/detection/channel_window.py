@@ -50,14 +50,14 @@ def channel_window(picture: Picture, centre_px: FloatArray, span_px: float) -> C
         return None
     part, corner = picture.window(Box(int(low[0]), int(low[1]), int(high[0]), int(high[1])))
     origin = centre_px - 0.5 * (np.array(WINDOW_PX) - 1.0) / scale
-    step, place = scale, origin - np.array(corner)
+    step, place = np.full(2, 1.0 / scale), origin - np.array(corner)
     if scale < 1.0:
-        # the mean of all pixels that fall into one; then only a shift is left
+        # the mean of all pixels that fall into one; then a shift is left, and what the rounded size is off
         size = max(round(part.shape[1] * scale), 1), max(round(part.shape[0] * scale), 1)
         ratio = np.array(size) / np.array(part.shape[1::-1])
         part = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA), np.uint8)
-        place, step = (place + 0.5) * ratio - 0.5, 1.0
-    move = np.array([[1.0 / step, 0.0, place[0]], [0.0, 1.0 / step, place[1]]])
+        place, step = (place + 0.5) * ratio - 0.5, step * ratio
+    move = np.array([[step[0], 0.0, place[0]], [0.0, step[1], place[1]]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     image = cv2.warpAffine(part, move, WINDOW_PX, flags=flags, borderMode=cv2.BORDER_REPLICATE)
     return ChannelWindow(image=np.asarray(image, np.uint8), scale=scale, origin_px=origin)

@@ -10,11 +10,15 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import Float32Array, FloatArray, ImageArray
+from groundstation.detection.channel_window import WINDOW_PX
 from groundstation.errors import InputError
 
 # the trained map is too flat: with this exponent the noses of thirty train worlds not trained on (342 windows)
 # are most likely (normalised square: median 0.8, 90 % below 4.8; 0.5 and 2.7 without it)
 _SHARPNESS = 1.5
+# neither, aircraft, other flying things, nose
+_MAPS = 4
+_WANTED = f"an ONNX network from windows (1, 3, {WINDOW_PX[1]}, {WINDOW_PX[0]}) to maps of four"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,17 +58,27 @@ class LearnedChannel:
             self._network = onnxruntime.InferenceSession(weights, options, providers=["CPUExecutionProvider"])
         except Exception as fault:
             # its own exceptions have no common class but this
-            raise InputError("weights of the learned channel", got=str(fault), wanted="an ONNX network") from fault
+            raise InputError("weights of the learned channel", got=str(fault), wanted=_WANTED) from fault
         self._input = self._network.get_inputs()[0].name
+        w, h = WINDOW_PX
+        try:
+            shape = self._raw(np.zeros((h, w, 3), np.uint8)).shape
+        except Exception as fault:
+            raise InputError("weights of the learned channel", got=str(fault), wanted=_WANTED) from fault
+        if shape != (1, _MAPS, h, w):
+            raise InputError("weights of the learned channel", got=f"maps of shape {shape}", wanted=_WANTED)
 
     def maps(self, window: ImageArray) -> ChannelMaps:
         """Return the maps of a window (96, 128, 3) uint8 BGR."""
-        levels = np.ascontiguousarray(window.transpose(2, 0, 1)[None], np.float32)
-        raw = self._network.run(None, {self._input: levels})[0][0]
+        raw = self._raw(window)[0]
         aircraft, nose = (np.empty(raw.shape[1:], np.float32) for _ in range(2))
         _odds(raw, aircraft)
         _probabilities(raw[3], _SHARPNESS, nose)
         return ChannelMaps(aircraft=aircraft, nose=nose)
+
+    def _raw(self, window: ImageArray) -> Float32Array:
+        levels = np.ascontiguousarray(window.transpose(2, 0, 1)[None], np.float32)
+        return np.asarray(self._network.run(None, {self._input: levels})[0], np.float32)
 
 
 @njit(cache=True, nogil=True)

@@ -98,7 +98,7 @@ class LearnedDetector:
         _, candidate, window, maps = best
         if _distance(window, candidate, hint, span) > self._config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the nearest region is too far from the prediction")
-        return self._described(candidate, window, maps)
+        return self._described(candidate, window, maps, span)
 
     def _span(self, hint: DetectionHint) -> float:
         """Return the width to expect, px: the filter's where it is better known than the last one's."""
@@ -107,7 +107,10 @@ class LearnedDetector:
             return max(expected, self._config.min_span_px)
         return self._width_px if self._width_px is not None else UNKNOWN_SPAN_PX
 
-    def _described(self, candidate: ChannelCandidate, window: ChannelWindow, maps: ChannelMaps) -> Detection | Miss:
+    def _described(
+        self, candidate: ChannelCandidate, window: ChannelWindow, maps: ChannelMaps, span: float
+    ) -> Detection | Miss:
+        """Return a candidate as a detection; ``span`` is the width that was expected, px."""
         point, covariance = nose_in(maps, candidate)
         if self._config.target_point is TargetPoint.CENTROID:
             point = candidate.centre
@@ -119,10 +122,14 @@ class LearnedDetector:
             return Miss(reason=MissReason.CUT, detail="the image border cuts the nose off")
         cut = x0 <= 0.5 or y0 <= 0.5 or x1 >= w - 1.5 or y1 >= h - 1.5
         covariance = covariance / window.scale**2
+        # a window repeats the picture's border, and a region may go on in it
+        x0, y0, x1, y1 = max(x0, -0.5), max(y0, -0.5), min(x1, w - 0.5), min(y1, h - 0.5)
         if cut:
             # the nose may be in the part that is outside the picture
-            covariance = covariance + np.eye(2) * (_UNSEEN_NOSE * float(x1 - x0)) ** 2
-        self._width_px = max(float(x1 - x0), 1.0)
+            missing = max(span - float(x1 - x0), 0.0)
+            covariance = covariance + np.eye(2) * (_UNSEEN_NOSE * span) ** 2 + np.diag([(0.5 * missing) ** 2, 0.0])
+        else:
+            self._width_px = max(float(x1 - x0), 1.0)
         return Detection(
             u_px=float(u),
             v_px=float(v),

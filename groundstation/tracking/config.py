@@ -17,10 +17,11 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from groundstation.detection.candidate_finder import AcquisitionConfig
 from groundstation.detection.config import DetectionConfig, DetectorKind
-from groundstation.errors import ConfigError
+from groundstation.detection.learned_channel import LearnedChannel
+from groundstation.errors import ConfigError, InputError
 from groundstation.estimation.config import EstimationConfig, InitiationConfig
 from groundstation.evaluation.config import EvaluationConfig
-from groundstation.files.channel_weights import add_weights
+from groundstation.files.channel_weights import SHA256, add_weights, channel_weights
 from groundstation.files.text_file import TextFile
 from groundstation.files.toml_table import load_toml, quoted, shown
 from groundstation.integrity.station_exclusion import IntegrityConfig
@@ -64,7 +65,13 @@ def with_weights(config: Config, path: Path | None) -> Config:
     """
     if path is None:
         return config
-    detection = dataclasses.replace(config.detection, detector=DetectorKind.LEARNED, weights_sha256=add_weights(path))
+    sha256 = add_weights(path)
+    try:
+        LearnedChannel(channel_weights(sha256))
+    except InputError as fault:
+        raise InputError(str(path), got=fault.got, wanted=fault.wanted) from fault
+    named = "" if sha256 == SHA256 else sha256
+    detection = dataclasses.replace(config.detection, detector=DetectorKind.LEARNED, weights_sha256=named)
     return dataclasses.replace(config, detection=detection)
 
 

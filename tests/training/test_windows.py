@@ -64,7 +64,6 @@ def test_a_window_is_the_same_for_the_same_generator_and_its_truth_fits(material
             widths.append(columns[-1] - columns[0] + 1)
         if np.all(np.isfinite(window.nose_px)):
             with_nose += 1
-            assert window.aircraft.max() > 0.0 or window.other.max() >= 0.0
     assert 0.5 * TARGET_PX < np.median(widths) < 1.5 * TARGET_PX
     assert with_nose > 25
 
@@ -115,6 +114,7 @@ def test_a_recorded_target_has_its_silhouette_where_it_is_seen(width_px: float, 
     silhouette = TrueSilhouette(x=low, y=rows.start, mask=np.ones((4, high - low), dtype=bool))
     nose = np.array([low + 0.0, 2.0 * side / 4.0 - 0.5])
     target = target_in(image, silhouette, silhouette.centre_px, width_px, nose)
+    checked = 0
     for _ in range(10):
         window = recorded_window(target, rng)
         dark = window.image.mean(axis=2) < 0.5 * (window.image.max() + float(window.image.min()))
@@ -126,6 +126,8 @@ def test_a_recorded_target_has_its_silhouette_where_it_is_seen(width_px: float, 
             if np.isfinite(window.nose_px[0]) and columns[0] > 0 and columns[-1] < WINDOW_PX[0] - 1:
                 # to half a pixel of the picture, and one of the window
                 assert np.abs(columns[[0, -1]] - window.nose_px[0]).min() < 1.5 + 0.9 * TARGET_PX / width_px
+                checked += 1
+    assert checked > 2
 
 
 def test_filmed_targets_are_where_they_are_labelled() -> None:

@@ -83,7 +83,7 @@ def mark_seen(nodes: FloatArray, moved: FloatArray, fine: Panorama, coarse: Pano
 
 
 class DrawnPanorama:
-    """A panorama of a scenery from an eye.
+    """A panorama of a scenery from an eye; one thread at a time, since drawing changes it.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ def fine_range_around(points_runway_m: FloatArray, eye_runway_m: FloatArray, mar
 
 
 class Surroundings:
-    """What one station sees.
+    """What one station sees; one thread at a time, since drawing changes it.
 
     Parameters
     ----------
