@@ -64,3 +64,14 @@ def test_own_weights_are_named_by_their_hash(
     # the program's own are others: another tuning, and no comparison with what was recorded
     assert main([*again[:3], str(tmp_path / "fourth"), "--no-rerun", "--weights", str(WEIGHTS)]) == 0
     assert "as was recorded" not in capsys.readouterr().out
+
+
+def test_a_file_that_is_no_network_is_refused_before_anything_is_written(
+    landing_1: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = tmp_path / "wrong.onnx"
+    wrong.write_bytes(b"junk")
+    out = tmp_path / "out"
+    assert main(["replay", str(landing_1), "--out", str(out), "--weights", str(wrong)]) == 1
+    assert "wrong.onnx: got" in capsys.readouterr().err
+    assert not out.exists()
