@@ -37,6 +37,7 @@ from parallel_study import StudyRun, add_study_arguments, in_blocks
 
 from groundstation.arrays import ImageArray
 from groundstation.box import box_of_size
+from groundstation.detection.config import DetectorKind
 from groundstation.messages import Detection
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.tracking.warm_up import warm_up
@@ -155,7 +156,7 @@ class PlannedFlights:
 @cache
 def planned(folder: str, each: int, seed: int, clips: tuple[str, ...]) -> PlannedFlights:
     """Return the flights of a plan by number."""
-    warm_up()
+    warm_up(DetectorKind.CLASSIC)
     cv2.setNumThreads(1)
     flights = plan(Path(folder), each, seed, list(clips))
     boxes = read_boxes(Path(folder) / "aircraft-clips")

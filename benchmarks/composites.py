@@ -23,6 +23,7 @@ from groundstation.bank.composites.composite_row import FrameVerdict, JudgedFram
 from groundstation.bank.composites.draw_composite import draw_composite
 from groundstation.bank.composites.render_composite import CompositeFrame, render_composite
 from groundstation.bank.composites.segment_view import CompositeClips
+from groundstation.detection.config import DetectorKind
 from groundstation.simulation.world.world_sets import WorldSet, seed_of
 from groundstation.tracking.warm_up import warm_up
 
@@ -123,7 +124,7 @@ def main() -> None:
     if options.measures:
         print_measures(clips, options.set)
         return
-    warm_up()
+    warm_up(DetectorKind.CLASSIC)
     specs = [
         draw_composite(seed_of(options.set, k), clips) for k in range(options.first, options.first + options.number)
     ]

@@ -29,6 +29,7 @@ import numpy as np
 from groundstation.arrays import ImageArray
 from groundstation.bank.csrt_process import CsrtProcess
 from groundstation.box import box_of_size
+from groundstation.detection.config import DetectorKind
 from groundstation.messages import Detection
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.tracking.warm_up import warm_up
@@ -204,7 +205,7 @@ def main() -> None:
     mode = Mode(acquire=options.acquire, every=options.every, half=options.half, noise=options.noise)
     folder = Path(os.environ["GROUNDSTATION_DATA"]) / "aircraft-clips"
     csrt = CsrtProcess(csrt_python()) if options.csrt else None
-    warm_up()
+    warm_up(DetectorKind.CLASSIC)
     cv2.setNumThreads(1)
     boxes, segments = read_boxes(folder), read_segments(folder)
     for kind in ("aircraft", "contrail") if options.kind is None else (options.kind,):

@@ -27,7 +27,7 @@ from skimage.segmentation import chan_vese as skimage_chan_vese
 
 from groundstation.box import Box
 from groundstation.detection import chan_vese
-from groundstation.detection.config import DetectionConfig
+from groundstation.detection.config import DetectionConfig, DetectorKind
 from groundstation.detection.detector import Detector
 from groundstation.detection.local_fitting import evolve_local
 from groundstation.detection.roi import place_roi
@@ -296,7 +296,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "level-set-speed")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    warm_up()
+    warm_up(DetectorKind.CLASSIC)
     u, inside = disc((40, 30), 8.0)
     grid(u, chan_vese.start(u, inside), 2)  # compiled before it is timed
     session = load_session(options.session or ROOT / "recordings" / "landing-1")

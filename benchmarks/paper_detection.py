@@ -18,6 +18,7 @@ from pathlib import Path
 
 import cv2
 
+from groundstation.detection.config import DetectorKind
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments import detection_tables as findings
 from groundstation.experiments.detection_set_up import (
@@ -80,7 +81,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, metavar="N", help=EVERY)
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    warm_up()
+    warm_up(DetectorKind.CLASSIC)
     for folder in options.sessions or [ROOT / "recordings" / "landing-1"]:
         out = options.out / folder.name
         print(f"# {folder.name}\n")

@@ -18,9 +18,11 @@ from tests.compile_once import compile_once
 
 def ground() -> None:
     """Compile those of a replay."""
+    from groundstation.detection.config import DetectorKind
     from groundstation.tracking.warm_up import warm_up
 
-    warm_up()
+    for kind in DetectorKind:
+        warm_up(kind)
 
 
 def aboard() -> None:

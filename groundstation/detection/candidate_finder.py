@@ -89,6 +89,7 @@ class Candidate:
     score : about its contrast-to-noise; comparable between the candidates of one frame.
     moving : whether it moves significantly against the static background.
     motion_px_s : (u, v) rate relative to the background, None where not measured.
+    sigma_px : one sigma of u and v as estimated for this candidate, None where it is not.
     """
 
     u_px: float
@@ -97,6 +98,7 @@ class Candidate:
     score: float
     moving: bool
     motion_px_s: tuple[float, float] | None
+    sigma_px: float | None = None
 
 
 class CandidateFinder:

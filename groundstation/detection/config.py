@@ -149,7 +149,7 @@ class DetectionConfig:
     appearance_gate : appearance distance in sigmas beyond which a candidate is another object.
     """
 
-    detector: DetectorKind = DetectorKind.CLASSIC
+    detector: DetectorKind = DetectorKind.LEARNED
     weights_sha256: str = ""
     segmentation: SegmentationMethod = SegmentationMethod.CHAN_VESE
     level_set: LevelSetConfig = field(default_factory=LevelSetConfig)

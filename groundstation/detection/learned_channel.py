@@ -48,6 +48,7 @@ class LearnedChannel:
     """
 
     def __init__(self, weights: bytes) -> None:
+        self._weights = weights
         # a quarter of a second to import, which only those pay who use it
         import onnxruntime
 
@@ -67,6 +68,10 @@ class LearnedChannel:
             raise InputError("weights of the learned channel", got=str(fault), wanted=_WANTED) from fault
         if shape != (1, _MAPS, h, w):
             raise InputError("weights of the learned channel", got=f"maps of shape {shape}", wanted=_WANTED)
+
+    def __reduce__(self) -> tuple[type["LearnedChannel"], tuple[bytes]]:
+        # a session of ONNX Runtime cannot be copied
+        return LearnedChannel, (self._weights,)
 
     def maps(self, window: ImageArray) -> ChannelMaps:
         """Return the maps of a window (96, 128, 3) uint8 BGR."""

@@ -80,13 +80,14 @@ class LearnedFinder:
         probability = 1.0 / (1.0 + math.exp(-best.odds))
         score = max(probability, _LEAST_SHARE) * proposal.score
         w, h = picture.size_px
-        nose, _ = nose_in(maps, best)
+        nose, covariance = nose_in(maps, best)
+        sigma = math.sqrt(0.5 * float(np.trace(covariance))) / window.scale if best.odds > 0.0 else None
         u, v = (min(max(float(x), 0.0), n - 1.0) for x, n in zip(window.to_picture(nose), (w, h), strict=True))
         # a candidate's box counts from the edge of pixel 0
         x0, y0 = window.to_picture(np.array([best.box.x0, best.box.y0]) - 0.5) + 0.5
         x1, y1 = window.to_picture(np.array([best.box.x1, best.box.y1]) - 0.5) + 0.5
         box = Box(max(float(x0), 0.0), max(float(y0), 0.0), min(float(x1), float(w)), min(float(y1), float(h)))
-        return replace(proposal, u_px=u, v_px=v, box=box, score=score)
+        return replace(proposal, u_px=u, v_px=v, box=box, score=score, sigma_px=sigma)
 
 
 def _is_inside(point_px: FloatArray, size_px: tuple[int, int]) -> bool:

@@ -9,6 +9,7 @@ from groundstation.estimation.imm import ImmState
 from groundstation.estimation.journal import JournalMark
 from groundstation.estimation.provisional_track import ProvisionalTrack
 from groundstation.estimation.updates.reference_update import ReferenceHistory
+from groundstation.estimation.velocity_structure import VelocityStructure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,6 +26,9 @@ class EkfBookkeeping:
     restarts : number of provisional tracks that were restarted.
     newest_pixel_s : time of the last accepted pixel of each station; only kept with three or more stations.
     newest_width_s : time of the last silhouette width of this target.
+    pixel : station and time of the last accepted pixel of this target.
+    two_cameras_s : when two cameras last saw this target together.
+    velocity : how this target's velocity changes.
     """
 
     clock_monitor: ClockMonitor
@@ -36,6 +40,9 @@ class EkfBookkeeping:
     restarts: int = 0
     newest_pixel_s: Mapping[str, float] = field(default_factory=dict)
     newest_width_s: float | None = None
+    pixel: tuple[str, float] | None = None
+    two_cameras_s: float | None = None
+    velocity: VelocityStructure = field(default_factory=VelocityStructure)
 
 
 class EkfSnapshot(NamedTuple):

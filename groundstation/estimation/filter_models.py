@@ -43,6 +43,7 @@ class FilterModels:
         psds = [config.acceleration_psd_m2_s3]
         if config.manoeuvre_psd_m2_s3 != config.acceleration_psd_m2_s3:
             psds.append(config.manoeuvre_psd_m2_s3)
+        self.alone_after_s = config.alone_after_s
         noise, walk = config.ptu_acceleration_psd_rad2_s3, prior.walk_psd
         models = [MotionModel(self.layout, psd, noise, walk, config.detection_lasting_s) for psd in psds]
         self.motion = MotionModes(models, (config.steady_s, config.manoeuvre_s)[: len(models)])

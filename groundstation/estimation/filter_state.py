@@ -82,12 +82,32 @@ class FilterState:
 
     def _propagate(self, from_s: float, to_s: float) -> FloatArray:
         """Predict the state from its time to a later one and return the transition F (n, n)."""
-        F, noises = self.models.motion.over(to_s - from_s)
+        F, noises = self.models.motion.over(to_s - from_s, self._seen_motion(from_s))
         if not self.book.has_target:
             noises[:, self.models.layout.target, self.models.layout.target] = 0.0
         self.imm.predict(F, noises, to_s - from_s)
         self.time_s = to_s
         return F
+
+    def _seen_motion(self, t_s: float) -> FloatArray | None:
+        """Return the density (3,) of acceleration that this target has shown; None while two cameras see it."""
+        known_s = self.book.two_cameras_s
+        if known_s is None or not self.book.has_target or t_s - known_s <= self.models.alone_after_s:
+            return None
+        return self.book.velocity.density(t_s - known_s)
+
+    def count_pixel(self, station: str) -> None:
+        """Note an accepted pixel; sample the velocity while two cameras see the target."""
+        if self.time_s is None:
+            return
+        book, now_s = self.book, self.time_s
+        together = book.pixel is not None and book.pixel[0] != station
+        if together and book.pixel is not None and now_s - book.pixel[1] <= self.models.alone_after_s:
+            self.note(two_cameras_s=now_s)
+            if book.velocity.is_due(now_s):
+                where, imm = self.models.layout.velocity, self.imm
+                self.note(velocity=book.velocity.sampled(now_s, imm.x[where], imm.P[where, where]))
+        self.note(pixel=(station, now_s))
 
     @contextmanager
     def predicted_ahead(self, t_s: float) -> Iterator[None]:

@@ -30,7 +30,8 @@ class CameraCandidate:
     """One candidate of one camera: pixel (2,) at ``t_s``, width in px (None if unknown), score, and the angles then.
 
     ``moving`` marks a candidate detected by its motion: it may cover only a part of the aircraft, so that position and
-    width are coarse. ``labelled`` marks an external label, which is confirmed without the motion test.
+    width are coarse, unless ``sigma_px`` gives the sigma of u and v. ``labelled`` marks an external label, which is
+    confirmed without the motion test.
     """
 
     t_s: float
@@ -43,6 +44,7 @@ class CameraCandidate:
     angle_sigma_rad: float
     moving: bool = False
     labelled: bool = False
+    sigma_px: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -165,7 +167,9 @@ class TrackInitiator:
         return float(np.hypot(self._sigma_px(s, distance_m) / focal, s.angle_sigma_rad))
 
     def _sigma_px(self, s: CameraCandidate, distance_m: float) -> float:
-        """Return the noise of a candidate's centre; moving candidates may be any part of the aircraft."""
+        """Return the noise of a candidate's point; that of a moving one may be of any part of the aircraft."""
+        if s.sigma_px is not None:
+            return float(np.hypot(self._config.candidate_sigma_px, s.sigma_px))
         if s.moving:
             span_m = self._config.usual_span_m if self._span_m is None else self._span_m
             whole_px = span_m * float(self._stations[s.station].lens.focal_px[0]) / distance_m

@@ -110,9 +110,16 @@ class MotionModes:
     def __len__(self) -> int:
         return len(self._models)
 
-    def over(self, dt_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return F (n, n), common to all modes, and Q (r, n, n) of each over ``dt_s``."""
-        return self.steady.with_noises(self._psds, dt_s)
+    def over(self, dt_s: float, least_psd_m2_s3: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Return F (n, n), common to all modes, and Q (r, n, n) of each over ``dt_s``.
+
+        ``least_psd_m2_s3`` (3,) is the least density of the target's acceleration along x, y, z in every mode.
+        """
+        psds = self._psds
+        if least_psd_m2_s3 is not None:
+            psds = psds.copy()
+            psds[:, :3] = np.maximum(psds[:, :3], least_psd_m2_s3)
+        return self.steady.with_noises(psds, dt_s)
 
     def mixed_over(self, dt_s: float, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return F and Q, (n, n) each, over ``dt_s``; the process noises of the modes are weighted by ``weights`` (r,).

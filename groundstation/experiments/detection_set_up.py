@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from groundstation.detection.config import DetectionConfig, SegmentationMethod, SnakeConfig
+from groundstation.detection.config import DetectionConfig, DetectorKind, SegmentationMethod, SnakeConfig
 
 SEED = 7
-DEFAULT = DetectionConfig()
+DEFAULT = DetectionConfig(detector=DetectorKind.CLASSIC)
 PAPERS_CHOICE, FULL = "250×100", "full frame"
 # the paper's text names the smallest and the chosen size; the others keep their shape of 5:2
 SIZES = ((150, 60), (200, 80), (250, 100), (300, 120), (400, 160), (600, 240))

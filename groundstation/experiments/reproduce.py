@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from groundstation.detection.config import DetectorKind
 from groundstation.errors import InputError
 from groundstation.evaluation.summary import versions
 from groundstation.experiments.experiment import Experiment, Findings
@@ -60,7 +61,7 @@ def reproduce(request: ReproduceRequest, say: Callable[[str], None] = lambda wor
     if page.is_dir():
         # checked before minutes of work
         raise InputError(str(page), got="a folder", wanted="a file that can be written")
-    warm_up()
+    warm_up(DetectorKind.CLASSIC)
     found, elapsed, files = [], [], []
     for experiment in chosen:
         say(experiment.title)

@@ -11,7 +11,7 @@ from groundstation.errors import SessionError
 from groundstation.evaluation.collector import DETECTION_STATUSES, ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run
 from groundstation.evaluation.run_description import RunDescription
-from groundstation.experiments.detection_set_up import METHODS, OURS, PAPERS_CHOICE, SEED, SWEEP
+from groundstation.experiments.detection_set_up import DEFAULT, METHODS, OURS, PAPERS_CHOICE, SEED, SWEEP
 from groundstation.experiments.detector_outcomes import DetectorOutcome, watch
 from groundstation.experiments.truth_scenes import scenes
 from groundstation.messages import Event, InitialState
@@ -24,6 +24,8 @@ from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 
 _START_SIGMA_M, _START_SIGMA_M_S = 1.0, 2.0
+# with the paper's kind of detector
+_PAPER = Config(detection=DEFAULT)
 # the compared methods without those of scikit-image, which the paper does not have and which take minutes
 PAPER_METHODS_HERE = tuple(name for name in METHODS if not name.startswith("scikit-image"))
 
@@ -110,7 +112,7 @@ class TruthSession:
             total = source.epoch_count
             collector = ResultCollector()
             pipeline = Pipeline(
-                self.session.rig, Config(), span_m=self.session.target.span_m, initial=self.start(source.span_s[0])
+                self.session.rig, _PAPER, span_m=self.session.target.span_m, initial=self.start(source.span_s[0])
             )
             outcome = run_pipeline(
                 source, pipeline, [collector], lambda done: self._say(f"replay: {done} of {total} pairs")
@@ -122,7 +124,7 @@ class TruthSession:
     @cached_property
     def evaluation(self) -> Evaluation:
         """The same against truth and DGPS."""
-        config = Config()
+        config = _PAPER
         run_of = RunDescription(
             name=self.session.name,
             phases=self.session.phases,

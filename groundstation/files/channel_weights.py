@@ -9,7 +9,7 @@ from groundstation.files.toml_table import shown
 
 WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights" / "aircraft.onnx"
 # of the file that docs/learned-channel.md describes
-SHA256 = "d87403deedd6676257eec3459e4991c914047216f340f23121104eb64f0a9408"
+SHA256 = "23669d98745b1a31761a070039faa123182f8491fbe4480354dd3e6eeeedd20f"
 MOST_BYTES = 2_000_000
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from groundstation.box import Box
+from groundstation.detection.config import DetectorKind
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError
 from groundstation.messages import Miss, MissReason, TrackStatus
@@ -78,7 +79,7 @@ def track_video(
     with ExitStack() as opened:
         table, sinks = _open_sinks(request, video, environment, opened)
         rows = _TableRows(table, tally, video)
-        warm_up()
+        warm_up(DetectorKind.CLASSIC)
         tracker = PixelTracker(video.size_px)
         begun = False
         try:

@@ -110,6 +110,11 @@ class CameraTracker:
         self._extent = _NO_EXTENT
         self._direction.reset()
 
+    @property
+    def has_detected(self) -> bool:
+        """Whether the detector has found a target in any picture so far."""
+        return self._detections > 0
+
     @contextmanager
     def state_preserved(self) -> Iterator[None]:
         """Process an older frame inside the block: size, appearance and background are restored at its end."""
@@ -135,6 +140,7 @@ class CameraTracker:
                 tilt_rad=tilt_rad,
                 angle_sigma_rad=angle_sigma_rad,
                 moving=c.moving,
+                sigma_px=c.sigma_px,
             )
             for c in found
         ]

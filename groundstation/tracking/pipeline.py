@@ -92,7 +92,8 @@ class Pipeline:
         self._journal = FilterJournal(filter_arithmetic(config.estimation.implementation).smooth_across)
         self._ekf = StationEkf(geometries, turning, config.estimation, prior, self._journal)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
-        self._track_manager = TrackManager(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
+        span = SpanModel(span_m)
+        self._track_manager = TrackManager(self._ekf, self._cameras, config, span=span, initial=initial)
         self._throttle = LogThrottle(lambda t_s, text: self._track_manager.log(t_s, "warning", text))
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)
         self._late_buffer = LateMeasurementBuffer(
@@ -116,7 +117,7 @@ class Pipeline:
             self._epochs,
             self._health,
             config,
-            span=SpanModel(span_m),
+            span=span,
             stopwatch=self._stopwatch,
             keep_images=self._keep_images,
         )
@@ -177,7 +178,8 @@ class Pipeline:
         if not self._ekf.has_target or self._ekf.time_s is None:
             return None
         ahead = t_s >= self._ekf.time_s - ROUNDING_S
-        return self._ekf.kinematics_at(t_s) if ahead else self._ekf.smoothed_at(t_s)
+        found = self._ekf.kinematics_at(t_s) if ahead else self._ekf.smoothed_at(t_s)
+        return None if found is None else self._track_manager.reported(found)
 
     def smooth(self, on_smoothed: Callable[[float, Kinematics], None]) -> Callable[[float], None]:
         """Enable smoothing of the whole flight; return the function that requests an estimate at a time.
@@ -198,7 +200,7 @@ class Pipeline:
         if on_smoothed is not None:
             self._smoother = Smoother(
                 self._ekf.motion_over,
-                lambda t_s, x, P: on_smoothed(t_s, self._ekf.kinematics_of(x, P)),
+                lambda t_s, x, P: on_smoothed(t_s, self._track_manager.reported(self._ekf.kinematics_of(x, P))),
                 across=self._journal.smooth_across,
             )
             self._journal.history.archive = self._smoother.take

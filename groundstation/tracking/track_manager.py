@@ -12,9 +12,10 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.estimation.initialise import CameraCandidate, TrackInitiator
 from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.target_point import with_point_error
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import Epoch, InitialState, Kinematics, TrackEvent, TrackState, TrackStatus
-from groundstation.tracking.camera_tracker import CameraTracker
+from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
 from groundstation.tracking.track_state_machine import TrackStateMachine
 
@@ -34,7 +35,7 @@ class TrackManager:
         cameras: Mapping[str, CameraTracker],
         config: Config,
         *,
-        span_m: float | None,
+        span: SpanModel,
         initial: InitialState | None,
     ) -> None:
         self.predictor = TrajectoryPredictor(config.estimation.predictor)
@@ -44,7 +45,9 @@ class TrackManager:
         self._window_s = config.estimation.fix_window_s
         self._coast_after_s = config.estimation.coast_after_s
         self._newest_epoch_s = -math.inf
-        self._initiator = TrackInitiator({n: c.geometry for n, c in cameras.items()}, config.initiation, span_m)
+        self._initiator = TrackInitiator({n: c.geometry for n, c in cameras.items()}, config.initiation, span.span_m)
+        self._span, self._usual_span_m = span, config.initiation.usual_span_m
+        self._point_sigma_spans = np.array(config.estimation.target_point_sigma_spans)
         self._initial = initial
         self._candidates: list[CameraCandidate] = []
         self._events: list[TrackEvent] = []
@@ -95,7 +98,7 @@ class TrackManager:
             self._initiator.reset()
         if not self._is_reported:
             return None
-        kinematics = self._ekf.kinematics_at(t_s)
+        kinematics = self.reported(self._ekf.kinematics_at(t_s))
         self.predictor.add(Knot(t_s=t_s, position_m=kinematics.position_runway_m))
         return kinematics
 
@@ -103,6 +106,13 @@ class TrackManager:
     def _is_reported(self) -> bool:
         """Whether there is a target with a reported estimate."""
         return self._ekf.has_target and self.state_machine.status is not TrackStatus.ACQUIRING
+
+    def reported(self, kinematics: Kinematics) -> Kinematics:
+        """Return an estimate of the filter with the error of the detected point added, if a detector has found it."""
+        if not any(camera.has_detected for camera in self._cameras.values()):
+            return kinematics
+        span_m = self._usual_span_m if self._span.span_m is None else self._span.span_m
+        return with_point_error(kinematics, span_m * self._point_sigma_spans)
 
     def is_quiet(self, t_s: float) -> bool:
         """Return whether the last epoch is so old that the status depends on time only."""
@@ -129,7 +139,7 @@ class TrackManager:
     def state_at(self, t_s: float) -> TrackState:
         """Return the track status at ``t_s``, with the predicted estimate if it is reported."""
         now_s = t_s if self._ekf.time_s is None else max(t_s, self._ekf.time_s)
-        kinematics = self._ekf.kinematics_at(now_s) if self._is_reported else None
+        kinematics = self.reported(self._ekf.kinematics_at(now_s)) if self._is_reported else None
         return TrackState(t_s=t_s, status=self.state_machine.status, kinematics=kinematics)
 
     def _update_status(self, t_s: float, fixed: bool, proof: bool) -> None:

@@ -28,7 +28,7 @@ _FRAMES = 10
 
 
 @cache
-def warm_up(kind: DetectorKind = DetectorKind.CLASSIC) -> None:
+def warm_up(kind: DetectorKind = DetectorKind.LEARNED) -> None:
     """Run every compiled kernel on a short made-up flight, once in a process, with the detector of this kind.
 
     Takes seconds the first time, then one second, in which the kernels are read from numba's cache.

@@ -23,4 +23,5 @@ def test_method_of_a_requested_state(has_target: bool, time_s: float | None, t_s
     pipeline._ekf = SimpleNamespace(
         has_target=has_target, time_s=time_s, kinematics_at=lambda t: "ahead", smoothed_at=lambda t: "behind"
     )
+    pipeline._track_manager = SimpleNamespace(reported=lambda found: found)
     assert pipeline.estimate_at(t_s) == expected
