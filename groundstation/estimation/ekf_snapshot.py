@@ -8,6 +8,7 @@ from groundstation.estimation.clock_monitor import ClockMonitor
 from groundstation.estimation.imm import ImmState
 from groundstation.estimation.journal import JournalMark
 from groundstation.estimation.provisional_track import ProvisionalTrack
+from groundstation.estimation.rejected_pixels import RejectedPixels
 from groundstation.estimation.updates.reference_update import ReferenceHistory
 from groundstation.estimation.velocity_structure import VelocityStructure
 
@@ -27,8 +28,9 @@ class EkfBookkeeping:
     newest_pixel_s : time of the last accepted pixel of each station; only kept with three or more stations.
     newest_width_s : time of the last silhouette width of this target.
     pixel : station and time of the last accepted pixel of this target.
-    two_cameras_s : when two cameras last saw this target together.
+    two_cameras_s : when two cameras last saw this target together, or when it was started.
     velocity : how this target's velocity changes.
+    rejected : pixels that the gate rejected since the last accepted one.
     """
 
     clock_monitor: ClockMonitor
@@ -43,6 +45,7 @@ class EkfBookkeeping:
     pixel: tuple[str, float] | None = None
     two_cameras_s: float | None = None
     velocity: VelocityStructure = field(default_factory=VelocityStructure)
+    rejected: RejectedPixels = field(default_factory=RejectedPixels)
 
 
 class EkfSnapshot(NamedTuple):

@@ -15,7 +15,9 @@ from groundstation.estimation.imm import ImmState
 from groundstation.estimation.journal import FilterJournal, JournalRecord
 from groundstation.estimation.kalman_kernels import BoolArray
 from groundstation.estimation.parameters import ParameterPrior, time_places
+from groundstation.estimation.rejected_pixels import RejectedPixels
 from groundstation.estimation.updates.apply import apply_correction, reset_transition
+from groundstation.estimation.updates.measurements import TargetPixel
 from groundstation.estimation.updates.update import Correction, PredictedState
 
 
@@ -53,7 +55,7 @@ class FilterState:
 
     def predicted(self) -> PredictedState:
         """Return the present state, as input of a measurement update."""
-        return PredictedState(self.imm.state, self.estimated(), self.age_s())
+        return PredictedState(self.imm.state, self.estimated(), self.age_s(), self._alone(self.time_s))
 
     def age_s(self) -> float:
         """Return the time since the first prediction, for clock drifts."""
@@ -92,9 +94,18 @@ class FilterState:
     def _seen_motion(self, t_s: float) -> FloatArray | None:
         """Return the density (3,) of acceleration that this target has shown; None while two cameras see it."""
         known_s = self.book.two_cameras_s
-        if known_s is None or not self.book.has_target or t_s - known_s <= self.models.alone_after_s:
+        return (
+            self.book.velocity.density(t_s - known_s) if known_s is not None and self._alone(t_s) is not None else None
+        )
+
+    def _alone(self, t_s: float | None) -> str | None:
+        """Return the station that has seen the target alone for some time, without a reference position either."""
+        known_s, after_s = self.book.two_cameras_s, self.models.alone_after_s
+        if known_s is None or t_s is None or not self.book.has_target:
             return None
-        return self.book.velocity.density(t_s - known_s)
+        if t_s - known_s <= after_s or t_s - self.book.references.newest_s <= after_s:
+            return None
+        return "" if self.book.pixel is None else self.book.pixel[0]
 
     def count_pixel(self, station: str) -> None:
         """Note an accepted pixel; sample the velocity while two cameras see the target."""
@@ -107,7 +118,29 @@ class FilterState:
             if book.velocity.is_due(now_s):
                 where, imm = self.models.layout.velocity, self.imm
                 self.note(velocity=book.velocity.sampled(now_s, imm.x[where], imm.P[where, where]))
-        self.note(pixel=(station, now_s))
+        self.note(pixel=(station, now_s), rejected=book.rejected.accepted(now_s))
+        if self.models.consider.keeps_pixel_times:
+            self.note(newest_pixel_s={**book.newest_pixel_s, station: now_s})
+
+    def is_contradicted(self, pixel: TargetPixel, residual_px: FloatArray) -> bool:
+        """Count a rejected pixel; where a run of them contradicts the filter, widen the target's covariance."""
+        if self.time_s is None or self.book.provisional is not None:
+            return False
+        rejected = self.book.rejected.rejected(pixel.station, self.time_s, residual_px, pixel.covariance_px2)
+        self.note(rejected=rejected)
+        prediction = self.models.pixels[pixel.station].predict(self.imm.x, pixel.row_dt_s, self.age_s())
+        if prediction is None or not rejected.contradict:
+            return False
+        self._widen_target(rejected.doubt(prediction.jacobian[:, self.models.layout.position]))
+        return True
+
+    def _widen_target(self, covariance: FloatArray) -> None:
+        """Add (6, 6) to the covariance of position and velocity."""
+        before = self.imm.state
+        F, noises = self.models.motion.over(0.0)
+        noises[:, self.models.layout.target, self.models.layout.target] += covariance
+        self.imm.predict(F, noises, 0.0)
+        self._record_transition(self.time_s, before, F)
 
     @contextmanager
     def predicted_ahead(self, t_s: float) -> Iterator[None]:
@@ -137,6 +170,12 @@ class FilterState:
         self.imm.set_states(rates, np.array(rates_rad_s), np.eye(2) * rate_sigma_rad_s**2)
         self.note(stations_read=self.book.stations_read | {station})
         self._record_transition(self.time_s, before, reset_transition(self.models.layout, angles, rates))
+
+    def begin_target(self) -> None:
+        """Note a new target; how the last one moved is kept, as it is most likely the same."""
+        velocity = self.book.velocity.interrupted()
+        self.note(has_target=True, newest_width_s=None, pixel=None, two_cameras_s=self.time_s, velocity=velocity)
+        self.note(rejected=RejectedPixels())
 
     def note(self, **changes: Any) -> None:
         """Replace fields of the bookkeeping."""

@@ -100,7 +100,9 @@ class RangeInitialiser:
                 continue
             known = innovation_covariance(P, prediction.jacobian, _NO_NOISE)
             spread = math.sqrt((known[0, 0] + known[1, 1]) / 2.0)
-            if spread < least and self._bend(name, prediction, x, off, age_s) < _STRAIGHT_SIGMA * noise:
+            # the pixels of a camera that is alone have left the range as it was: it lies along that camera's ray
+            straight = name == state.alone or self._bend(name, prediction, x, off, age_s) < _STRAIGHT_SIGMA * noise
+            if spread < least and straight:
                 best, least = TargetPixel(station=name, pixel=prediction.pixel, covariance_px2=known), spread
         return best
 

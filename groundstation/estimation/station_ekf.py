@@ -218,13 +218,7 @@ class StationEkf:
         """Set the target to the initial state of a track, ``age_s`` before the filter time."""
         self._filter.end_track()
         self._models.start.start(self._filter.imm, track, age_s, self._filter.age_s())
-        self._filter.note(
-            has_target=True,
-            newest_width_s=None,
-            pixel=None,
-            two_cameras_s=None,
-            velocity=self._filter.book.velocity.interrupted(),
-        )
+        self._filter.begin_target()
 
     def drop_target(self) -> None:
         """Drop the target; the PTU angles and the estimated errors of the rig stay."""
@@ -282,19 +276,18 @@ class StationEkf:
         update = self._models.pixel(self._filter.predicted(), pixel)
         if update is None:
             return None
+        if not update.innovation.accepted and self._filter.is_contradicted(pixel, update.innovation.residual):
+            update = self._models.pixel(self._filter.predicted(), pixel) or update
         self._filter.apply(update.correction)
-        innovation = update.innovation
-        if innovation.dof == innovation.residual.size:
-            self._count_pixel(pixel.station, accepted=innovation.accepted)
-        return innovation
+        if update.innovation.dof == update.innovation.residual.size:
+            self._count_pixel(pixel.station, accepted=update.innovation.accepted)
+        return update.innovation
 
     def _count_pixel(self, station: str, *, accepted: bool) -> None:
         """Count a pixel of a track; restart a provisional track if its first pixels were outliers."""
         if accepted:
             self._filter.count_pixel(station)
         book = self._filter.book
-        if accepted and self.time_s is not None and self._models.consider.keeps_pixel_times:
-            self._filter.note(newest_pixel_s={**book.newest_pixel_s, station: self.time_s})
         if book.provisional is None:
             return
         track = book.provisional.after(accepted=accepted)

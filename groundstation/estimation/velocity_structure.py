@@ -88,7 +88,5 @@ class VelocityStructure:
             if age_s < LAGS_S[k]:
                 return np.maximum((here - below) / (LAGS_S[k] - below_s), 0.0)
             below_s, below = LAGS_S[k], here
-        # beyond the longest lag the velocity goes on as it did up to it, unless it has come to its limit
-        if known[-1] == len(LAGS_S) - 1:
-            return np.zeros(3)
+        # beyond the longest lag: the velocity may have come to its limit, but a straight path would give away a range
         return below / below_s

@@ -340,11 +340,7 @@ class Pipeline:
         for event in self._health.epoch(epoch.t_s, views):
             self._track_manager.log(event.t_s, event.level, event.text)
         self._throttle.pass_time(epoch.t_s)
-        fixed = len(views.accepted) >= 2
-        newest_s = self._synchroniser.newest_s
-        kinematics = self._track_manager.process_epoch(
-            epoch, fixed=fixed, proof=fixed and bool(views.views), newest_s=newest_s
-        )
+        kinematics = self._track_manager.process_epoch(epoch, views, newest_s=self._synchroniser.newest_s)
         self._out.estimates.append(
             TrackEstimate(
                 t_s=epoch.t_s,

@@ -36,11 +36,14 @@ class TrackConfirmation:
         """Whether the track has had a fix."""
         return self._fixes > 0
 
-    def start(self, t_s: float, found_at_m: FloatArray | None) -> None:
-        """Start a track at ``t_s``; ``found_at_m`` (3,) is the position found by searching, None for a given target."""
+    def start(self, t_s: float, found_at_m: FloatArray | None, *, known: bool = False) -> None:
+        """Start a track at ``t_s``; ``found_at_m`` (3,) is the position found by searching, None for a given target.
+
+        ``known``: of a target that was confirmed before, which may still come to stand.
+        """
         self._started_s = t_s
         self._found_at = found_at_m
-        self._recent_positions = None
+        self._recent_positions = deque() if known else None
         self._velocity_converged = found_at_m is None
         self._fixes = 0
 

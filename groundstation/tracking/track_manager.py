@@ -15,8 +15,10 @@ from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.target_point import with_point_error
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import Epoch, InitialState, Kinematics, TrackEvent, TrackState, TrackStatus
+from groundstation.tracking.alternative_track import AlternativeTrack
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
+from groundstation.tracking.epoch_buffer import EpochViews
 from groundstation.tracking.track_state_machine import TrackStateMachine
 
 # maximum age of whole-frame candidates at their epoch
@@ -48,6 +50,9 @@ class TrackManager:
         self._initiator = TrackInitiator({n: c.geometry for n, c in cameras.items()}, config.initiation, span.span_m)
         self._span, self._usual_span_m = span, config.initiation.usual_span_m
         self._point_sigma_spans = np.array(config.estimation.target_point_sigma_spans)
+        self._alternative = AlternativeTrack(
+            {n: c.geometry for n, c in cameras.items()}, config.initiation, span.span_m
+        )
         self._initial = initial
         self._candidates: list[CameraCandidate] = []
         self._events: list[TrackEvent] = []
@@ -80,16 +85,21 @@ class TrackManager:
         sigmas = np.concatenate([start.sigma_position_m, start.sigma_velocity_m_s])
         self._start_track(start.t_s, start.position_runway_m, start.velocity_runway_m_s, np.diag(sigmas**2), "given")
 
-    def process_epoch(self, epoch: Epoch, *, fixed: bool, proof: bool, newest_s: float) -> Kinematics | None:
+    def process_epoch(self, epoch: Epoch, views: EpochViews, *, newest_s: float) -> Kinematics | None:
         """Update the track with one epoch and return its estimate at the epoch's stamp, if it is reported.
 
-        ``fixed``: pixels of two or more cameras were accepted; ``proof``: at least one of them is new. ``newest_s``
-        is the newest stamp of any device, which gives the delay of the epoch.
+        ``views`` are the epoch's pixels. ``newest_s`` is the newest stamp of any device, which gives the delay of the
+        epoch.
         """
         t_s = epoch.t_s
+        # pixels of two or more cameras were accepted, at least one of them in this epoch
+        fixed = len(views.accepted) >= 2
+        proof = fixed and bool(views.views)
         self._newest_epoch_s = max(self._newest_epoch_s, t_s, newest_s)
         if self._ekf.has_target:
             self._update_status(t_s, fixed, proof)
+        if self._ekf.has_target:
+            self._correct(t_s, views)
         if self.needs_search(t_s):
             self._initiate(epoch)
         elif self._candidates:
@@ -154,6 +164,12 @@ class TrackManager:
         else:
             self._set_status(t_s, self.state_machine.update(fixed, self._ekf))
 
+    def _correct(self, t_s: float, views: EpochViews) -> None:
+        """Restart the target where cameras agree on another place than the filter's, look after look."""
+        found = self._alternative.step(t_s, views)
+        if found is not None:
+            self._start_track(t_s, found.position_runway_m, found.velocity_runway_m_s, found.covariance, "corrected")
+
     def _initiate(self, epoch: Epoch) -> None:
         """Pass the candidates of this epoch to the initiator; start the target when one is confirmed."""
         recent = [
@@ -184,15 +200,23 @@ class TrackManager:
         age_s = 0.0 if self._ekf.time_s is None else self._ekf.time_s - t_s
         self._ekf.start_target(position, velocity, covariance, age_s, triangulated=how != "given")
         self._initiator.reset()
+        self._alternative.reset()
         self._candidates.clear()
-        self.state_machine.start(t_s + max(age_s, 0.0), position if how == "acquired" else None)
+        self.state_machine.start(
+            t_s + max(age_s, 0.0), position if how == "acquired" else None, known=how == "corrected"
+        )
         x, y, z = position
-        self.log(t_s, "info", f"target {how} at ({x:.1f}, {y:.1f}, {z:.1f}) m")
-        self._set_status(t_s, TrackStatus.ACQUIRING)
+        where = f"({x:.1f}, {y:.1f}, {z:.1f}) m"
+        if how == "corrected":
+            self.log(t_s, "warning", f"cameras agree on {where} and not with the filter: target restarted there")
+        else:
+            self.log(t_s, "info", f"target {how} at {where}")
+        self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)
 
     def drop(self, t_s: float) -> None:
         """Drop the target as lost."""
         self._ekf.drop_target()
+        self._alternative.reset()
         self._reset_cameras()
         self._set_status(t_s, TrackStatus.LOST)
 

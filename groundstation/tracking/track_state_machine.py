@@ -45,10 +45,13 @@ class TrackStateMachine:
         """Start time of the track."""
         return self._started_s
 
-    def start(self, t_s: float, found_at_m: FloatArray | None) -> None:
-        """Start a track at ``t_s``; ``found_at_m`` (3,) is the position found by searching, None for a given target."""
+    def start(self, t_s: float, found_at_m: FloatArray | None, *, known: bool = False) -> None:
+        """Start a track at ``t_s``; ``found_at_m`` (3,) is the position found by searching, None for a given target.
+
+        ``known``: of a target that was confirmed before.
+        """
         self._newest_pixel_s = self._started_s = self._newest_fix_s = t_s
-        self.confirmation.start(t_s, found_at_m)
+        self.confirmation.start(t_s, found_at_m, known=known)
         self._fixes_since_gap = self._config.confirm_fixes
         self.existence.start()
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.imm import ImmFilter
-from groundstation.estimation.kalman_kernels import BoolArray
+from groundstation.estimation.imm import ImmFilter, ImmState
+from groundstation.estimation.kalman_kernels import BoolArray, LinearMeasurement
 from groundstation.estimation.state_model import StateLayout
 from groundstation.estimation.updates.update import (
     CorrectedModes,
@@ -32,7 +32,17 @@ def apply_correction(
         case LinearCorrection():
             mask = estimated() if correction.estimated is None else correction.estimated
             share, updates_weights = correction.gain_share, correction.updates_weights
-            imm.correct(correction.measurement, mask, updates_weights=updates_weights, share=share)
+            if correction.ray is None:
+                imm.correct(correction.measurement, mask, updates_weights=updates_weights, share=share)
+                return None
+            T = _along_and_across(layout, correction.ray)
+            residual, H, R = correction.measurement
+            mask = mask.copy()
+            mask[[layout.position.start, layout.velocity.start]] = False
+            imm.state = _rotated(imm.state, T)
+            turned = LinearMeasurement(residual, np.ascontiguousarray(H @ T.T), R)
+            imm.correct(turned, mask, updates_weights=updates_weights, share=share)
+            imm.state = _rotated(imm.state, T.T)
         case MomentMatching():
             imm.replace_moments(correction.jacobian, correction.shift, correction.covariance, estimated())
         case VarianceInflation():
@@ -56,3 +66,24 @@ def reset_transition(layout: StateLayout, *parts: slice) -> FloatArray:
     for part in parts:
         F[part, part] = 0.0
     return F
+
+
+def _along_and_across(layout: StateLayout, ray: FloatArray) -> FloatArray:
+    """Return the rotation (n, n) of the target's axes to one along a unit vector (3,) and two across it."""
+    # the axis that is furthest from the ray makes the best-conditioned second one
+    across = np.cross(ray, np.eye(3)[int(np.argmin(np.abs(ray)))])
+    across /= np.linalg.norm(across)
+    axes, T = np.array([ray, across, np.cross(ray, across)]), np.eye(layout.size)
+    T[layout.position, layout.position] = T[layout.velocity, layout.velocity] = axes
+    return T
+
+
+def _rotated(state: ImmState, T: FloatArray) -> ImmState:
+    """Return the modes in other axes: T x, T P Tᵀ."""
+    return ImmState(
+        np.ascontiguousarray(state.states @ T.T),
+        np.ascontiguousarray(T @ state.covariances @ T.T),
+        state.weights,
+        T @ state.mean,
+        T @ state.covariance @ T.T,
+    )

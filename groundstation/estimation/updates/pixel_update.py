@@ -76,6 +76,7 @@ class PixelUpdate:
         innovation = Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
         if not accepted:
             return Update(innovation)
+        alone = state.alone == measured.station
         size = self._stations[measured.station].image_size_px
         linear = LinearMeasurement(residual, H, R)
         if self._config.out_of_view is OutOfViewWeighting.PAPER:
@@ -86,10 +87,17 @@ class PixelUpdate:
             by_gain = self._config.out_of_view is OutOfViewWeighting.GAIN
             gain_share = inside if by_gain else 1.0
             weighted = linear if by_gain else LinearMeasurement(residual, H, R / inside)
-            weighted = self._iterated(state, measured, pixel, weighted, in_view)
+            if not alone:
+                weighted = self._iterated(state, measured, pixel, weighted, in_view)
         linear = self._with_clock_noise(state, measured.station, weighted)
         return Update(
-            innovation, LinearCorrection(measurement=linear, gain_share=gain_share, estimated=state.estimated)
+            innovation,
+            LinearCorrection(
+                measurement=linear,
+                gain_share=gain_share,
+                estimated=state.estimated,
+                ray=_ray(prediction.jacobian[:, self._layout.position]) if alone else None,
+            ),
         )
 
     def _without_correlated_error(
@@ -130,3 +138,13 @@ class PixelUpdate:
         if self._learns_clocks:
             R += self._linearisation.passage_noise(station, H, (state.x, state.P), state.age_s, self._motion)
         return LinearMeasurement(linear.residual, H, R)
+
+
+def _ray(jacobian: FloatArray) -> FloatArray:
+    """Return the unit vector (3,) along which a pixel with the Jacobian (2, 3) by the position does not move.
+
+    The pixels of one camera, each linearised at another estimate, would seem to measure the range (the extended Kalman
+    filter's inconsistency with bearings only). While a camera is alone, its pixels therefore do not correct it.
+    """
+    along = np.cross(jacobian[0], jacobian[1])
+    return np.asarray(along / np.linalg.norm(along))

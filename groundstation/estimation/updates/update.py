@@ -13,12 +13,14 @@ class PredictedState(NamedTuple):
     """The filter at the time of a measurement.
 
     ``estimated`` (n,) are the states that an update may change, the others are considered; ``age_s`` is the time since
-    the first prediction, for clock drifts.
+    the first prediction, for clock drifts. ``alone`` is the station that has seen the target
+    alone for some time, None if there is none.
     """
 
     imm: ImmState
     estimated: BoolArray
     age_s: float
+    alone: str | None = None
 
     @property
     def x(self) -> FloatArray:
@@ -35,13 +37,15 @@ class PredictedState(NamedTuple):
 class LinearCorrection:
     """A Kalman update in Joseph form; ``gain_share`` scales the gain.
 
-    ``estimated`` (n,) limits the states that change; by default all that the filter estimates.
+    ``estimated`` (n,) limits the states that change; by default all that the filter estimates. ``ray`` (3,) is a unit
+    vector along which position and velocity of the target do not change either.
     """
 
     measurement: LinearMeasurement
     gain_share: float = 1.0
     updates_weights: bool = True
     estimated: BoolArray | None = None
+    ray: FloatArray | None = None
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -1,0 +1,72 @@
+"""The second hypothesis on the target: what cameras agree on among themselves while the filter rejects it.
+
+After a time with one camera, or with wrong pixels, the filter may be so far off that its gate rejects every correct
+pixel. The pixels of an epoch in which no two were accepted are therefore linked as those of a search are
+(`TrackInitiator`), and the target is restarted where they are confirmed. Until then the hypothesis is carried along.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from groundstation.estimation.config import InitiationConfig
+from groundstation.estimation.initialise import CameraCandidate, TrackInitiator
+from groundstation.geometry.station import StationGeometry
+from groundstation.messages import Kinematics
+from groundstation.tracking.epoch_buffer import EpochView, EpochViews
+
+# looks on which the cameras must agree
+_LOOKS = 3
+# chance agreements of pixels of two detectors: they must move on for so long, as a target found by searching does
+_LEAST_AGE_S = 0.2
+
+
+class AlternativeTrack:
+    """Links pixels that the filter rejects, of two cameras and more.
+
+    Parameters
+    ----------
+    stations : geometry of every station by name.
+    config : of track initiation; three looks are sufficient here, as the aircraft is known to be there.
+    """
+
+    def __init__(self, stations: Mapping[str, StationGeometry], config: InitiationConfig, span_m: float | None) -> None:
+        chosen = replace(config, hits=_LOOKS, min_age_s=_LEAST_AGE_S, max_misses=_LOOKS)
+        labelled = replace(chosen, min_age_s=0.0)
+        self._by_detector = TrackInitiator(stations, chosen, span_m)
+        self._labelled = TrackInitiator(stations, labelled, span_m)
+
+    def reset(self) -> None:
+        """Discard the hypothesis."""
+        self._by_detector.reset()
+        self._labelled.reset()
+
+    def step(self, t_s: float, views: EpochViews) -> Kinematics | None:
+        """Process the pixels of one epoch; return the target at ``t_s`` once they are confirmed against the filter."""
+        if len(views.accepted) >= 2:
+            self.reset()
+            return None
+        trusted = [v for v in views.views if v.trusted]
+        if len({v.station for v in trusted}) < 2:
+            return None
+        labelled = all(v.labelled for v in trusted)
+        initiator = self._labelled if labelled else self._by_detector
+        return initiator.step(t_s, [_candidate(v, labelled=labelled) for v in trusted])
+
+
+def _candidate(view: EpochView, *, labelled: bool) -> CameraCandidate:
+    """Return a pixel as a candidate of track initiation."""
+    seen = view.view
+    return CameraCandidate(
+        t_s=view.t_s,
+        station=view.station,
+        pixel=seen.pixel,
+        width_px=None,
+        score=1.0,
+        pan_rad=seen.pan_rad,
+        tilt_rad=seen.tilt_rad,
+        angle_sigma_rad=seen.angle_sigma_rad,
+        labelled=labelled,
+        sigma_px=float(np.sqrt(0.5 * np.trace(seen.covariance_px2))),
+    )
