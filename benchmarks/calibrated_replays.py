@@ -2,10 +2,10 @@
 
 usage: python benchmarks/calibrated_replays.py [--data FOLDER] [SECTION …]
 
-Sections: `drone` (drone-flight-3: calibrated up to 342 s, the EKF from 345 s on against RTK, four stations and three
-pairs), `positions` (the same with no position known), `spoilt` (landing-1 with mounts off by 0.1 deg, takeoff-1 with
-PTU clocks off by 40 ms: calibrated by one part of the flight, evaluated on the rest, which is not used). Figures in
-docs/notes/calibration.md.
+Sections: `drone` (drone-flight-3: calibrated up to 342 s, the EKF from 345 s on against RTK, four stations and all
+six pairs), `positions` (the same with no position known), `spoilt` (landing-1 with mounts off by 0.1 deg, takeoff-1
+with PTU clocks off by 40 ms: calibrated by one part of the flight, evaluated on the rest, which is not used). Figures
+in docs/notes/calibration.md.
 """
 
 import argparse
@@ -13,6 +13,7 @@ import csv
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from groundstation.session.references import load_dgps
 
 ROOT = Path(__file__).resolve().parent.parent
 HEXACOPTER = ROOT / "docs" / "hexacopter.toml"
-PAIRS = (("sony5n", "sony5100"), ("sony5100", "sonyG"), ("sony5n", "sonyG"))
+PAIRS = tuple(combinations(("gopro3", "sony5n", "sony5100", "sonyG"), 2))
 TAUGHT_UNTIL_S, JUDGED_FROM_S = 342.0, 345.0
 MOUNTS_DEG = {"left": (0.1, 0.0, 0.1), "right": (-0.1, 0.0, -0.1)}
 CLOCK_S = 0.04
@@ -60,9 +61,13 @@ def splits(data: Path) -> tuple[Split, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackError:
-    """Distances (n,) in m between track and reference while tracking, and the omissions of the reference."""
+    """Distances (n,) in m between track and reference while tracking, and the omissions of the reference.
+
+    ``squares`` (n,) are those distances in sigmas of the stated covariance, squared and per axis.
+    """
 
     off_m: np.ndarray
+    squares: np.ndarray
     left_out: tuple[str, ...]
 
     @property
@@ -70,19 +75,31 @@ class TrackError:
         """Root mean square distance, m."""
         return float(np.sqrt(np.mean(self.off_m**2)))
 
+    @property
+    def anees(self) -> float:
+        """Mean of ``squares``: 1 where the covariance is true."""
+        return float(np.mean(self.squares))
 
-def track_error(session: Path, results: Path) -> TrackError:
+
+def track_error(session: Path, results: Path, status: str = "tracking") -> TrackError:
     """Compare track.csv with DGPS in one clock, without the fixes that leave their own path."""
     reference = reference_from_fixes(load_dgps(load_session(session)))
     glitches = find_glitches(reference, EvaluationConfig())
     with (results / "track.csv").open() as stream:
-        rows = [row for row in csv.DictReader(stream) if row["status"] == "tracking"]
+        rows = [row for row in csv.DictReader(stream) if row["status"] == status and row["x_m"]]
     t = np.array([float(row["t_s"]) for row in rows])
     at = np.array([[float(row[f"{axis}_m"]) for axis in "xyz"] for row in rows])
     good = interpolate(reference.keep(~covers(glitches, reference.t_s)), t, 0.5)
-    off = np.linalg.norm(at - good.position_m, axis=1)[good.usable]
+    off = (at - good.position_m)[good.usable]
+    names = [["".join(sorted(a + b)) for b in "xyz"] for a in "xyz"]
+    covariance = np.array([[[float(row[f"cov_{n}_m2"]) for n in line] for line in names] for row in rows])[good.usable]
+    squares = np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0]) / 3.0
     inside = [g for g in glitches if t.min() <= g.from_s <= t.max()]
-    return TrackError(off_m=off, left_out=tuple(f"{g.from_s:.1f} s: {g.detail}" for g in inside))
+    return TrackError(
+        off_m=np.linalg.norm(off, axis=1),
+        squares=squares,
+        left_out=tuple(f"{g.from_s:.1f} s: {g.detail}" for g in inside),
+    )
 
 
 def of_stations(rig: Rig, names: Sequence[str]) -> Rig:
@@ -171,7 +188,11 @@ def drone(data: Path, work: Path) -> None:
             out = replayed_as(session, work / f"{path.stem}, {tuning}", path, from_s=JUDGED_FROM_S, config=config)
             error = track_error(session, out)
             print(f"{' + '.join(names)}, {tuning}: EKF while tracking {error.rmse_m:.3f} m RMSE in 3-D", end=", ")
-            print(f"median {np.median(error.off_m):.3f} m, {len(error.off_m)} epochs")
+            print(
+                f"median {np.median(error.off_m):.3f} m, ANEES {error.anees:.2f}, {len(error.off_m)} epochs", end="; "
+            )
+            alone = track_error(session, out, "coasting")
+            print(f"coasting {alone.rmse_m:.1f} m, ANEES {alone.anees:.2f}, {len(alone.off_m)} epochs", flush=True)
     for text in error.left_out:
         print("  left out:", text)
 

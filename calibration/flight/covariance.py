@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.flight.fit import FlightFit, FlightSolution, find_solution
+from calibration.flight.fit import FlightFit, FlightSolution, StationFit, find_solution
 from calibration.flight.paths import PathResiduals
 from calibration.flight.problem import ANTENNA, FlightProblem, left_jacobian
 from calibration.information import inverse, unit_diagonal
@@ -16,6 +16,8 @@ _BLOCK_S = 1.0
 LEAST_BLOCKS = 6
 # in this share of flights chance alone raises none of the combinations
 _CHANCE = 0.95
+# with fewer pixels the mean of a block says nothing of their scatter
+_LEAST_IN_BLOCK = 4
 _ROTATIONS = (("runway_from_base", slice(0, 3)), ("head_from_camera", slice(6, 9)))
 
 
@@ -55,6 +57,7 @@ def with_covariance(solution: FlightSolution, point_sigma_m: float = 0.0) -> Fli
         condition=float(np.linalg.cond(unit_diagonal(linearised.information))),
         stations=dict(fits),
         parts=joint.parts,
+        misfit_px={name: lasting_misfit_px(problem.observations[name].t_s, fit) for name, fit in fits.items()},
     )
 
 
@@ -83,6 +86,25 @@ def moved_by_point(joint: PathResiduals, change: FloatArray, covariance: FloatAr
     at = np.append(change, 0.0)
     jacobian = PathResiduals(wider, joint.factors, joint.kept, at, joint.parts).linearise(at).jacobian
     return np.asarray(-covariance @ (jacobian[:, :-1].T @ jacobian[:, -1]))
+
+
+def lasting_misfit_px(t_s: FloatArray, fit: StationFit) -> float:
+    """Return 1 sigma (px, of u and of v) of the part of a station's residuals that lasts for a block of time.
+
+    Zero where it is within chance: less than two of its own sigmas.
+    """
+    block = np.floor(t_s[fit.kept] / _BLOCK_S).astype(int)
+    residuals = fit.residual_px[fit.kept]
+    excess = []
+    for number in np.unique(block):
+        own = residuals[block == number]
+        if len(own) >= _LEAST_IN_BLOCK:
+            # the mean square of a block's mean, less what white noise makes of it
+            excess.append(np.mean(own.mean(axis=0) ** 2 - own.var(axis=0, ddof=1) / len(own)))
+    if len(excess) < LEAST_BLOCKS:
+        return 0.0
+    variance, chance = float(np.mean(excess)), float(np.std(excess) / np.sqrt(len(excess)))
+    return float(np.sqrt(variance)) if variance > 2.0 * chance else 0.0
 
 
 def _raised(joint: PathResiduals, change: FloatArray, covariance: FloatArray, flown: FloatArray) -> FloatArray:

@@ -70,6 +70,7 @@ class FlightFit:
     point_sigma_m : 1 sigma of the observed point's displacement along the body; included in the covariance.
     condition : of the information, its parameters scaled to unit diagonal.
     parts : the paths of aircraft and heads, with their smoothness.
+    misfit_px : 1 sigma of what each station's pixels are off by for a second and more, of u and of v.
     """
 
     problem: FlightProblem
@@ -81,6 +82,7 @@ class FlightFit:
     point_sigma_m: float = 0.0
     stations: Mapping[str, StationFit] = field(default_factory=dict)
     parts: tuple[PathPart, ...] = ()
+    misfit_px: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def sigma(self) -> FloatArray:

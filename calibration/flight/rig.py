@@ -146,4 +146,24 @@ def _covariance(station: Station, fit: FlightFit) -> tuple[tuple[str, ...], Floa
     floors = [_FLOORS.get(short.partition(".")[0], 0.0) for short in found]
     covariance[:n, :n] += np.diag(np.square(floors))
     covariance = 0.5 * (covariance + covariance.T)
-    return (*found, *(station.covariance_parameters[k] for k in rest)), covariance
+    names = (*found, *(station.covariance_parameters[k] for k in rest))
+    return _with_misfit(station, fit, names, covariance)
+
+
+def _with_misfit(
+    station: Station, fit: FlightFit, names: tuple[str, ...], covariance: FloatArray
+) -> tuple[tuple[str, ...], FloatArray]:
+    """Return names and matrix with the lasting misfit of a fixed camera's pixels, as an error of its optical axis.
+
+    A camera that does not turn shows the aircraft all over its picture, and where its lens model is wrong its pixels
+    are off for seconds: no number of them averages that out. The rotation of the camera in its head, which a fixed
+    station does not need, stands for it; the filter considers it and never estimates it.
+    """
+    sigma_rad = fit.misfit_px.get(station.name, 0.0) / float(station.lens.focal_px.mean())
+    if not station.fixed or sigma_rad == 0.0 or any(name.startswith("head_from_camera") for name in names):
+        return names, covariance
+    n = len(names)
+    wider = np.zeros((n + 3, n + 3))
+    wider[:n, :n] = covariance
+    wider[n:, n:] = sigma_rad**2 * np.eye(3)
+    return (*names, *(f"head_from_camera.{axis}" for axis in "xyz")), wider

@@ -40,6 +40,12 @@ class ConsiderPolicy:
         with_reference = every.copy()
         for name in stations:
             with_reference[time_places(layout.parameters, name)] = False
+        # a fixed camera has one orientation: what its rig states of a second one is an error that lasts (lens, labels)
+        for name in stations:
+            for axis in "xyz" if name not in layout.angles else "":
+                place = layout.parameters.get(f"{name}.head_from_camera.{axis}")
+                if place is not None:
+                    every[place] = with_reference[place] = False
         self.ever_estimated: BoolArray = {
             CalibrationUse.ESTIMATE: every,
             CalibrationUse.CONSIDER: self._moving,

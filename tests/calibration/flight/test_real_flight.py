@@ -123,6 +123,22 @@ def test_the_filter_against_rtk(session: Session, tmp_path: Path) -> None:
     assert [text.partition(" ")[0] for text in error.left_out] == ["362.2"]
 
 
+@pytest.mark.parametrize(
+    "names", [("gopro3", "sony5n", "sony5100", "sonyG"), ("gopro3", "sony5n"), ("sony5100", "sonyG")]
+)
+def test_stated_covariance_against_rtk(session: Session, tmp_path: Path, names: tuple[str, ...]) -> None:
+    """As shipped, with the rig's own covariance: errors while tracking are as stated, with or without the worst."""
+    rig, out = tmp_path / "some.toml", tmp_path / "out"
+    rig.write_text(rig_to_toml(session.rig if len(names) == 4 else of_stations(session.rig, names)))
+    replay(
+        ReplayRequest(session=session.folder, rig=rig, out=out, from_s=FROM_S, to_s=400.0, rerun=False, report=False)
+    )
+    error = track_error(session.folder, out)
+    assert len(error.off_m) > 200
+    # a minute holds few independent errors of lens and labels
+    assert 0.2 < error.anees < 2.0
+
+
 def test_a_second_camera_that_returns(session: Session, tmp_path: Path) -> None:
     """sony5n alone from 491 s on; sonyG sees the craft again at 501.8 s: the first fix is right, not 1.9 m off."""
     rig, out = tmp_path / "pair.toml", tmp_path / "out"
