@@ -43,7 +43,7 @@ NOT_RUN = {
     ),
     ("cameras.md", "groundstation cameras show"): "wants a camera at an address; the page runs it on a video",
     ("first-flight.md", ". .venv/bin/activate"): "changes the shell that it is typed into",
-    ("learned-channel.md", "groundstation replay recordings/landing-1 --out out/learned --config learned.toml"): (
+    ("learned-channel.md", "groundstation replay recordings/landing-1 --out out/classic --config classic.toml"): (
         "wants the file of the block above it; tests/replay/test_learned_replay.py"
     ),
     ("learned-channel.md", "groundstation train"): "trains for half an hour; tests/cli/test_train.py",
