@@ -137,7 +137,11 @@ def _covariance(station: Station, fit: FlightFit) -> tuple[tuple[str, ...], Floa
     """Return names and matrix: the estimates, with lower limits, and the rig's covariance of the rest."""
     own = [(k, short) for k, short in fit.problem.own(station.name) if short in CALIBRATION_PARAMETERS]
     found = [short for _, short in own]
-    rest = [k for k, short in enumerate(station.covariance_parameters) if short not in found]
+    # the misfit of an earlier calibration does not outlive it
+    stale = "head_from_camera" if station.fixed else "-"
+    rest = [
+        k for k, short in enumerate(station.covariance_parameters) if short not in found and not short.startswith(stale)
+    ]
     places = [k for k, _ in own]
     n, m = len(own), len(rest)
     covariance = np.zeros((n + m, n + m))

@@ -1,7 +1,7 @@
 """Which states an update estimates, and which it only considers (Schmidt 1966), by `CalibrationUse`."""
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -70,16 +70,23 @@ class ConsiderPolicy:
         known = newest_pixels_s.values()
         return len(known) >= _RAYS_THAT_CHECK and sum(t_s >= oldest for t_s in known) >= _RAYS_THAT_CHECK
 
-    def rig_is_open(self, errors: Iterable[CarriedError]) -> bool:
+    def rig_is_open(self, errors: Sequence[CarriedError]) -> bool:
         """Return whether references correct the rig and some mount is about as uncertain as in the rig file."""
         if self._use is not CalibrationUse.REFERENCE or not self._rig_is_uncertain:
             return False
+        # a mount cannot be told from a misfit of the same camera, which is never estimated
+        degenerate = {error.name.partition(".")[0] for error in errors if not self._may_be_estimated(error)}
         shares = [
             error.sigma / error.prior_sigma
             for error in errors
             if error.name.partition(".")[2].startswith(("runway_from_base", "head_from_camera"))
+            and error.name.partition(".")[0] not in degenerate
         ]
         return not shares or max(shares) > _OPEN_SHARE
+
+    @staticmethod
+    def _may_be_estimated(error: CarriedError) -> bool:
+        return error.estimated or not error.name.partition(".")[2].startswith("head_from_camera")
 
     def estimated(self, unobservable: list[int], *, learns: bool) -> BoolArray:
         """Return which states (n,) an update estimates, without those of the clocks that are ``unobservable``."""

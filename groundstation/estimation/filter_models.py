@@ -1,8 +1,9 @@
 """The models of one filter: state layout, motion modes, measurement updates."""
 
+import math
 from collections.abc import Mapping
 
-from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.config import EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.consider_parameters import ConsiderPolicy
 from groundstation.estimation.implementation import filter_arithmetic
 from groundstation.estimation.linearisation import PixelLinearisation
@@ -43,7 +44,9 @@ class FilterModels:
         psds = [config.acceleration_psd_m2_s3]
         if config.manoeuvre_psd_m2_s3 != config.acceleration_psd_m2_s3:
             psds.append(config.manoeuvre_psd_m2_s3)
-        self.alone_after_s = config.alone_after_s
+        # the paper's filter knows no cameras that are alone
+        paper = config.out_of_view is OutOfViewWeighting.PAPER
+        self.alone_after_s = math.inf if paper else config.alone_after_s
         noise, walk = config.ptu_acceleration_psd_rad2_s3, prior.walk_psd
         models = [MotionModel(self.layout, psd, noise, walk, config.detection_lasting_s) for psd in psds]
         self.motion = MotionModes(models, (config.steady_s, config.manoeuvre_s)[: len(models)])

@@ -1,5 +1,6 @@
 """State of the filter at one time: mean, covariance and bookkeeping; each change of it is recorded in the journal."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -84,19 +85,25 @@ class FilterState:
 
     def _propagate(self, from_s: float, to_s: float) -> FloatArray:
         """Predict the state from its time to a later one and return the transition F (n, n)."""
-        F, noises = self.models.motion.over(to_s - from_s, self._seen_motion(from_s))
+        F, noises = self.models.motion.over(to_s - from_s, self.seen_motion(from_s, to_s))
         if not self.book.has_target:
             noises[:, self.models.layout.target, self.models.layout.target] = 0.0
         self.imm.predict(F, noises, to_s - from_s)
         self.time_s = to_s
         return F
 
-    def _seen_motion(self, t_s: float) -> FloatArray | None:
-        """Return the density (3,) of acceleration that this target has shown; None while two cameras see it."""
+    def motion_to(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return F and Q, (n, n) each, from the filter's time to another."""
+        now_s = t_s if self.time_s is None else self.time_s
+        seen = self.seen_motion(now_s, t_s) if t_s > now_s else None
+        return self.models.motion.mixed_over(t_s - now_s, self.imm.weights_after(abs(t_s - now_s)), seen)
+
+    def seen_motion(self, from_s: float, to_s: float) -> FloatArray | None:
+        """Return the mean density (3,) of acceleration that this target has shown; None while two cameras see it."""
         known_s = self.book.two_cameras_s
-        return (
-            self.book.velocity.density(t_s - known_s) if known_s is not None and self._alone(t_s) is not None else None
-        )
+        if known_s is None or self._alone(to_s) is None:
+            return None
+        return self.book.velocity.mean_density(max(from_s - known_s, 0.0), to_s - known_s)
 
     def _alone(self, t_s: float | None) -> str | None:
         """Return the station that has seen the target alone for some time, without a reference position either."""
@@ -107,9 +114,9 @@ class FilterState:
             return None
         return "" if self.book.pixel is None else self.book.pixel[0]
 
-    def count_pixel(self, station: str) -> None:
+    def count_pixel(self, station: str, *, accepted: bool) -> None:
         """Note an accepted pixel; sample the velocity while two cameras see the target."""
-        if self.time_s is None:
+        if self.time_s is None or not accepted:
             return
         book, now_s = self.book, self.time_s
         together = book.pixel is not None and book.pixel[0] != station
@@ -124,7 +131,10 @@ class FilterState:
 
     def is_contradicted(self, pixel: TargetPixel, residual_px: FloatArray) -> bool:
         """Count a rejected pixel; where a run of them contradicts the filter, widen the target's covariance."""
-        if self.time_s is None or self.book.provisional is not None:
+        if self.time_s is None or self.book.provisional is not None or not math.isfinite(self.models.alone_after_s):
+            return False
+        if pixel.correlated_share > 0.0:
+            # of the program's own detector: a tree lies on a smooth path past the prediction, too
             return False
         rejected = self.book.rejected.rejected(pixel.station, self.time_s, residual_px, pixel.covariance_px2)
         self.note(rejected=rejected)

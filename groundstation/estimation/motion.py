@@ -121,12 +121,17 @@ class MotionModes:
             psds[:, :3] = np.maximum(psds[:, :3], least_psd_m2_s3)
         return self.steady.with_noises(psds, dt_s)
 
-    def mixed_over(self, dt_s: float, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def mixed_over(
+        self, dt_s: float, weights: FloatArray, least_psd_m2_s3: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Return F and Q, (n, n) each, over ``dt_s``; the process noises of the modes are weighted by ``weights`` (r,).
 
         Mixing the modes does not change mean and covariance of the mixture, so that F and Q describe the prediction
         of both.
         """
+        if least_psd_m2_s3 is not None:
+            F, noises = self.over(dt_s, least_psd_m2_s3)
+            return F, np.asarray(np.tensordot(weights, noises, axes=1))
         Q = sum(w * model.process_noise(dt_s) for w, model in zip(weights, self._models, strict=True))
         return self.steady.transition(dt_s), np.asarray(Q)
 

@@ -1,7 +1,8 @@
 """Pixels that the gate rejects one after another: outliers, or a filter that is further off than it states.
 
-Outliers jump. Pixels of one camera that are rejected look after look, while no camera's pixel is accepted, and that lie
-on one smooth path past the prediction are the target's: the prediction is then wrong by what they say.
+Outliers jump. Labelled pixels of one camera that are rejected look after look, while no camera's pixel is accepted, and
+that lie on one smooth path past the prediction are the target's: the prediction is then wrong by what they say. Pixels
+of the program's own detector are not believed so: anything that stands still lies on such a path, too.
 """
 
 from dataclasses import dataclass, field

@@ -172,7 +172,7 @@ class StationEkf:
         dt = t_s - (self.time_s if self.time_s is not None else t_s)
         if dt == 0.0:
             return self.kinematics_of(self.state, self.covariance)
-        F, Q = self.motion_over(dt, self._filter.imm.weights_after(abs(dt)))
+        F, Q = self._filter.motion_to(t_s)
         return self.kinematics_of(F @ self.state, F @ self.covariance @ F.T + Q)
 
     def smoothed_at(self, t_s: float) -> Kinematics | None:
@@ -279,14 +279,13 @@ class StationEkf:
         if not update.innovation.accepted and self._filter.is_contradicted(pixel, update.innovation.residual):
             update = self._models.pixel(self._filter.predicted(), pixel) or update
         self._filter.apply(update.correction)
+        self._filter.count_pixel(pixel.station, accepted=update.innovation.accepted)
         if update.innovation.dof == update.innovation.residual.size:
-            self._count_pixel(pixel.station, accepted=update.innovation.accepted)
+            self._count_pixel(accepted=update.innovation.accepted)
         return update.innovation
 
-    def _count_pixel(self, station: str, *, accepted: bool) -> None:
+    def _count_pixel(self, *, accepted: bool) -> None:
         """Count a pixel of a track; restart a provisional track if its first pixels were outliers."""
-        if accepted:
-            self._filter.count_pixel(station)
         book = self._filter.book
         if book.provisional is None:
             return

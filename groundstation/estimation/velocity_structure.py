@@ -21,6 +21,8 @@ _MEMORY_S = 60.0
 _LEAST_CHANGES = 3.0
 # m/s: a velocity less certain than this is not sampled
 _LARGEST_SIGMA_M_S = 2.0
+# a long step's density is the mean of so many
+_STEPS = 16
 
 
 class _Sample(NamedTuple):
@@ -71,6 +73,13 @@ class VelocityStructure:
             weights[k] += share
         recent = tuple(s for s in self.samples if t_s - s.t_s < LAGS_S[-1] + _SPACING_S)
         return VelocityStructure(samples=(*recent, now), sums=sums, weights=weights)
+
+    def mean_density(self, from_s: float, to_s: float) -> FloatArray:
+        """Return the mean of `density` (3,) between two ages, s."""
+        if to_s - from_s <= LAGS_S[0]:
+            return self.density(0.5 * (from_s + to_s))
+        steps = from_s + (np.arange(_STEPS) + 0.5) * (to_s - from_s) / _STEPS
+        return np.asarray(np.mean([self.density(float(age)) for age in steps], axis=0))
 
     def density(self, age_s: float) -> FloatArray:
         """Return the density (3,) of white acceleration ``age_s`` after the velocity was last known, m²/s³.

@@ -42,17 +42,22 @@ class AlternativeTrack:
         self._by_detector.reset()
         self._labelled.reset()
 
-    def step(self, t_s: float, views: EpochViews) -> Kinematics | None:
-        """Process the pixels of one epoch; return the target at ``t_s`` once they are confirmed against the filter."""
-        if len(views.accepted) >= 2:
+    def step(self, t_s: float, views: EpochViews, *, known_lately: bool) -> Kinematics | None:
+        """Process the pixels of one epoch; return the target at ``t_s`` once they are confirmed against the filter.
+
+        ``known_lately``: two cameras have confirmed the filter's position within the last moments. A
+        pixel that the filter accepts then outweighs one that it rejects: with a horizontal baseline the ray of a wrong
+        pixel at the target's height meets the right one somewhere.
+        """
+        if len(views.accepted) >= 2 or (views.accepted and known_lately):
             self.reset()
             return None
         trusted = [v for v in views.views if v.trusted]
-        if len({v.station for v in trusted}) < 2:
-            return None
         labelled = all(v.labelled for v in trusted)
         initiator = self._labelled if labelled else self._by_detector
-        return initiator.step(t_s, [_candidate(v, labelled=labelled) for v in trusted])
+        seen = [_candidate(v, labelled=labelled) for v in trusted]
+        # an epoch without two pixels counts as a miss
+        return initiator.step(t_s, seen if len({v.station for v in trusted}) >= 2 else [])
 
 
 def _candidate(view: EpochView, *, labelled: bool) -> CameraCandidate:

@@ -43,7 +43,8 @@ class TrackConfirmation:
         """
         self._started_s = t_s
         self._found_at = found_at_m
-        self._recent_positions = deque() if known else None
+        # that of a given target stays None: it may stand
+        self._recent_positions = deque() if known and self._recent_positions is not None else None
         self._velocity_converged = found_at_m is None
         self._fixes = 0
 

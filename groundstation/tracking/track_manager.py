@@ -166,7 +166,12 @@ class TrackManager:
 
     def _correct(self, t_s: float, views: EpochViews) -> None:
         """Restart the target where cameras agree on another place than the filter's, look after look."""
-        found = self._alternative.step(t_s, views)
+        machine = self.state_machine
+        if machine.status not in (TrackStatus.TRACKING, TrackStatus.COASTING):
+            # a target that is not confirmed yet is dropped, not corrected
+            self._alternative.reset()
+            return
+        found = self._alternative.step(t_s, views, known_lately=machine.seen_by_two(t_s))
         if found is not None:
             self._start_track(t_s, found.position_runway_m, found.velocity_runway_m_s, found.covariance, "corrected")
 

@@ -114,7 +114,9 @@ class TrackStateMachine:
         if self.is_unseen(t_s):
             return True
         at, P = ekf.layout.position.start, ekf.covariance
-        if P[at, at] + P[at + 1, at + 1] + P[at + 2, at + 2] > c.lost_sigma_m**2:
+        # one camera that sees it holds its direction, whatever becomes of the range
+        unseen = t_s - self._newest_pixel_s > c.confirm_after_s
+        if unseen and P[at, at] + P[at + 1, at + 1] + P[at + 2, at + 2] > c.lost_sigma_m**2:
             return True
         # kept as long as the prediction in one camera is precise enough for a region of interest
         for name in stations:

@@ -45,9 +45,15 @@ PLACES: dict[str, tuple[str, ...]] = {
     "drawn rigs after calibration, relative pan; tilt, rms": (
         "| `clocks`: and cameras and PTUs by 20 ms, heads that hold a weaving aircraft | _ | _ | _ | #° (~°) | #° (",
     ),
-    "real cameras, hexacopter with RTK, 3-D: worst pair; all four": (
+    "real cameras, hexacopter with RTK, 3-D: worst pair of three good cameras; all four": (
         "| as shipped | _ | ~ (~) | # (",
         "| as shipped | # (",
+    ),
+    "the same, seven sets of cameras, ANEES while tracking; while coasting; NIS not compared": (
+        "| sony5n + sony5100 | _ | # | _ | _ | _ | ~ |",
+        "| gopro3 + sonyG | _ | # | _ | _ | _ | ~ |",
+        "| sony5n + sonyG | _ | ~ | _ | _ | _ | # |",
+        "| all four | ~ | ~ | _ | _ | _ | # |",
     ),
     "a knock of 0.01° found (each axis); false alarms": (
         "| left base knocked by 0.01° in pan, found | _ | # of # |",

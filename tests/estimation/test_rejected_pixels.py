@@ -1,8 +1,12 @@
 """Runs of rejected pixels: outliers do not contradict the filter, a smooth path past its prediction does."""
 
 import numpy as np
+import pytest
 
+from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.rejected_pixels import RejectedPixels
+from groundstation.estimation.station_ekf import StationEkf
+from tests.stereo_rig import make_rig
 
 NOISE = np.eye(2)
 
@@ -37,6 +41,30 @@ def test_another_camera_or_an_accepted_pixel_ends_a_run() -> None:
     assert state.contradict
     assert not state.accepted(2.0).contradict
     assert not state.rejected("right", 1.4, np.zeros(2), NOISE).contradict
+
+
+@pytest.mark.parametrize("lasting_share", [0.0, 0.4])
+def test_pixels_of_the_own_detector_are_not_believed(lasting_share: float) -> None:
+    """A thing that stands beside the prediction is on a smooth path past it, too; a label is the target's."""
+    geometries = {s.name: s.geometry() for s in make_rig(fixed=True).stations}
+    ekf = StationEkf(geometries, (), EstimationConfig())
+    ekf.predict_to(0.0)
+    ekf.start_target(np.array([0.0, 300.0, 2.0]), np.array([0.0, -20.0, 0.0]), np.diag([0.1] * 3 + [0.5] * 3))
+    for k in range(12):
+        ekf.predict_to(0.1 * (k + 1))
+        for name in geometries:
+            seen = ekf.predict_pixel(name)
+            assert seen is not None
+            ekf.update_pixel(name, seen.pixel, NOISE, correlated_share=lasting_share)
+    prediction = ekf.predict_pixel("left")
+    assert prediction is not None
+    wrong = prediction.pixel + [150.0, 20.0]
+    accepted = []
+    for k in range(6):
+        ekf.predict_to(1.2 + 0.1 * (k + 1))
+        innovation = ekf.update_pixel("left", wrong, NOISE, correlated_share=lasting_share)
+        accepted.append(innovation is not None and innovation.accepted)
+    assert any(accepted) == (lasting_share == 0.0)
 
 
 def test_doubt_covers_what_was_seen() -> None:

@@ -1,6 +1,7 @@
 """No lock-out: after any gap the pixels of two cameras that agree are accepted at once, those of one soon."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -140,6 +141,32 @@ def test_the_target_is_restarted_where_two_cameras_agree() -> None:
     assert last.kinematics is not None
     true = rows[[round(last.t_s * RATE_HZ)], 1:][0]
     assert np.linalg.norm(last.kinematics.position_runway_m - true) < 2.0
+
+
+@pytest.mark.parametrize("lasts_s", [0.3, 0.8])
+def test_wrong_pixels_of_one_camera_do_not_turn_the_track(lasts_s: float) -> None:
+    """The other camera is accepted all the time, and two saw the target just before: no restart where rays meet."""
+    pipeline, rig, rows = Pipeline(fixed_rig(), Config()), fixed_rig(), multirotor(5)
+    events: list[TrackEvent] = []
+    off_m = []
+    for k in range(180):
+        t, place = float(rows[k, 0]), rows[k, 1:]
+        for station in rig.stations:
+            projection = station.geometry().project(place, 0.0, 0.0)
+            assert projection is not None
+            u, v = projection.pixel
+            if station.name == "right" and 8.0 <= t < 8.0 + lasts_s:
+                u += 60.0
+            events += pipeline.step(PixelMeasurement(t_s=t, station=station.name, epoch=k, u_px=u, v_px=v)).events
+        report = pipeline.step(Epoch(t_s=t, epoch=k, stations=rig.names))
+        events += report.events
+        for e in report.estimates:
+            if e.kinematics is not None and e.t_s > 7.0:
+                true = [np.interp(e.t_s, rows[:, 0], rows[:, i]) for i in (1, 2, 3)]
+                off_m.append(float(np.linalg.norm(e.kinematics.position_runway_m - true)))
+    assert not [e.text for e in events if "not with the filter" in e.text]
+    assert len(off_m) > 50
+    assert max(off_m) < 3.0
 
 
 def test_coasting_on_one_camera_is_honest() -> None:
