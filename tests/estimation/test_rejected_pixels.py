@@ -45,7 +45,7 @@ def test_another_camera_or_an_accepted_pixel_ends_a_run() -> None:
 
 @pytest.mark.parametrize("lasting_share", [0.0, 0.4])
 def test_pixels_of_the_own_detector_are_not_believed(lasting_share: float) -> None:
-    """A thing that stands beside the prediction is on a smooth path past it, too; a label is the target's."""
+    """A thing that stands next to the prediction is on a smooth path past it, too; a label is the target's."""
     geometries = {s.name: s.geometry() for s in make_rig(fixed=True).stations}
     ekf = StationEkf(geometries, (), EstimationConfig())
     ekf.predict_to(0.0)
