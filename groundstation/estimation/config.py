@@ -84,7 +84,8 @@ class EstimationConfig:
     paper_border_sigma_px : s of the paper's T = exp(−d²/2s²).
     min_view_probability : below it the target counts as out of view and the detector does not look.
     width_sigma_log : noise of the logarithm of a silhouette's width, independent from frame to frame.
-    alone_after_s : a silhouette's width gives range when no other camera has contributed for so long.
+    alone_after_s : a camera is alone when no other has contributed for so long: its pixels then leave the range as it
+        is, and a silhouette's width gives one.
     miss_memory_s : misses of one camera within such a time have the same cause, and count as one.
     doubtful_existence : below this probability that the track is the target, whole frames are searched again …
     lost_existence : … and below this one it is lost.

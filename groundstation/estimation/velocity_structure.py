@@ -33,7 +33,7 @@ class _Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VelocityStructure:
-    """The structure function of one target's velocity; replaced with each sample, never written to.
+    """The structure function of a target's velocity, and of those before it; replaced, never written to.
 
     Attributes
     ----------

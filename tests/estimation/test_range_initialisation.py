@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from groundstation.estimation.bearing_only_prior import BearingOnlyPrior
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
+from groundstation.estimation.filter_state import FilterState
 from groundstation.estimation.journal import FilterJournal
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.range_initialisation import RangeInitialiser
@@ -126,9 +127,19 @@ def flown(seed: int, *, rig_errors: bool, journal: FilterJournal | None = None) 
     return Return(ekf=ekf, truth=truth, placed=placed, prior_off_m=prior_off_m)
 
 
+def with_range_from_bearings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the pixels of a camera that is alone correct the range, too."""
+    monkeypatch.setattr(FilterState, "_alone", lambda self, t_s: None)
+
+
+@pytest.mark.parametrize("by_bearings", [False, True])
 @pytest.mark.parametrize("rig_errors", [False, True])
-def test_the_second_camera_s_first_pixel_places_the_craft_consistently(rig_errors: bool) -> None:
+def test_the_second_camera_s_first_pixel_places_the_craft_consistently(
+    rig_errors: bool, by_bearings: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Position, velocity and both together inside two-sided chi-square bounds."""
+    if by_bearings:
+        with_range_from_bearings(monkeypatch)
     back = [flown(seed, rig_errors=rig_errors) for seed in range(RUNS)]
     placed = [b for b in back if b.placed]
     # of the others the filter alone had put the craft behind the first camera: left to a new acquisition
@@ -139,8 +150,9 @@ def test_the_second_camera_s_first_pixel_places_the_craft_consistently(rig_error
     assert low < np.mean([b.square(slice(0, 3)) for b in placed]) < high
     assert low < np.mean([b.square(slice(3, 6)) for b in placed]) < high
     low, high = chi2.ppf([0.001, 0.999], 6 * n) / n
-    # one camera's pixels leave the range to the motion model, which is wider than these flights need
-    low *= 0.8
+    if not by_bearings:
+        # one camera's pixels leave the range to the motion model, which is wider than these flights need
+        low *= 0.8
     assert low < np.mean([b.square(slice(0, 6)) for b in placed]) < high
     # and it is informative: the bearing rate is known, the speed along the ray to a few m/s
     assert np.median([np.sqrt(np.trace(b.ekf.covariance[3:6, 3:6])) for b in placed]) < 8.0
@@ -149,6 +161,11 @@ def test_the_second_camera_s_first_pixel_places_the_craft_consistently(rig_error
 
 def test_taking_it_for_one_more_pixel_would_be_overconfident(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the placing is for: without it the same flights are outside the bound, or refused."""
+    with monkeypatch.context() as patched:
+        with_range_from_bearings(patched)
+        patched.setattr(RangeInitialiser, "__call__", lambda self, state, pixel: None)
+        back = [flown(seed, rig_errors=False) for seed in range(RUNS)]
+        assert np.mean([b.square(slice(0, 3)) for b in back]) > 3.0 * chi2.ppf(0.999, 3 * RUNS) / RUNS
     monkeypatch.setattr(RangeInitialiser, "__call__", lambda self, state, pixel: None)
     back = [flown(seed, rig_errors=False) for seed in range(RUNS)]
     assert np.mean([b.square(slice(0, 3)) for b in back]) > chi2.ppf(0.999, 3 * RUNS) / RUNS

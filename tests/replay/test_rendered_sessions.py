@@ -54,9 +54,11 @@ def read(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def replayed(session: Path, out: Path, *, to_s: float | None = None, pages: bool = False) -> Replayed:
+def replayed(
+    session: Path, out: Path, *, to_s: float | None = None, pages: bool = False, config: Path | None = None
+) -> Replayed:
     """Replay a session; ``pages``: with its report and its Rerun recording, which have no part in the figures."""
-    result = replay(ReplayRequest(session=session, out=out, to_s=to_s, rerun=pages, report=pages))
+    result = replay(ReplayRequest(session=session, out=out, to_s=to_s, rerun=pages, report=pages, config=config))
     assert result.fault is None
     return Replayed(
         folder=out,
@@ -74,6 +76,24 @@ def landing(landing_1: Path, tmp_path_factory: pytest.TempPathFactory) -> Replay
 @pytest.fixture(scope="module")
 def takeoff(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Replayed:
     return replayed(shared_data / "takeoff-1", tmp_path_factory.mktemp("takeoff"))
+
+
+@pytest.fixture(scope="module")
+def classic(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The classic detector, whose pixels of these two flights need no error of an unseen aircraft."""
+    path = tmp_path_factory.mktemp("classic") / "classic.toml"
+    path.write_text('[detection]\ndetector = "classic"\n[estimation]\ntarget_point_sigma_spans = [0.0, 0.0, 0.0]\n')
+    return path
+
+
+@pytest.fixture(scope="module")
+def classic_landing(landing_1: Path, classic: Path, tmp_path_factory: pytest.TempPathFactory) -> Replayed:
+    return replayed(landing_1, tmp_path_factory.mktemp("classic-landing"), config=classic)
+
+
+@pytest.fixture(scope="module")
+def classic_takeoff(shared_data: Path, classic: Path, tmp_path_factory: pytest.TempPathFactory) -> Replayed:
+    return replayed(shared_data / "takeoff-1", tmp_path_factory.mktemp("classic-takeoff"), config=classic)
 
 
 def test_landing_accuracy(landing: Replayed) -> None:
@@ -126,7 +146,10 @@ def test_landing_dgps_clock(landing: Replayed) -> None:
     assert offset["offset_s"] == pytest.approx(0.30, abs=min(0.05, 3 * offset["sigma_s"] + 0.01))
 
 
-def test_landing_consistency_is_reported(landing: Replayed) -> None:
+def test_landing_consistency_is_reported(landing: Replayed, classic_landing: Replayed) -> None:
+    total = classic_landing.summary["accuracy"]["truth"]["total"]
+    assert 0.7 < total["anees"] < 1.4
+    assert all(0.3 < r < 1.3 for r in total["bound"]["ekf_over_track"])
     total = landing.summary["accuracy"]["truth"]["total"]
     assert 0.05 < total["anees"] < 1.4
     assert all(r > 0.3 for r in total["bound"]["ekf_over_track"])
@@ -172,16 +195,21 @@ def sights(run: Replayed, session: Path) -> list[Sight]:
     return found
 
 
-def test_landing_target_point_on_sky(landing: Replayed, landing_1: Path) -> None:
+@pytest.mark.parametrize(("detector", "least_square"), [("landing", 0.05), ("classic_landing", 0.2)])
+def test_landing_target_point_on_sky(
+    detector: str, least_square: float, landing_1: Path, request: pytest.FixtureRequest
+) -> None:
     """On sky (until 26.2 s), 15–100 px wide: rms at most 1 px in u and 0.7 px in v, and within the stated sigmas."""
-    seen = [s for s in sights(landing, landing_1) if s.t_s <= 26.25 and 15 <= s.width_px < 100]
+    seen = [
+        s for s in sights(request.getfixturevalue(detector), landing_1) if s.t_s <= 26.25 and 15 <= s.width_px < 100
+    ]
     assert len(seen) > 480
     errors = np.array([s.error_px for s in seen])
     assert np.isfinite(errors).mean() > 0.99
     assert np.all(np.sqrt(np.nanmean(errors**2, axis=0)) <= [1.0, 0.7])
     # one flight has one crab and one incidence: that its errors are no larger than stated is all that it can show
     squares = np.nanmean((errors / np.array([s.sigma_px for s in seen])) ** 2)
-    assert 0.05 < squares <= 1.21
+    assert least_square < squares <= 1.21
 
 
 def test_the_region_of_interest_holds_nose_and_silhouette(landing: Replayed, landing_1: Path) -> None:
@@ -258,6 +286,17 @@ def test_takeoff_accuracy(takeoff: Replayed) -> None:
     assert np.all(np.sqrt(((x - true)[near] ** 2).mean(axis=0)) <= [0.06, 0.2, 0.06])
 
 
+def frames_around(bird: Bird, over: int) -> list[int]:
+    """The frames next to that with the bird over the nose: it passes by 0.3 spans a frame, and is within 1.2 spans."""
+    around = []
+    for way in (-1, 1):
+        k = over + way
+        while bird.away_spans[k] < 1.2:
+            around.append(k)
+            k += way
+    return around
+
+
 def test_takeoff_status_shows_where_there_is_no_fix(takeoff: Replayed, shared_data: Path) -> None:
     """Out of view: no tracking. With the bird over the right nose or near it a pixel is true to its stated sigma.
 
@@ -274,13 +313,7 @@ def test_takeoff_status_shows_where_there_is_no_fix(takeoff: Replayed, shared_da
     for row in takeoff.track:
         if np.abs(gone - float(row["t_s"])).min() < 1e-3:
             assert row["status"] != "tracking", row["t_s"]
-    # it passes by 0.3 spans a frame: those in which it is within 1.2 spans, on both sides of the one over the nose
-    around = []
-    for way in (-1, 1):
-        k = over + way
-        while bird.away_spans[k] < 1.2:
-            around.append(k)
-            k += way
+    around = frames_around(bird, over)
     assert len(around) >= 6
     found = [r for r in read(takeoff.folder / "detections.csv") if r["station"] == "right"]
     claims = [(k, found[k]) for k in (*around, over) if found[k]["status"] == "ok"]
@@ -295,6 +328,27 @@ def test_takeoff_status_shows_where_there_is_no_fix(takeoff: Replayed, shared_da
             assert float(row[f"{c}_px"]) == pytest.approx(takeoff.truth[f"right_{c}_px"][k], abs=3.5 * sigma)
             # and a pixel that is no more than a guess says so
             assert sigma < 20.0
+    # the frame after has the bird's wing where the nose's picture ends: measured 24 px off at a stated 19
+    off = {k: np.hypot(*(float(r[f"{c}_px"]) - takeoff.truth[f"right_{c}_px"][k] for c in "uv")) for k, r in claims}
+    assert sum(off[k] > 4.5 * 2**0.5 for k in clear) <= 1
+
+
+def test_classic_takeoff_shows_where_there_is_no_fix(classic_takeoff: Replayed, shared_data: Path) -> None:
+    """The classic detector does not guess a hidden nose: with the bird over it there is no tracking."""
+    bird, truth = bird_in(shared_data / "takeoff-1", "right"), classic_takeoff.truth
+    (over,) = np.flatnonzero(bird.covered > 0.15)
+    hidden = ~np.isfinite(truth["left_u_px"]) | ~np.isfinite(truth["right_u_px"])
+    hidden[over] = True
+    gone = truth["t_s"][hidden]
+    for row in classic_takeoff.track:
+        if np.abs(gone - float(row["t_s"])).min() < 1e-3:
+            assert row["status"] != "tracking", row["t_s"]
+    found = [r for r in read(classic_takeoff.folder / "detections.csv") if r["station"] == "right"]
+    for k in frames_around(bird, over):
+        if found[k]["status"] != "ok":
+            continue
+        for c in "uv":
+            assert float(found[k][f"{c}_px"]) == pytest.approx(truth[f"right_{c}_px"][k], abs=4.5)
 
 
 def test_takeoff_dgps_clock(takeoff: Replayed) -> None:
@@ -305,8 +359,11 @@ def test_takeoff_dgps_clock(takeoff: Replayed) -> None:
     assert 0.001 < offset["sigma_s"] < 0.01
 
 
-def test_takeoff_consistency_is_reported(takeoff: Replayed) -> None:
-    """Measured: ANEES 0.13."""
+def test_takeoff_consistency_is_reported(takeoff: Replayed, classic_takeoff: Replayed) -> None:
+    """Measured: ANEES 0.13; with the classic detector 0.69, and 0.41, 0.57 and 0.61 of the bound along x, y and z."""
+    total = classic_takeoff.summary["accuracy"]["truth"]["total"]
+    assert 0.4 < total["anees"] < 1.4
+    assert all(0.3 < r < 1.3 for r in total["bound"]["ekf_over_track"])
     total = takeoff.summary["accuracy"]["truth"]["total"]
     assert 0.05 < total["anees"] < 1.4
     assert all(0.1 < r < 1.3 for r in total["bound"]["ekf_over_track"])
@@ -400,7 +457,7 @@ def test_frozen_then_lagging_dgps_is_found(landing: Replayed, landing_1: Path, t
     assert found["time_offset"]["offset_s"] == pytest.approx(0.30, abs=0.06)
 
 
-def taught_and_judged(split: Split, seen: Path, folder: Path) -> None:
+def taught_and_judged(split: Split, seen: Path, folder: Path, config: Path | None = None) -> None:
     """Perturb the rig, calibrate it by one part of the flight, evaluate on the rest by the pixels of a replay."""
     session = by_pixels(split.session, seen, folder / "pixels")
     stated, found = folder / "stated.toml", folder / "found.toml"
@@ -417,16 +474,23 @@ def taught_and_judged(split: Split, seen: Path, folder: Path) -> None:
             assert abs(off) < 3.5 * np.hypot(sigma, true[station].ptu_clock.sigma_s)
             assert sigma < 2.5e-3
     ours, theirs = (
-        truth_rmse(session, replayed_as(session, folder / label, rig, from_s=first, to_s=last))
+        truth_rmse(session, replayed_as(session, folder / label, rig, from_s=first, to_s=last, config=config))
         for label, rig in (("found", found), ("true", None))
     )
-    # where the true rig is far better than what is aimed at, that counts
+    if config is not None:
+        assert np.all(ours <= 1.5 * theirs)
+    # the learned channel's errors on the true rig are below what is aimed at, and below a calibration's
     assert np.all(ours <= np.maximum(1.5 * theirs, [0.035, 0.45, 0.04]))
 
 
-def test_mounts_off_by_a_tenth_of_a_degree_are_found_by_part_of_a_landing(landing: Replayed, tmp_path: Path) -> None:
+def test_mounts_off_by_a_tenth_of_a_degree_are_found_by_part_of_a_landing(
+    landing: Replayed, classic_landing: Replayed, classic: Path, tmp_path: Path
+) -> None:
     """Calibrated up to 20 s, evaluated from there on."""
-    taught_and_judged(splits(Path())[0], landing.folder / "detections.csv", tmp_path)
+    for run, config in ((landing, None), (classic_landing, classic)):
+        folder = tmp_path / run.folder.name
+        folder.mkdir()
+        taught_and_judged(splits(Path())[0], run.folder / "detections.csv", folder, config)
 
 
 @pytest.mark.parametrize("part", [1, 2])

@@ -14,7 +14,7 @@ class PredictedState(NamedTuple):
 
     ``estimated`` (n,) are the states that an update may change, the others are considered; ``age_s`` is the time since
     the first prediction, for clock drifts. ``alone`` is the station that has seen the target
-    alone for some time, None if there is none.
+    alone for some time, empty if none has, None if two do.
     """
 
     imm: ImmState
