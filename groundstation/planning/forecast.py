@@ -46,7 +46,7 @@ class Forecast:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Track:
+class Track:
     """A track down the glide: its bound, and the range (k,) of each frame with whether a fix was had by then (k,)."""
 
     bound: ConsiderBound
@@ -54,12 +54,13 @@ class _Track:
     began: MaskArray
 
 
-def forecast(site: Site) -> Forecast:
-    """Compute the forecast of a site."""
+def forecast(site: Site, track: Track | None = None) -> Forecast:
+    """Compute the forecast of a site; ``track`` is its `track_down` where that is known, the same for every step."""
     observer = Observer(site)
     covariance = observer.sources.covariance
     groups = (PIXEL_NOISE, ENCODER_NOISE, *dict.fromkeys(observer.sources.groups))
-    track = _track(observer)
+    if track is None:
+        track = track_down(site)
     ranges_m = site.ranges_m()
     n = len(ranges_m)
     known = {"fix": np.zeros(n, dtype=bool), "track": np.zeros(n, dtype=bool)}
@@ -109,9 +110,9 @@ def forecast(site: Site) -> Forecast:
     )
 
 
-def _track(observer: Observer) -> _Track:
+def track_down(site: Site) -> Track:
     """Follow the aircraft down from the far end at the frame rate, from where it is wide enough to be found."""
-    site = observer.site
+    observer = Observer(site)
     path_per_s = -float(site.aircraft.velocity_m_s(site.to_m)[1])
     t_s = np.arange(0.0, (site.to_m - site.from_m) / path_per_s + 1.0 / site.frame_rate_hz, 1.0 / site.frame_rate_hz)
     y_m = site.to_m - path_per_s * t_s
@@ -124,7 +125,7 @@ def _track(observer: Observer) -> _Track:
         fixed.append(len(wide) > 1)
     psd = np.array(site.aircraft.acceleration_psd_m2_s3)
     bound = track_consider(t_s, np.array(joint), psd, _PRIOR_POSITION_M, _PRIOR_VELOCITY_M_S)
-    return _Track(bound=bound, y_m=y_m, began=np.logical_or.accumulate(fixed))
+    return Track(bound=bound, y_m=y_m, began=np.logical_or.accumulate(fixed))
 
 
 def _pixel_part(point: FloatArray, observations: list[Observation], noise: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
-from groundstation.planning.forecast import Forecast, forecast, site_map
+from groundstation.planning.forecast import Forecast, forecast, site_map, track_down
 from groundstation.planning.plan_figure import draw_plan
 from groundstation.planning.plan_table import plan_csv
 from groundstation.planning.site import Site
@@ -35,12 +35,14 @@ def plan(site_path: Path, out: Path | None) -> PlanResult:
     site = load_site(site_path)
     if out is not None and out.exists() and not out.is_dir():
         raise InputError(str(out), got="a file", wanted="a folder")
-    expected = forecast(site)
+    track = track_down(site)
+    expected = forecast(site, track)
     files: tuple[Path, ...] = ()
     if out is not None:
         x_m, y_m = _grid(site)
         # lines want more points than a table has rows
-        fine = forecast(replace(site, step_m=min(site.step_m, (site.to_m - site.from_m) / _LINE_POINTS)))
+        fine_m = min(site.step_m, (site.to_m - site.from_m) / _LINE_POINTS)
+        fine = forecast(replace(site, step_m=fine_m), track)
         pictures = draw_plan(site, fine, x_m, y_m, site_map(site, x_m, y_m))
         contents = {".csv": plan_csv(expected).encode(), **pictures}
         out.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,7 @@
 """`groundstation plan` as a user meets it: the example works, files lie where they should, faults are one line."""
 
+import contextlib
+import io
 from pathlib import Path
 
 import pytest
@@ -9,26 +11,33 @@ from groundstation.cli.main import main
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "site-example.toml"
 
 
-def test_the_example_is_planned_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "new" / "plan"
-    assert main(["plan", str(EXAMPLE), "--out", str(out)]) == 0
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
+    """The example planned into a folder that is not there yet: the folder, what is printed, and the errors."""
+    out = tmp_path_factory.mktemp("planned") / "new" / "plan"
+    printed, faults = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(faults):
+        assert main(["plan", str(EXAMPLE), "--out", str(out)]) == 0
+    return out, printed.getvalue(), faults.getvalue()
+
+
+def test_the_example_is_planned_and_drawn(planned: tuple[Path, str, str]) -> None:
+    out, printed, faults = planned
     assert sorted(p.name for p in out.iterdir()) == ["plan.csv", "plan.png", "plan.svg"]
     assert (out / "plan.png").read_bytes().startswith(b"\x89PNG")
     svg = (out / "plan.svg").read_text(encoding="utf-8")
     assert "along the runway" in svg
-    reported = capsys.readouterr()
-    assert "good enough for flare (0.3/1/0.15 m) at 60-180 m" in reported.out
-    assert [line for line in reported.out.splitlines() if line.startswith("wrote")] == [
+    assert "good enough for flare (0.3/1/0.15 m) at 60-180 m" in printed
+    assert [line for line in printed.splitlines() if line.startswith("wrote")] == [
         f"wrote {out / name}" for name in ("plan.csv", "plan.png", "plan.svg")
     ]
-    assert not reported.err
+    assert not faults
 
 
-def test_the_same_plan_is_the_same_file(tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        assert main(["plan", str(EXAMPLE), "--out", str(tmp_path / name)]) == 0
+def test_the_same_plan_is_the_same_file(planned: tuple[Path, str, str], tmp_path: Path) -> None:
+    assert main(["plan", str(EXAMPLE), "--out", str(tmp_path / "again")]) == 0
     for name in ("plan.csv", "plan.png", "plan.svg"):
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+        assert (planned[0] / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
 
 
 def test_without_a_folder_it_only_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
