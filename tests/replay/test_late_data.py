@@ -229,7 +229,7 @@ def test_late_pictures_are_processed_without_a_disturbance() -> None:
     and the cameras miss nothing more than without them."""
     session = load_session(RECORDING, None)
     pipeline = Pipeline(session.rig, Config(), span_m=session.target.span_m)
-    with FolderSource(session, 22.0, 27.0) as source:
+    with FolderSource(session, 23.0, 27.0) as source:
         events = iter(source)
         for event in events:
             if event.t_s > 25:
