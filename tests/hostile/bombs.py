@@ -6,6 +6,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable
+from functools import cache
 
 import lz4.frame
 import zstandard
@@ -16,11 +17,27 @@ from tests.hostile.records import attachment, chunk, container, metadata, record
 from tests.recording.recorded import FILES, header
 
 MEGABYTE = 1_000_000
+# where a schema's record has its number, after the kind and the length
+SCHEMA_NUMBER = slice(9, 11)
 Bomb = Callable[[], bytes]
 
 
-def _zstd(data: bytes) -> bytes:
+def _zstd(data: bytes | bytearray) -> bytes:
     return zstandard.ZstdCompressor(level=3).compress(data)
+
+
+@cache
+def _deflated_zeros(size: int) -> bytes:
+    """Return what raw deflate makes of so many zeros: one block for each MiB, all the same, so that one is packed."""
+    packer = zlib.compressobj(6, zlib.DEFLATED, -zlib.MAX_WBITS)
+    # nothing in a block refers to the one before it
+    block = packer.compress(bytes(1 << 20)) + packer.flush(zlib.Z_FULL_FLUSH)
+    return block * (size >> 20) + packer.compress(bytes(size % (1 << 20))) + packer.flush()
+
+
+def _zlib_zeros(size: int) -> bytes:
+    """Return so many zeros as `zlib.decompress` reads them."""
+    return b"\x78\x9c" + _deflated_zeros(size) + struct.pack(">HH", size % 65521, 1)
 
 
 def _recording(*chunks: tuple[int, bytes]) -> bytes:
@@ -48,9 +65,14 @@ def message(number: int, data: bytes, sequence: int = 0) -> bytes:
 
 def schemas() -> bytes:
     """Chunks with a schema of 200 MB each, all different in number."""
-    chunks = [_packed(schema(number, data=bytes(200 << 20))) for number in range(1, 3)]
-    more = [_packed(schema(number, data=bytes(60 << 20))) for number in range(3, 20)]
-    return _recording(*chunks, *more)[:MEGABYTE]
+    chunks = []
+    for size, numbers in ((200 << 20, range(1, 3)), (60 << 20, range(3, 20))):
+        # one for all numbers: to fill the memory takes longer than to pack it
+        inside = bytearray(schema(0, data=bytes(size)))
+        for number in numbers:
+            inside[SCHEMA_NUMBER] = struct.pack("<H", number)
+            chunks.append(chunk(b"", "zstd", stated_length=len(inside), packed=_zstd(inside)))
+    return _recording(*chunks)[:MEGABYTE]
 
 
 def channel_notes() -> bytes:
@@ -194,7 +216,7 @@ def png(width: int, height: int, *, interlaced: bool = False, depth: int = 8, co
     channels = {0: 1, 2: 3, 6: 4}[colour]
     row = 1 + (width * channels * depth + 7) // 8
     # as much of it as goes into a megabyte: a thousand to one is the most that there is
-    data = zlib.compress(bytes(min(row * height, 200 << 20)), 6)
+    data = _zlib_zeros(min(row * height, 200 << 20))
     head = struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, int(interlaced))
     parts = [(b"IHDR", head), (b"IDAT", data), (b"IEND", b"")]
     body = b"".join(struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts)
@@ -204,7 +226,7 @@ def png(width: int, height: int, *, interlaced: bool = False, depth: int = 8, co
 def png_text() -> bytes:
     """A small PNG with a packed note of a hundred megabytes."""
     whole = png(8, 8)
-    note = b"x\0\0" + zlib.compress(bytes(100 << 20), 6)
+    note = b"x\0\0" + _zlib_zeros(100 << 20)
     notes = struct.pack(">I", len(note)) + b"zTXt" + note + struct.pack(">I", zlib.crc32(b"zTXt" + note))
     return whole[:33] + notes + whole[33:]
 
@@ -251,17 +273,23 @@ def tiff() -> bytes:
 
 def npz(shape: tuple[int, ...], size: int) -> bytes:
     """An archive with a mask of this shape, packed."""
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
-        for name, dtype, dims in (("left_0000", "|u1", shape), ("left_0000_xy", "<i4", (2,))):
+    file, infos = io.BytesIO(), []
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, dtype, dims, length in (("left_0000", "|u1", shape, size), ("left_0000_xy", "<i4", (2,), 8)):
             text_ = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {dims!r}, }}".encode()
             text_ += b" " * (63 - (len(text_) + 10) % 64 + 1 - 1) + b"\n"
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
-                stream.write(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text_)) + text_)
-                left = size if name == "left_0000" else 8
-                while left:
-                    stream.write(bytes(min(left, 1 << 20)))
-                    left -= min(left, 1 << 20)
+            head = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text_)) + text_
+            packer = zlib.compressobj(6, zlib.DEFLATED, -zlib.MAX_WBITS)
+            packed = packer.compress(head) + packer.flush(zlib.Z_FULL_FLUSH) + _deflated_zeros(length)
+            info = zipfile.ZipInfo(f"{name}.npy")
+            archive.writestr(info, packed)
+            # it is packed already, which the list of all members states from here on
+            info.compress_type, info.file_size = zipfile.ZIP_DEFLATED, len(head) + length
+            info.CRC = zlib.crc32(bytes(length), zlib.crc32(head))
+            infos.append(info)
+    for info in infos:
+        file.seek(info.header_offset)
+        file.write(info.FileHeader())
     return file.getvalue()
 
 
