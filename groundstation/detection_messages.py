@@ -65,6 +65,7 @@ class Detection:
     contrast_to_noise : measured contrast of silhouette against background on the channel used.
     channel : name of that channel.
     cut : True where the silhouette touches the image border.
+    log_odds : that the silhouette is an aircraft's, by the learned channel; None without it.
     """
 
     u_px: float
@@ -78,6 +79,7 @@ class Detection:
     contrast_to_noise: float
     channel: str
     cut: bool = False
+    log_odds: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

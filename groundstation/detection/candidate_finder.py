@@ -90,6 +90,7 @@ class Candidate:
     moving : whether it moves significantly against the static background.
     motion_px_s : (u, v) rate relative to the background, None where not measured.
     sigma_px : one sigma of u and v as estimated for this candidate, None where it is not.
+    odds : log odds of aircraft, as the learned channel weighs the candidate; None without it.
     """
 
     u_px: float
@@ -99,6 +100,7 @@ class Candidate:
     moving: bool
     motion_px_s: tuple[float, float] | None
     sigma_px: float | None = None
+    odds: float | None = None
 
 
 class CandidateFinder:

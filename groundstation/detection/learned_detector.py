@@ -145,6 +145,7 @@ class LearnedDetector:
             contrast_to_noise=candidate.odds,
             channel="learned",
             cut=bool(cut),
+            log_odds=candidate.odds,
         )
 
 

@@ -1,19 +1,25 @@
 """Candidates of a whole frame, confirmed by the learned channel.
 
-The classic finder proposes what stands out or moves; a window around each proposal says how likely it is an aircraft,
-where its nose is and how wide it is. A proposal that the network does not know keeps a small share of its score: what
-was not in its training can still start a track, but not against something that is known.
+A window of the learned channel says how likely something in it is an aircraft, where its nose is and how wide it is. A
+frame has room for some hundred windows, and time for a few. They go, in this order, to where the channel has seen an
+aircraft in the frame before; to the proposals of the classic finder that stand out most; to some of its others, in
+turns; and to a grid over the frame, at several target sizes, from the middle outwards, in turns as well: an aircraft
+on the ground stands out no more than a car does.
+
+A proposal that the channel does not know keeps a small share of its score: what was not in its training can still start
+a track, but not against something that is known.
 """
 
 import math
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
 from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
-from groundstation.detection.channel_window import TARGET_PX, channel_window
+from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX, channel_window
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.detection.learned_detector import ChannelCandidate, candidates_of, nose_in
@@ -25,6 +31,27 @@ from groundstation.picture import Picture, as_picture
 _LEAST_SHARE = 0.05
 # a proposal may be of a part of the aircraft only, or of more than it: regions so near to its centre, in targets, count
 _REACH = 1.0
+# windows of a frame: where an aircraft was, the first proposals, others in turns, the grid in turns. On twenty train
+# worlds the first 12 proposals had 80 % of the aircraft in them and the first 24 86 %, the channel knows 93 % of them
+_KEPT, _FIRST, _OTHERS, _GRID = 4, 6, 4, 8
+_PROPOSALS = 24
+# neighbouring windows of the grid overlap so far that a place is within a target of the middle of one
+_STEP = 0.54
+# target widths of the grid, px, up to this share of the frame's width
+_GRID_SPANS_PX = tuple(TARGET_PX * 2.0**k for k in range(6))
+_WIDEST = 0.5
+# a window whose levels vary less, one sigma, shows nothing
+_FLAT = 2.0
+# candidates nearer to each other than this share of their width are one
+_SAME = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Look:
+    """A place (2,) of a frame to look at for a target ``span_px`` wide."""
+
+    centre_px: FloatArray
+    span_px: float
 
 
 class LearnedFinder:
@@ -43,39 +70,100 @@ class LearnedFinder:
         image_size_px: tuple[int, int],
         lens: Lens | None = None,
     ) -> None:
-        self._proposals = CandidateFinder(acquisition, image_size_px, lens)
+        proposals = replace(acquisition, max_candidates=max(_PROPOSALS, acquisition.max_candidates))
+        self._proposals = CandidateFinder(proposals, image_size_px, lens)
         self._channel = LearnedChannel(channel_weights(detection.weights_sha256))
-        self._detection = detection
+        self._detection, self._most = detection, acquisition.max_candidates
+        self._lens = lens
+        self._grid = grid_of(image_size_px)
+        self._next = self._next_other = 0
+        self._kept: list[Candidate] = []
+        self._camera_from_runway: FloatArray | None = None
 
     def reset(self) -> None:
         """Discard the earlier frames."""
         self._proposals.reset()
+        self._kept, self._camera_from_runway = [], None
+        self._next = self._next_other = 0
 
     def find(
         self, image: ImageArray | Picture, t_s: float, camera_from_runway: FloatArray | None = None
     ) -> tuple[Candidate, ...]:
         """Return the candidates of one frame, best first; arguments as of `CandidateFinder.find`."""
         picture = as_picture(image)
-        found = [self._weighed(picture, c) for c in self._proposals.find(picture, t_s, camera_from_runway)]
-        return tuple(sorted(found, key=lambda c: -c.score))
+        proposals = self._proposals.find(picture, t_s, camera_from_runway)
+        brightest = max((p.score for p in proposals), default=1.0)
+        seen: list[Candidate] = []
+        for kept, place in zip(self._kept, self.places_kept(camera_from_runway), strict=True):
+            seen += self._seen_at(picture, _Look(centre_px=place, span_px=kept.box.w), brightest)
+        weighed = [self._weighed(picture, p) for p in self._chosen(proposals)]
+        for look in self._turn_of_grid():
+            seen += self._seen_at(picture, look, brightest)
+        found = _distinct([*weighed, *seen])
+        self._kept = [c for c in sorted(found, key=_odds, reverse=True) if _odds(c) > 0.0][:_KEPT]
+        self._camera_from_runway = camera_from_runway
+        return tuple(sorted(found, key=lambda c: -c.score)[: self._most])
+
+    # --------------------------------------------------------------------------------------- where to look
+    def places_kept(self, camera_from_runway: FloatArray | None = None) -> list[FloatArray]:
+        """Return where (2,) the last frame's aircraft are in a frame, as the camera has turned in between."""
+        return [self._turned(_middle(c.box), camera_from_runway) for c in self._kept]
+
+    def _turned(self, pixel: FloatArray, camera_from_runway: FloatArray | None) -> FloatArray:
+        """Return where a pixel (2,) of the last frame is in this one, without its lens' distortion."""
+        if self._lens is None or camera_from_runway is None or self._camera_from_runway is None:
+            return pixel
+        focal, middle = self._lens.focal_px, self._lens.principal_point_px
+        ray = camera_from_runway @ self._camera_from_runway.T @ np.append((pixel - middle) / focal, 1.0)
+        return np.asarray(middle + focal * ray[:2] / ray[2]) if ray[2] > 0.0 else pixel
+
+    def _chosen(self, proposals: tuple[Candidate, ...]) -> list[Candidate]:
+        """Return the proposals that this frame has time for: the first ones, and some of the others in turns."""
+        first, others = list(proposals[:_FIRST]), proposals[_FIRST:]
+        count = min(_OTHERS, len(others))
+        first += [others[(self._next_other + k) % len(others)] for k in range(count)]
+        self._next_other += count
+        return first
+
+    def _turn_of_grid(self) -> Iterator[_Look]:
+        """Yield the next places of the grid."""
+        for _ in range(min(_GRID, len(self._grid))):
+            yield self._grid[self._next % len(self._grid)]
+            self._next += 1
+
+    # ------------------------------------------------------------------------------------- what is there
+    def _seen_at(self, picture: Picture, look: _Look, brightest: float) -> list[Candidate]:
+        """Return the likeliest aircraft in a window, if there is one; ``brightest`` is the proposals' best score."""
+        span = max(look.span_px, self._detection.min_span_px)
+        whole = Box(0.0, 0.0, *(float(n) for n in picture.size_px))
+        at = replace(_NOTHING, u_px=float(look.centre_px[0]), v_px=float(look.centre_px[1]), score=brightest, box=whole)
+        found = self._in_window(picture, look.centre_px, span, at)
+        return [] if found is None or _odds(found) <= 0.0 else [found]
 
     def _weighed(self, picture: Picture, proposal: Candidate) -> Candidate:
         """Return a proposal with its score weighed, and at the nose where the channel shows one."""
         centre = np.array([proposal.u_px, proposal.v_px])
-        span = max(proposal.box.w, self._detection.min_span_px)
+        found = self._in_window(picture, centre, max(proposal.box.w, self._detection.min_span_px), proposal)
+        return proposal if found is None else found
+
+    def _in_window(self, picture: Picture, centre: FloatArray, span: float, proposal: Candidate) -> Candidate | None:
+        """Return a proposal as the window around ``centre`` (2,) shows it; None where there is no window."""
         window = channel_window(picture, centre, span)
         if window is None:
-            return proposal
+            return None
+        unknown = replace(proposal, score=_LEAST_SHARE * proposal.score, odds=-math.inf)
+        if float(window.image.std()) < _FLAT:
+            return unknown
         maps = self._channel.maps(window.image)
         middle = window.from_picture(centre)
         near = [
             c
-            for c in candidates_of(maps, self._detection.level_set.mu)
+            for c in (candidates_of(maps, self._detection.level_set.mu) if float(maps.aircraft.max()) > 0.0 else [])
             if float(np.hypot(*(c.centre - middle))) <= _REACH * TARGET_PX
             and _is_inside(window.to_picture(c.centre), picture.size_px)
         ]
         if not near:
-            return replace(proposal, score=_LEAST_SHARE * proposal.score)
+            return unknown
         best: ChannelCandidate = max(near, key=lambda c: c.odds)
         probability = 1.0 / (1.0 + math.exp(-best.odds))
         score = max(probability, _LEAST_SHARE) * proposal.score
@@ -87,7 +175,43 @@ class LearnedFinder:
         x0, y0 = window.to_picture(np.array([best.box.x0, best.box.y0]) - 0.5) + 0.5
         x1, y1 = window.to_picture(np.array([best.box.x1, best.box.y1]) - 0.5) + 0.5
         box = Box(max(float(x0), 0.0), max(float(y0), 0.0), min(float(x1), float(w)), min(float(y1), float(h)))
-        return replace(proposal, u_px=u, v_px=v, box=box, score=score, sigma_px=sigma)
+        return replace(proposal, u_px=u, v_px=v, box=box, score=score, sigma_px=sigma, odds=best.odds)
+
+
+_NOTHING = Candidate(u_px=0.0, v_px=0.0, box=Box(0.0, 0.0, 0.0, 0.0), score=0.0, moving=False, motion_px_s=None)
+
+
+def grid_of(image_size_px: tuple[int, int]) -> list[_Look]:
+    """Return places all over a frame (w, h), for targets of several widths, from the middle outwards."""
+    size = np.array(image_size_px, np.float64)
+    looks = []
+    for span in _GRID_SPANS_PX:
+        if span > TARGET_PX and span > _WIDEST * size[0]:
+            break
+        step = _STEP * np.array(WINDOW_PX) * span / TARGET_PX
+        counts = np.maximum(np.ceil(size / step), 1).astype(int)
+        columns, rows = ((np.arange(n) + 0.5) * length / n for n, length in zip(counts, size, strict=True))
+        looks += [_Look(centre_px=np.array([u, v]) - 0.5, span_px=span) for v in rows for u in columns]
+    return sorted(looks, key=lambda look: float(np.hypot(*((look.centre_px - 0.5 * size) / size))))
+
+
+def _middle(box: Box[float]) -> FloatArray:
+    """Return the middle (2,) of a candidate's box as a pixel."""
+    return np.array([0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1)]) - 0.5
+
+
+def _odds(candidate: Candidate) -> float:
+    return -math.inf if candidate.odds is None else candidate.odds
+
+
+def _distinct(found: list[Candidate]) -> list[Candidate]:
+    """Return candidates without those that are the same aircraft as a likelier one."""
+    chosen: list[Candidate] = []
+    for c in sorted(found, key=_odds, reverse=True):
+        reach = _SAME * c.box.w
+        if _odds(c) <= 0.0 or all(math.hypot(c.u_px - d.u_px, c.v_px - d.v_px) > reach for d in chosen):
+            chosen.append(c)
+    return chosen
 
 
 def _is_inside(point_px: FloatArray, size_px: tuple[int, int]) -> bool:

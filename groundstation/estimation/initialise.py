@@ -4,6 +4,10 @@ Candidates of two cameras are associated if their rays intersect within their no
 ground, and if their widths correspond to an aircraft at that distance. These fixes are linked over time by
 constant-velocity filters; a tentative track with enough hits and a significant velocity is confirmed. Trees, runway
 markings and false associations of them are stationary or jump.
+
+Candidates that the learned channel has weighed bring their log odds of aircraft. A track that it recognises in both
+cameras, fix after fix, is confirmed without motion: an aircraft that stands before its take-off. One that it takes for
+something else, a bird say, must move for longer.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,6 +18,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import InitiationConfig
+from groundstation.estimation.tentative_track import TentativeTrack
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.station import LensError, StationGeometry
 from groundstation.messages import Kinematics
@@ -23,6 +28,8 @@ from groundstation.messages import Kinematics
 _SIZE_SLACK = 1.2
 _LINK_GATE = 16.27
 _MAX_TRACKS = 40
+# an age of three frame intervals is one of three frames, whatever their stamps' last digit
+_ROUNDING_S = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,7 +38,7 @@ class CameraCandidate:
 
     ``moving`` marks a candidate detected by its motion: it may cover only a part of the aircraft, so that position and
     width are coarse, unless ``sigma_px`` gives the sigma of u and v. ``labelled`` marks an external label, which is
-    confirmed without the motion test.
+    confirmed without the motion test. ``odds`` are log odds of aircraft by the learned channel, None without it.
     """
 
     t_s: float
@@ -45,32 +52,34 @@ class CameraCandidate:
     moving: bool = False
     labelled: bool = False
     sigma_px: float | None = None
+    odds: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InitiatedTarget:
+    """A confirmed tentative track: its state, whether it moves, and whether the learned channel recognises it.
+
+    ``odds`` are its mean log odds of aircraft, None where the learned channel has not weighed its candidates.
+    """
+
+    kinematics: Kinematics
+    moving: bool
+    recognised: bool
+    odds: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fix:
-    """A plausible intersection of the rays of two candidates: position (3,) in m with covariance (3, 3)."""
+    """A plausible intersection of the rays of two candidates: position (3,) in m with covariance (3, 3).
+
+    ``odds`` are the smaller log odds of aircraft of the two, None where the learned channel has not weighed them.
+    """
 
     position_m: FloatArray
     covariance_m2: FloatArray
     score: float
     labelled: bool
-
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class _Tentative:
-    """A tentative track: state (6,) with covariance (6, 6)."""
-
-    t_s: float
-    born_s: float
-    x: FloatArray
-    P: FloatArray
-    newest_covariance_m2: FloatArray
-    hits: int = 1
-    misses: int = 0
-    score: float = 0.0
-    squares: float = 0.0
-    labelled: bool = False
+    odds: float | None = None
 
 
 class TrackInitiator:
@@ -80,7 +89,7 @@ class TrackInitiator:
         self._stations = stations
         self._config = config
         self._span_m = span_m
-        self._tracks: list[_Tentative] = []
+        self._tracks: list[TentativeTrack] = []
 
     @property
     def promising(self) -> bool:
@@ -91,17 +100,27 @@ class TrackInitiator:
         """Discard all tentative tracks."""
         self._tracks.clear()
 
-    def step(self, t_s: float, sightings: Sequence[CameraCandidate]) -> Kinematics | None:
-        """Process the candidates of one epoch; return the target at ``t_s`` once one is confirmed."""
+    def step(
+        self, t_s: float, sightings: Sequence[CameraCandidate], known: Kinematics | None = None
+    ) -> InitiatedTarget | None:
+        """Process the candidates of one epoch; return the target at ``t_s`` once one is confirmed.
+
+        ``known`` is a target at ``t_s`` that is tracked already: what is where it is, is not returned.
+        """
         fixes = self.fixes(sightings)
         self._predict(t_s)
         self._link(fixes, t_s)
         self._tracks = [t for t in self._tracks if t.misses <= self._config.max_misses]
         brightest = max((t.score / t.hits for t in self._tracks if t.hits >= 3), default=0.0)
-        confirmed = [t for t in self._tracks if self._is_confirmed(t, brightest)]
+        confirmed = [
+            (t, moving)
+            for t in self._tracks
+            if not (known is not None and _is_at(t, known))
+            and ((moving := self._is_moving(t, brightest)) or self._is_recognised(t))
+        ]
         if not confirmed:
             return None
-        best = max(confirmed, key=lambda t: t.score / t.hits)
+        best, moving = max(confirmed, key=lambda each: each[0].score / each[0].hits)
         # errors of candidates are correlated from frame to frame: their mean is no better than one of them, and the
         # correlation of position and velocity in the tentative filter is not used
         share = self._config.start_share
@@ -109,7 +128,14 @@ class TrackInitiator:
         P[:3, :3] = best.P[:3, :3] + share * best.newest_covariance_m2
         P[:3, :3] += np.eye(3) * self._config.start_position_sigma_m**2
         P[3:, 3:] = share * best.P[3:, 3:]
-        return Kinematics(position_runway_m=best.x[:3].copy(), velocity_runway_m_s=best.x[3:].copy(), covariance=P)
+        return InitiatedTarget(
+            kinematics=Kinematics(
+                position_runway_m=best.x[:3].copy(), velocity_runway_m_s=best.x[3:].copy(), covariance=P
+            ),
+            moving=moving,
+            recognised=self._is_recognised(best),
+            odds=best.mean_odds,
+        )
 
     def fixes(self, sightings: Sequence[CameraCandidate]) -> list[Fix]:
         """Return the plausible fixes among candidates of different stations, best first."""
@@ -204,6 +230,7 @@ class TrackInitiator:
             covariance_m2=point.covariance_m2,
             score=min(first.score, second.score),
             labelled=first.labelled and second.labelled,
+            odds=None if first.odds is None or second.odds is None else min(first.odds, second.odds),
         )
 
     def _sizes_possible(self, first: CameraCandidate, second: CameraCandidate, distance_m: float) -> bool:
@@ -265,10 +292,12 @@ class TrackInitiator:
         """Associate each track with its nearest fix, most hits first; the other fixes start new tracks."""
         free = list(fixes)
         for track in sorted(self._tracks, key=lambda t: -t.hits):
-            distances = [self._distance(track, f) for f in free]
+            distances = [track.distance(f.position_m, f.covariance_m2) for f in free]
             if distances and min(distances) < _LINK_GATE:
                 track.squares += min(distances)
-                self._update(track, free.pop(int(np.argmin(distances))))
+                fix = free.pop(int(np.argmin(distances)))
+                track.update(fix.position_m, fix.covariance_m2, fix.score, labelled=fix.labelled)
+                track.add_odds(fix.odds, self._config.hits)
             else:
                 track.misses += 1
         for fix in free[: _MAX_TRACKS - len(self._tracks)]:
@@ -276,50 +305,52 @@ class TrackInitiator:
             P[:3, :3] = fix.covariance_m2
             P[3:, 3:] = np.eye(3) * (self._config.max_speed_m_s / 3.0) ** 2
             x = np.concatenate([fix.position_m, np.zeros(3)])
-            self._tracks.append(
-                _Tentative(
-                    t_s=t_s,
-                    born_s=t_s,
-                    x=x,
-                    P=P,
-                    newest_covariance_m2=fix.covariance_m2,
-                    score=fix.score,
-                    labelled=fix.labelled,
-                )
+            track = TentativeTrack(
+                t_s=t_s,
+                born_s=t_s,
+                x=x,
+                P=P,
+                newest_covariance_m2=fix.covariance_m2,
+                score=fix.score,
+                labelled=fix.labelled,
             )
+            track.add_odds(fix.odds, self._config.hits)
+            self._tracks.append(track)
 
-    @staticmethod
-    def _distance(track: _Tentative, fix: Fix) -> float:
-        residual = fix.position_m - track.x[:3]
-        return float(residual @ np.linalg.solve(track.P[:3, :3] + fix.covariance_m2, residual))
-
-    @staticmethod
-    def _update(track: _Tentative, fix: Fix) -> None:
-        S = track.P[:3, :3] + fix.covariance_m2
-        K = np.linalg.solve(S, track.P[:3, :]).T
-        track.x = track.x + K @ (fix.position_m - track.x[:3])
-        track.P = track.P - K @ S @ K.T
-        track.P = 0.5 * (track.P + track.P.T)
-        track.newest_covariance_m2 = fix.covariance_m2
-        track.hits += 1
-        track.misses = 0
-        track.score += fix.score
-        track.labelled = track.labelled and fix.labelled
-
-    def _is_confirmed(self, track: _Tentative, brightest: float) -> bool:
-        """Return whether a track is confirmed: enough hits, low residuals, high scores and a significant velocity."""
-        c = self._config
-        if track.hits < c.hits or track.misses > 0 or track.t_s - track.born_s < c.min_age_s:
+    def _is_recognised(self, track: TentativeTrack) -> bool:
+        """Return whether the learned channel has taken a track for an aircraft, in both cameras and for some time."""
+        c, odds = self._config, track.mean_odds
+        if odds is None or odds < c.recognised_odds or not self._is_persistent(track, c.recognised_hits):
             return False
-        speed = float(np.linalg.norm(track.x[3:]))
-        if speed > c.max_speed_m_s:
+        return track.squares / (track.hits - 1) <= c.max_link_square
+
+    def _is_persistent(self, track: TentativeTrack, hits: int) -> bool:
+        """Return whether a track has so many hits, the newest now, and is old enough and no faster than aircraft."""
+        c = self._config
+        if track.hits < hits or track.misses > 0 or track.t_s - track.born_s < c.min_age_s - _ROUNDING_S:
+            return False
+        return float(np.linalg.norm(track.x[3:])) <= c.max_speed_m_s
+
+    def _is_moving(self, track: TentativeTrack, brightest: float) -> bool:
+        """Return whether a track is confirmed by low residuals, high scores and a significant velocity."""
+        c = self._config
+        if not self._is_persistent(track, c.hits):
             return False
         if track.labelled:
             return True
+        odds = track.mean_odds
+        if odds is not None and odds < c.unlikely_odds and track.t_s - track.born_s < c.unlikely_age_s:
+            return False
         mean_square = track.squares / (track.hits - 1)
         if mean_square > c.max_link_square or track.score / track.hits < c.min_relative_score * brightest:
             return False
         # the noise of the fixes is estimated from their residuals
         noise_scale = max(mean_square / 3.0, c.min_noise_scale if track.hits >= c.scale_hits else 1.0)
         significance = float(np.sqrt(track.x[3:] @ np.linalg.solve(track.P[3:, 3:], track.x[3:]) / noise_scale))
-        return speed >= c.min_speed_m_s and significance >= c.motion_sigma
+        return float(np.linalg.norm(track.x[3:])) >= c.min_speed_m_s and significance >= c.motion_sigma
+
+
+def _is_at(track: TentativeTrack, known: Kinematics) -> bool:
+    """Return whether a tentative track may be the target that is tracked already."""
+    spread = track.newest_covariance_m2 + known.covariance[:3, :3]
+    return track.distance(known.position_runway_m, spread) < _LINK_GATE

@@ -57,7 +57,8 @@ class AlternativeTrack:
         initiator = self._labelled if labelled else self._by_detector
         seen = [_candidate(v, labelled=labelled) for v in trusted]
         # an epoch without two pixels counts as a miss
-        return initiator.step(t_s, seen if len({v.station for v in trusted}) >= 2 else [])
+        found = initiator.step(t_s, seen if len({v.station for v in trusted}) >= 2 else [])
+        return None if found is None else found.kinematics
 
 
 def _candidate(view: EpochView, *, labelled: bool) -> CameraCandidate:

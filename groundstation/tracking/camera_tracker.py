@@ -141,6 +141,7 @@ class CameraTracker:
                 angle_sigma_rad=angle_sigma_rad,
                 moving=c.moving,
                 sigma_px=c.sigma_px,
+                odds=c.odds,
             )
             for c in found
         ]

@@ -200,9 +200,9 @@ class FrameUpdate:
 
     def _search(self, record: Frame | PixelMeasurement, angles: _Angles) -> list[CameraCandidate]:
         """Return the acquisition candidates of the whole frame, or the labelled pixel."""
+        sigma_rad = self._pointing_sigma_rad(record, angles)
         if isinstance(record, Frame):
-            camera = self._cameras[record.station]
-            return camera.search(record, angles.pan_rad, angles.tilt_rad, self._pointing_sigma_rad(record, angles))
+            return self._cameras[record.station].search(record, angles.pan_rad, angles.tilt_rad, sigma_rad)
         return [
             CameraCandidate(
                 t_s=record.t_s,
@@ -212,7 +212,7 @@ class FrameUpdate:
                 score=1.0,
                 pan_rad=angles.pan_rad,
                 tilt_rad=angles.tilt_rad,
-                angle_sigma_rad=self._pointing_sigma_rad(record, angles),
+                angle_sigma_rad=sigma_rad,
                 labelled=True,
             )
         ]
@@ -276,6 +276,8 @@ class FrameUpdate:
             track.add_pixel(record.t_s)
             if isinstance(record, Frame):
                 track.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance)
+                if found.log_odds is not None:
+                    track.recognition.add(record.t_s, found.log_odds)
                 if not found.cut:
                     camera.update_extent(found)
                     self._fuse_width(camera, found, record.t_s)

@@ -4,6 +4,9 @@ A found target must have a configured number of fixes within a configured time, 
 found; otherwise it is a false track. A confirmed track that stands still for long is dropped as well: a stopped
 aircraft needs no guidance, and a detector that has lost the aircraft tends to stay on a ground feature. A track with a
 given initial state needs no confirmation.
+
+A target that the learned channel recognises as an aircraft may stand for as long as it likes: it is going to take off,
+or has landed. One that was found standing is not reported before it moves.
 """
 
 from collections import deque
@@ -17,6 +20,8 @@ from groundstation.estimation.station_ekf import StationEkf
 # squared distance from the place of detection, five sigmas
 _MOVED_GATE = 25.0
 _POSITION_EVERY_S = 0.25
+# a target that was found standing moves at this speed, which differs from zero by six sigmas, as in track initiation
+_MOVING_GATE, _LEAST_SPEED_M_S = 36.0, 2.0
 
 
 class TrackConfirmation:
@@ -28,6 +33,7 @@ class TrackConfirmation:
         self._fixes = 0
         self._velocity_converged = False
         self._found_at: FloatArray | None = None
+        self._found_standing = False
         # recent times and positions of a confirmed track
         self._recent_positions: deque[tuple[float, FloatArray]] | None = None
 
@@ -36,13 +42,20 @@ class TrackConfirmation:
         """Whether the track has had a fix."""
         return self._fixes > 0
 
-    def start(self, t_s: float, found_at_m: FloatArray | None, *, known: bool = False) -> None:
+    @property
+    def has_moved(self) -> bool:
+        """Whether the target has moved away from where it was found, or needs no confirmation."""
+        return self._found_at is None
+
+    def start(self, t_s: float, found_at_m: FloatArray | None, *, known: bool = False, standing: bool = False) -> None:
         """Start a track at ``t_s``; ``found_at_m`` (3,) is the position found by searching, None for a given target.
 
-        ``known``: of a target that was confirmed before, which may still come to stand.
+        ``known``: of a target that was confirmed before, which may still come to stand; ``standing``: of one that was
+        found by what it looks like, without motion.
         """
         self._started_s = t_s
         self._found_at = found_at_m
+        self._found_standing = standing
         # that of a given target stays None: it may stand
         self._recent_positions = deque() if known and self._recent_positions is not None else None
         self._velocity_converged = found_at_m is None
@@ -54,17 +67,22 @@ class TrackConfirmation:
 
     def is_reportable(self, ekf: StationEkf) -> bool:
         """Return whether the estimate may be reported: the track has had a fix and its velocity has converged."""
+        if self._found_standing and self._found_at is not None and not _is_moving(ekf):
+            return False
         if not self._velocity_converged:
             where = ekf.layout.velocity
             sigma = float(np.sqrt(np.linalg.eigvalsh(ekf.covariance[where, where]).max()))
             self._velocity_converged = self._fixes > 0 and sigma < self._config.settled_velocity_sigma_m_s
         return self._velocity_converged
 
-    def is_false_track(self, t_s: float, ekf: StationEkf) -> bool:
-        """Return whether a found target was not confirmed in the configured time, or is stationary since."""
+    def is_false_track(self, t_s: float, ekf: StationEkf, *, recognised: bool = False) -> bool:
+        """Return whether a found target was not confirmed in the configured time, or is stationary since.
+
+        One that is ``recognised`` as an aircraft may stand.
+        """
         c = self._config
         if self._found_at is None:
-            return self._is_stationary(t_s, ekf)
+            return self._is_stationary(t_s, ekf) and not recognised
         if self._fixes < c.proof_fixes and t_s - self._started_s > c.proof_s:
             return True
         where = ekf.layout.position
@@ -74,12 +92,12 @@ class TrackConfirmation:
             self._found_at = None
             self._recent_positions = deque()
             return False
-        return t_s - self._started_s > c.false_target_s
+        return t_s - self._started_s > c.false_target_s and not recognised
 
-    def is_overdue(self, t_s: float) -> bool:
+    def is_overdue(self, t_s: float, *, recognised: bool = False) -> bool:
         """Return whether the confirmation time of a found target has passed without enough fixes."""
         c = self._config
-        if self._found_at is None:
+        if self._found_at is None or (recognised and self._fixes >= c.proof_fixes):
             return False
         return t_s - self._started_s > (c.proof_s if self._fixes < c.proof_fixes else c.false_target_s)
 
@@ -97,3 +115,11 @@ class TrackConfirmation:
             passed.append((t_s, here_m.copy()))
         then_s, there_m = passed[0]
         return t_s - then_s >= c.standing_s and float(np.linalg.norm(here_m - there_m)) < c.standing_m
+
+
+def _is_moving(ekf: StationEkf) -> bool:
+    """Return whether the velocity is significant."""
+    where = ekf.layout.velocity
+    v_m_s = ekf.state[where]
+    significant = float(v_m_s @ np.linalg.solve(ekf.covariance[where, where], v_m_s)) > _MOVING_GATE
+    return significant and float(np.linalg.norm(v_m_s)) >= _LEAST_SPEED_M_S

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from groundstation.arrays import FloatArray
-from groundstation.estimation.initialise import CameraCandidate, TrackInitiator
+from groundstation.estimation.initialise import CameraCandidate, InitiatedTarget, TrackInitiator
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.target_point import with_point_error
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
@@ -83,7 +82,12 @@ class TrackManager:
             return
         self._initial = None
         sigmas = np.concatenate([start.sigma_position_m, start.sigma_velocity_m_s])
-        self._start_track(start.t_s, start.position_runway_m, start.velocity_runway_m_s, np.diag(sigmas**2), "given")
+        given = Kinematics(
+            position_runway_m=start.position_runway_m,
+            velocity_runway_m_s=start.velocity_runway_m_s,
+            covariance=np.diag(sigmas**2),
+        )
+        self._start_track(start.t_s, given, "given")
 
     def process_epoch(self, epoch: Epoch, views: EpochViews, *, newest_s: float) -> Kinematics | None:
         """Update the track with one epoch and return its estimate at the epoch's stamp, if it is reported.
@@ -140,7 +144,8 @@ class TrackManager:
         with self._ekf.predicted_ahead(t_s):
             if self.state_machine.is_lost(t_s, self._ekf, self._cameras):
                 return True
-        if self.state_machine.confirmation.is_overdue(t_s):
+        recognised = self.state_machine.recognition.is_recognised
+        if self.state_machine.confirmation.is_overdue(t_s, recognised=recognised):
             self.log(t_s, "warning", "candidate dropped: no pictures to confirm it")
             return True
         self._set_status(t_s, self.state_machine.update(False, self._ekf))
@@ -154,15 +159,17 @@ class TrackManager:
 
     def _update_status(self, t_s: float, fixed: bool, proof: bool) -> None:
         """Update the status of the target, and drop it if it is lost or a false track."""
+        machine = self.state_machine
         if proof:
-            self.state_machine.add_fix(t_s)
-        if self.state_machine.is_lost(t_s, self._ekf, self._cameras):
+            machine.add_fix(t_s)
+        recognised = machine.recognition.is_recognised
+        if machine.is_lost(t_s, self._ekf, self._cameras):
             self.drop(t_s)
-        elif self.state_machine.confirmation.is_false_track(t_s, self._ekf):
+        elif machine.confirmation.is_false_track(t_s, self._ekf, recognised=recognised):
             self.log(t_s, "warning", "what was found does not move as an aircraft does: dropped")
             self.drop(t_s)
         else:
-            self._set_status(t_s, self.state_machine.update(fixed, self._ekf))
+            self._set_status(t_s, machine.update(fixed, self._ekf))
 
     def _correct(self, t_s: float, views: EpochViews) -> None:
         """Restart the target where cameras agree on another place than the filter's, look after look."""
@@ -173,7 +180,7 @@ class TrackManager:
             return
         found = self._alternative.step(t_s, views, known_lately=machine.seen_by_two(t_s))
         if found is not None:
-            self._start_track(t_s, found.position_runway_m, found.velocity_runway_m_s, found.covariance, "corrected")
+            self._start_track(t_s, found, "corrected")
 
     def _initiate(self, epoch: Epoch) -> None:
         """Pass the candidates of this epoch to the initiator; start the target when one is confirmed."""
@@ -183,39 +190,53 @@ class TrackManager:
         # labelled pixels arrive one by one at their own times: the newest of each station are combined
         labelled = {s.station: s for s in recent if s.labelled}
         self._candidates = list(labelled.values()) if len(labelled) < 2 else []
-        found = self._initiator.step(epoch.t_s, [*(s for s in recent if not s.labelled), *labelled.values()])
-        if found is not None:
+        machine = self.state_machine
+        known = self._ekf.kinematics_at(epoch.t_s) if self._ekf.has_target and machine.seen_by_two(epoch.t_s) else None
+        sightings = [*(s for s in recent if not s.labelled), *labelled.values()]
+        found = self._initiator.step(epoch.t_s, sightings, known)
+        if found is not None and self._is_better(epoch.t_s, found):
             labels = bool(labelled) and len(labelled) == len(recent)
-            word = "found in labels" if labels else "acquired"
-            self._start_track(epoch.t_s, found.position_runway_m, found.velocity_runway_m_s, found.covariance, word)
+            self._start_track(epoch.t_s, found.kinematics, "found in labels" if labels else "acquired", found)
         elif self._ekf.has_target:
             return
         elif self._initiator.promising:
             self._set_status(epoch.t_s, TrackStatus.ACQUIRING)
-        elif self.state_machine.status is TrackStatus.ACQUIRING:
+        elif machine.status is TrackStatus.ACQUIRING:
             self._set_status(epoch.t_s, TrackStatus.SEARCHING)
 
-    def _start_track(
-        self, t_s: float, position: FloatArray, velocity: FloatArray, covariance: FloatArray, how: str
-    ) -> None:
-        """Start the filter from a state at ``t_s``; only targets acquired from candidates need confirmation."""
+    def _is_better(self, t_s: float, found: InitiatedTarget) -> bool:
+        """Return whether a found target is followed from now on, instead of the one that there may be."""
+        machine = self.state_machine
+        if not self._ekf.has_target or (found.moving and machine.is_doubtful(t_s)):
+            return True
+        return not machine.outranks(recognised=found.recognised, moving=found.moving)
+
+    def _start_track(self, t_s: float, start: Kinematics, how: str, found: InitiatedTarget | None = None) -> None:
+        """Start the filter from a state at ``t_s``; only targets ``found`` among candidates need confirmation."""
         if self._ekf.has_target:
             # replaces the current target, whose appearance and size are discarded
             self._reset_cameras()
         age_s = 0.0 if self._ekf.time_s is None else self._ekf.time_s - t_s
-        self._ekf.start_target(position, velocity, covariance, age_s, triangulated=how != "given")
+        position = start.position_runway_m
+        self._ekf.start_target(
+            position, start.velocity_runway_m_s, start.covariance, age_s, triangulated=how != "given"
+        )
         self._initiator.reset()
         self._alternative.reset()
         self._candidates.clear()
         self.state_machine.start(
-            t_s + max(age_s, 0.0), position if how == "acquired" else None, known=how == "corrected"
+            t_s + max(age_s, 0.0),
+            position if how == "acquired" else None,
+            known=how == "corrected",
+            standing=found is not None and not found.moving,
+            odds=None if found is None else found.odds,
         )
         x, y, z = position
         where = f"({x:.1f}, {y:.1f}, {z:.1f}) m"
         if how == "corrected":
             self.log(t_s, "warning", f"cameras agree on {where} and not with the filter: target restarted there")
         else:
-            self.log(t_s, "info", f"target {how} at {where}")
+            self.log(t_s, "info", f"target {how} at {where}{', standing' if found and not found.moving else ''}")
         self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)
 
     def drop(self, t_s: float) -> None:

@@ -22,6 +22,7 @@ from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import TrackEvent, TrackStatus
 from groundstation.tracking.existence_probability import ExistenceProbability
+from groundstation.tracking.recognition import Recognition
 from groundstation.tracking.track_confirmation import TrackConfirmation
 
 
@@ -32,6 +33,7 @@ class TrackStateMachine:
         self.status = TrackStatus.SEARCHING
         self.existence = ExistenceProbability(config.miss_memory_s)
         self.confirmation = TrackConfirmation(config)
+        self.recognition = Recognition()
         self._config = config
         self._newest_pixel_s = 0.0
         self._newest_fix_s = 0.0
@@ -45,13 +47,24 @@ class TrackStateMachine:
         """Start time of the track."""
         return self._started_s
 
-    def start(self, t_s: float, found_at_m: FloatArray | None, *, known: bool = False) -> None:
+    def start(
+        self,
+        t_s: float,
+        found_at_m: FloatArray | None,
+        *,
+        known: bool = False,
+        standing: bool = False,
+        odds: float | None = None,
+    ) -> None:
         """Start a track at ``t_s``; ``found_at_m`` (3,) is the position found by searching, None for a given target.
 
-        ``known``: of a target that was confirmed before.
+        ``known``: of a target that was confirmed before, which stays recognised as it was; ``standing``: found without
+        motion; ``odds``: mean log odds of aircraft of the candidates found, None without them.
         """
         self._newest_pixel_s = self._started_s = self._newest_fix_s = t_s
-        self.confirmation.start(t_s, found_at_m, known=known)
+        self.confirmation.start(t_s, found_at_m, known=known, standing=standing)
+        if not known:
+            self.recognition.start(t_s, odds)
         self._fixes_since_gap = self._config.confirm_fixes
         self.existence.start()
 
@@ -89,9 +102,23 @@ class TrackStateMachine:
         return TrackStatus.TRACKING if confirmed else TrackStatus.COASTING
 
     def needs_search(self, t_s: float) -> bool:
-        """Return whether whole frames are also searched: the last fix is old, or the existence probability is low."""
+        """Return whether whole frames are also searched: the target is doubtful, or another one would outrank it."""
+        return self.is_doubtful(t_s) or (
+            self.recognition.is_available and not self.outranks(recognised=True, moving=True)
+        )
+
+    def is_doubtful(self, t_s: float) -> bool:
+        """Return whether the last fix is old, or the existence probability is low."""
         doubtful = self.existence.probability < self._config.doubtful_existence
         return doubtful or t_s - self._newest_fix_s > self._config.search_again_s
+
+    def outranks(self, *, recognised: bool, moving: bool) -> bool:
+        """Return whether the target is at least as likely the aircraft as another one that is recognised or moves.
+
+        What is recognised as an aircraft comes before what only moves.
+        """
+        own = 2 * self.recognition.is_recognised + self.confirmation.has_moved
+        return own >= 2 * recognised + moving
 
     def seen_by_two(self, t_s: float) -> bool:
         """Return whether two or more cameras detect the target: its last fix is at most ``search_again_s`` old."""

@@ -175,3 +175,58 @@ def test_unseen_is_counted_from_the_newest_pixel() -> None:
     life.add_pixel(1.0)
     assert not life.is_unseen(10.0)
     assert life.is_unseen(10.001)
+
+
+def stood(odds: float) -> tuple[TrackStateMachine, StationEkf]:
+    """Return a target that was found without motion, and fixed for ten seconds."""
+    life, ekf = started(found=True)
+    at = ekf.kinematics_at(0.0).position_runway_m
+    life.start(0.0, at, standing=True, odds=odds)
+    for k in range(100):
+        life.add_fix(k * 0.1)
+        life.recognition.add(k * 0.1, odds)
+    return life, ekf
+
+
+def test_an_aircraft_that_is_recognised_may_stand_and_is_not_reported_before_it_moves() -> None:
+    life, ekf = stood(4.0)
+    recognised = life.recognition.is_recognised
+    assert recognised
+    assert not life.confirmation.is_false_track(10.0, ekf, recognised=recognised)
+    assert not life.confirmation.is_overdue(10.0, recognised=recognised)
+    assert life.update(True, ekf) is TrackStatus.ACQUIRING
+    there = ekf.kinematics_at(0.0)
+    ekf.start_target(there.position_runway_m, np.array([0.0, 5.0, 0.0]), there.covariance)
+    assert life.update(True, ekf) is TrackStatus.TRACKING
+
+
+def test_what_is_no_longer_recognised_may_not_stand() -> None:
+    life, ekf = stood(4.0)
+    for k in range(100, 140):
+        life.recognition.add(k * 0.1, -6.0)
+    assert not life.recognition.is_recognised
+    assert life.confirmation.is_false_track(14.0, ekf, recognised=life.recognition.is_recognised)
+
+
+def test_a_recognised_aircraft_outranks_what_only_moves() -> None:
+    """Expected: a recognised target that has moved is outranked by none, an unknown one by every recognised one."""
+    life, ekf = stood(4.0)
+    assert life.outranks(recognised=False, moving=True)
+    assert life.outranks(recognised=True, moving=False)
+    assert not life.outranks(recognised=True, moving=True)
+    assert life.needs_search(9.9)
+    move(ekf, -15.0)
+    assert not life.confirmation.is_false_track(9.9, ekf)
+    assert life.outranks(recognised=True, moving=True)
+    assert not life.needs_search(9.9)
+    bird, ekf = stood(-6.0)
+    assert not bird.outranks(recognised=True, moving=False)
+    assert bird.needs_search(9.9)
+
+
+def test_a_target_that_no_learned_channel_has_seen_is_not_searched_for() -> None:
+    life, _ = started(found=True)
+    for k in range(100):
+        life.add_fix(k * 0.1)
+    assert not life.recognition.is_available
+    assert not life.needs_search(9.9)

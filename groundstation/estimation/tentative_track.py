@@ -1,0 +1,66 @@
+"""A tentative track of the track initiation: a constant-velocity filter and what is known of its fixes."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+
+# log odds beyond which a single fix has no more weight
+_MOST_ODDS = 12.0
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class TentativeTrack:
+    """A tentative track.
+
+    Attributes
+    ----------
+    t_s, born_s : time of its state, and of its first fix.
+    x, P : position and velocity (6,) in the runway frame, m and m/s, with covariance (6, 6).
+    newest_covariance_m2 : (3, 3) of the newest fix.
+    hits, misses : fixes, and epochs without one since the newest.
+    score, squares : sums of the fixes' scores and of their normalised squares.
+    labelled : whether all of its fixes are labels.
+    recent_odds : log odds of aircraft of the last fixes, as the learned channel weighs them.
+    """
+
+    t_s: float
+    born_s: float
+    x: FloatArray
+    P: FloatArray
+    newest_covariance_m2: FloatArray
+    hits: int = 1
+    misses: int = 0
+    score: float = 0.0
+    squares: float = 0.0
+    labelled: bool = False
+    recent_odds: list[float] = field(default_factory=list)
+
+    def add_odds(self, odds: float | None, most: int) -> None:
+        """Append the log odds of a fix, limited, to the last ``most`` ones."""
+        if odds is not None:
+            self.recent_odds = [*self.recent_odds, min(max(odds, -_MOST_ODDS), _MOST_ODDS)][-most:]
+
+    @property
+    def mean_odds(self) -> float | None:
+        """Mean log odds of aircraft of the last fixes, None where the learned channel has not weighed them."""
+        return sum(self.recent_odds) / len(self.recent_odds) if self.recent_odds else None
+
+    def distance(self, position_m: FloatArray, covariance_m2: FloatArray) -> float:
+        """Return the normalised square of the distance to a position (3,) with covariance (3, 3)."""
+        residual = position_m - self.x[:3]
+        return float(residual @ np.linalg.solve(self.P[:3, :3] + covariance_m2, residual))
+
+    def update(self, position_m: FloatArray, covariance_m2: FloatArray, score: float, *, labelled: bool) -> None:
+        """Update the state with a fix (3,) and its covariance (3, 3)."""
+        S = self.P[:3, :3] + covariance_m2
+        K = np.linalg.solve(S, self.P[:3, :]).T
+        self.x = self.x + K @ (position_m - self.x[:3])
+        self.P = self.P - K @ S @ K.T
+        self.P = 0.5 * (self.P + self.P.T)
+        self.newest_covariance_m2 = covariance_m2
+        self.hits += 1
+        self.misses = 0
+        self.score += score
+        self.labelled = self.labelled and labelled
