@@ -260,8 +260,8 @@ class FrameUpdate:
         if found.cut and not self._likely_in_view(record.station, seen):
             # the nose is outside the image: the detected point is another part of the aircraft
             return DetectionStatus.CUT, None
-        innovation, status, trusted = None, DetectionStatus.EXCLUDED, self._health.uses(record.station)
-        if trusted:
+        innovation, status = None, DetectionStatus.EXCLUDED
+        if trusted := self._health.uses(record.station):
             R = found.covariance_px2 + self._health.monitor.extra_px2(record.station)
             # errors of the own detector are time-correlated; labelled pixels have white noise
             lasting = self._config.estimation.detection_lasting_share if isinstance(record, Frame) else 0.0
@@ -279,10 +279,7 @@ class FrameUpdate:
                 if found.log_odds is not None:
                     track.recognition.add(record.t_s, found.log_odds)
                 if not found.cut:
-                    camera.update_extent(found)
-                    self._fuse_width(camera, found, record.t_s)
-                    if self._learns_span:
-                        self._learn_span(camera, found)
+                    self._use_width(camera, found, record.t_s)
             self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
         view = TriangulationView(
             station=camera.geometry,
@@ -321,8 +318,9 @@ class FrameUpdate:
         share = self._track_manager.state_machine.existence.miss(record.station, record.t_s, before)
         self._ekf.update_miss(record.station, share)
 
-    def _fuse_width(self, camera: CameraTracker, found: Detection, t_s: float) -> None:
+    def _use_width(self, camera: CameraTracker, found: Detection, t_s: float) -> None:
         """Update the range with the silhouette's width if no other camera sees the target, else the span."""
+        camera.update_extent(found)
         name, span_m = camera.station.name, self._assumed_span_m
         began_s = self._track_manager.state_machine.started_s
         others = [max(self._contributed.get(station, began_s), began_s) for station in self._cameras if station != name]
@@ -330,10 +328,7 @@ class FrameUpdate:
         if alone or t_s - self._width_fused_s.get(name, -math.inf) >= _WIDTH_EVERY_S:
             self._width_fused_s[name] = t_s
             self._ekf.update_width(name, found.box.w, span_m, alone=alone)
-
-    def _learn_span(self, camera: CameraTracker, found: Detection) -> None:
-        after = self._ekf.predict_pixel(camera.station.name)
-        if after is not None:
+        if self._learns_span and (after := self._ekf.predict_pixel(name)) is not None:
             self._span.learn(found.box.w, float(camera.station.lens.focal_px[0]) / after.depth_m)
 
     def _roi_centre(self, record: Frame, prediction: PixelPrediction) -> FloatArray:
