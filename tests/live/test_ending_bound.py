@@ -148,10 +148,11 @@ def test_a_child_that_does_not_listen_is_killed_and_one_that_does_is_not() -> No
 
 
 def test_a_child_is_requested_to_end_before_it_is_killed() -> None:
+    others = set(mp.active_children())
     child = ChildProcess("asked", wait_for_word)
     assert child.pipe.poll(60.0)
     assert child.end("nothing that it knows", 60.0, 60.0)
-    assert mp.active_children() == []
+    assert set(mp.active_children()) <= others
 
 
 @pytest.fixture
@@ -181,6 +182,8 @@ def test_ctrl_c_while_the_ptus_process_is_stopped(station: tuple[Run, Units]) ->
     assert "the PTUs' process" in reported
     assert "was killed" in reported
     assert "Traceback" not in reported
+    # a halt that is acknowledged brakes for up to half a second
+    time.sleep(0.5)
     now_s = time.monotonic()
     assert max(units.stood(began_s, now_s).values()) < float("inf")
     assert max(units.turned(now_s - 0.2, now_s).values()) == 0.0
