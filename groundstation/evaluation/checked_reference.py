@@ -8,7 +8,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.config import EvaluationConfig, OffsetSource
-from groundstation.evaluation.dgps_lag import find_lagging
+from groundstation.evaluation.lagging_reference import find_lagging
 from groundstation.evaluation.position_series import (
     InterpolatedReference,
     PositionSeries,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from groundstation.evaluation.dgps_lag import _MIN_WINDOW_SAMPLES, _windowed
+from groundstation.evaluation.lagging_reference import _MIN_WINDOW_SAMPLES, _windowed
 
 
 def test_windows_sum_their_content_and_poor_ones_are_skipped() -> None:
