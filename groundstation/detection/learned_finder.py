@@ -34,15 +34,15 @@ _LEAST_SHARE = 0.05
 _REACH = 1.0
 # windows of a frame: where an aircraft was, the first proposals, others in turns, the grid in turns. On twenty train
 # worlds the first 12 proposals had 80 % of the aircraft in them and the first 24 86 %, the channel knows 93 % of them
-_KEPT, _FIRST, _OTHERS, _GRID = 3, 5, 3, 4
+_KEPT, _FIRST, _OTHERS, _GRID = 3, 5, 2, 4
 _PROPOSALS = 24
 # neighbouring windows of the grid overlap so far that a place is within a target of the middle of one
 _STEP = 0.54
 # target widths of the grid, px, up to this share of the frame's width
 _GRID_SPANS_PX = tuple(TARGET_PX * 2.0**k for k in range(6))
 _WIDEST = 0.5
-# a window whose levels vary less, one sigma, shows nothing
-_FLAT = 2.0
+# a window of the grid whose levels vary less, one sigma, is an even sky: an aircraft there stands out, and is proposed
+_FLAT = 1.0
 # candidates nearer to each other than this share of their width are one
 _SAME = 0.3
 
@@ -84,8 +84,8 @@ class LearnedFinder:
     def reset(self) -> None:
         """Discard the earlier frames."""
         self._proposals.reset()
+        # turns go on: a false target every few seconds must not keep them in the middle
         self._kept, self._camera_from_runway = [], None
-        self._next = self._next_other = 0
 
     def find(
         self, image: ImageArray | Picture, t_s: float, camera_from_runway: FloatArray | None = None
@@ -97,10 +97,12 @@ class LearnedFinder:
         seen: list[Candidate] = []
         for kept, place in zip(self._kept, self.places_kept(camera_from_runway), strict=True):
             seen += self._seen_at(picture, _Look(centre_px=place, span_px=kept.box.w), brightest)
-        weighed = [self._weighed(picture, p) for p in self._chosen(proposals)]
+        chosen, others = self._chosen(proposals)
+        weighed = [self._weighed(picture, p) for p in chosen]
         for look in self._turn_of_grid():
-            seen += self._seen_at(picture, look, brightest)
-        found = _distinct([*weighed, *seen])
+            seen += self._seen_at(picture, look, brightest, _FLAT)
+        unknown = [replace(p, score=_LEAST_SHARE * p.score) for p in others]
+        found = _distinct([*weighed, *seen, *unknown])
         self._kept = [c for c in sorted(found, key=_odds, reverse=True) if _odds(c) > 0.0][:_KEPT]
         self._camera_from_runway = camera_from_runway
         return tuple(sorted(found, key=lambda c: -c.score)[: self._most])
@@ -118,13 +120,14 @@ class LearnedFinder:
         ray = camera_from_runway @ self._camera_from_runway.T @ np.append((pixel - middle) / focal, 1.0)
         return np.asarray(middle + focal * ray[:2] / ray[2]) if ray[2] > 0.0 else pixel
 
-    def _chosen(self, proposals: tuple[Candidate, ...]) -> list[Candidate]:
-        """Return the proposals that this frame has time for: the first ones, and some of the others in turns."""
-        first, others = list(proposals[:_FIRST]), proposals[_FIRST:]
+    def _chosen(self, proposals: tuple[Candidate, ...]) -> tuple[list[Candidate], list[Candidate]]:
+        """Return the proposals that this frame has time for, the first ones and some others in turns, and the rest."""
+        first, others = list(proposals[:_FIRST]), list(proposals[_FIRST:])
         count = min(_OTHERS, len(others))
-        first += [others[(self._next_other + k) % len(others)] for k in range(count)]
+        start = self._next_other % max(len(others), 1)
         self._next_other += count
-        return first
+        others = [*others[start:], *others[:start]]
+        return [*first, *others[:count]], others[count:]
 
     def _turn_of_grid(self) -> Iterator[_Look]:
         """Yield the next places of the grid."""
@@ -133,12 +136,15 @@ class LearnedFinder:
             self._next += 1
 
     # ------------------------------------------------------------------------------------- what is there
-    def _seen_at(self, picture: Picture, look: _Look, brightest: float) -> list[Candidate]:
-        """Return the likeliest aircraft in a window, if there is one; ``brightest`` is the proposals' best score."""
+    def _seen_at(self, picture: Picture, look: _Look, brightest: float, flat: float = 0.0) -> list[Candidate]:
+        """Return the likeliest aircraft in a window, if there is one.
+
+        ``brightest`` is the proposals' best score; a window whose levels vary by less than ``flat`` is left out.
+        """
         span = max(look.span_px, self._detection.min_span_px)
         whole = Box(0.0, 0.0, *(float(n) for n in picture.size_px))
         at = replace(_NOTHING, u_px=float(look.centre_px[0]), v_px=float(look.centre_px[1]), score=brightest, box=whole)
-        found = self._in_window(picture, look.centre_px, span, at)
+        found = self._in_window(picture, look.centre_px, span, at, flat)
         return [] if found is None or _odds(found) <= 0.0 else [found]
 
     def _weighed(self, picture: Picture, proposal: Candidate) -> Candidate:
@@ -147,14 +153,14 @@ class LearnedFinder:
         found = self._in_window(picture, centre, max(proposal.box.w, self._detection.min_span_px), proposal)
         return proposal if found is None else found
 
-    def _in_window(self, picture: Picture, centre: FloatArray, span: float, proposal: Candidate) -> Candidate | None:
-        """Return a proposal as the window around ``centre`` (2,) shows it; None where there is no window."""
+    def _in_window(
+        self, picture: Picture, centre: FloatArray, span: float, proposal: Candidate, flat: float = 0.0
+    ) -> Candidate | None:
+        """Return a proposal as the window around ``centre`` (2,) shows it; None where there is none, or a flat one."""
         window = channel_window(picture, centre, span)
-        if window is None:
+        if window is None or (flat > 0.0 and _spread(window.image) < flat):
             return None
         unknown = replace(proposal, score=_LEAST_SHARE * proposal.score, odds=-math.inf)
-        if _is_flat(window.image):
-            return unknown
         maps = self._channel.maps_with_aircraft(window.image)
         if maps is None:
             return unknown
@@ -198,9 +204,9 @@ def grid_of(image_size_px: tuple[int, int]) -> list[_Look]:
     return sorted(looks, key=lambda look: float(np.hypot(*((look.centre_px - 0.5 * size) / size))))
 
 
-def _is_flat(image: ImageArray) -> bool:
-    """Return whether a window's levels vary too little to show anything."""
-    return float(cv2.meanStdDev(image)[1].max()) < _FLAT
+def _spread(image: ImageArray) -> float:
+    """Return one sigma of a window's levels."""
+    return float(cv2.meanStdDev(image)[1].max())
 
 
 def _middle(box: Box[float]) -> FloatArray:

@@ -235,7 +235,8 @@ class InitiationConfig:
 
     def __post_init__(self) -> None:
         require_positive(self, but=("min_height_m", "min_age_s", "min_speed_m_s", "start_share", "unlikely_odds"))
-        if self.hits < 2:
-            raise ValueError(f"hits {self.hits} < 2")
+        for name in ("hits", "recognised_hits"):
+            if getattr(self, name) < 2:
+                raise ValueError(f"{name} {getattr(self, name)} < 2")
         if not 0 <= self.min_speed_m_s < self.max_speed_m_s:
             raise ValueError("min_speed_m_s not below max_speed_m_s")

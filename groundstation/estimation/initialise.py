@@ -18,7 +18,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import InitiationConfig
-from groundstation.estimation.tentative_track import TentativeTrack
+from groundstation.estimation.tentative_track import InitiatedTarget, TentativeTrack, initiated
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.station import LensError, StationGeometry
 from groundstation.messages import Kinematics
@@ -56,19 +56,6 @@ class CameraCandidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class InitiatedTarget:
-    """A confirmed tentative track: its state, whether it moves, and whether the learned channel recognises it.
-
-    ``odds`` are its mean log odds of aircraft, None where the learned channel has not weighed its candidates.
-    """
-
-    kinematics: Kinematics
-    moving: bool
-    recognised: bool
-    odds: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fix:
     """A plausible intersection of the rays of two candidates: position (3,) in m with covariance (3, 3).
 
@@ -102,40 +89,35 @@ class TrackInitiator:
 
     def step(
         self, t_s: float, sightings: Sequence[CameraCandidate], known: Kinematics | None = None
-    ) -> InitiatedTarget | None:
-        """Process the candidates of one epoch; return the target at ``t_s`` once one is confirmed.
+    ) -> tuple[InitiatedTarget, ...]:
+        """Process the candidates of one epoch; return the targets at ``t_s`` that are confirmed, best first.
 
-        ``known`` is a target at ``t_s`` that is tracked already: what is where it is, is not returned.
+        What is recognised comes before what only moves, then the higher score. ``known`` is a target at ``t_s`` that is
+        tracked already: what is where it is, is not returned.
         """
         fixes = self.fixes(sightings)
         self._predict(t_s)
         self._link(fixes, t_s)
         self._tracks = [t for t in self._tracks if t.misses <= self._config.max_misses]
-        brightest = max((t.score / t.hits for t in self._tracks if t.hits >= 3), default=0.0)
-        confirmed = [
-            (t, moving)
-            for t in self._tracks
-            if not (known is not None and _is_at(t, known))
-            and ((moving := self._is_moving(t, brightest)) or self._is_recognised(t))
-        ]
-        if not confirmed:
-            return None
-        best, moving = max(confirmed, key=lambda each: each[0].score / each[0].hits)
-        # errors of candidates are correlated from frame to frame: their mean is no better than one of them, and the
-        # correlation of position and velocity in the tentative filter is not used
-        share = self._config.start_share
-        P = np.zeros((6, 6))
-        P[:3, :3] = best.P[:3, :3] + share * best.newest_covariance_m2
-        P[:3, :3] += np.eye(3) * self._config.start_position_sigma_m**2
-        P[3:, 3:] = share * best.P[3:, 3:]
-        return InitiatedTarget(
-            kinematics=Kinematics(
-                position_runway_m=best.x[:3].copy(), velocity_runway_m_s=best.x[3:].copy(), covariance=P
-            ),
-            moving=moving,
-            recognised=self._is_recognised(best),
-            odds=best.mean_odds,
-        )
+        others = [t for t in self._tracks if known is None or not _is_at(t, known)]
+        brightest = max((t.score / t.hits for t in others if t.hits >= 3 and self._may_outshine(t)), default=0.0)
+        confirmed = []
+        for track in others:
+            recognised = self._is_recognised(track)
+            # a clearer track says nothing against one that is recognised
+            moving = self._is_moving(track, 0.0 if recognised else brightest)
+            if moving or recognised:
+                rank = 2 * recognised + moving, track.score / track.hits
+                confirmed.append((rank, initiated(track, self._config, moving=moving, recognised=recognised)))
+        return tuple(target for _, target in sorted(confirmed, key=lambda each: each[0], reverse=True))
+
+    def discard(self, known: Kinematics) -> None:
+        """Discard the tentative tracks at a target's place: it was given up as a false track."""
+        self._tracks = [t for t in self._tracks if not _is_at(t, known)]
+
+    def _may_outshine(self, track: TentativeTrack) -> bool:
+        """Return whether the scores of others are compared with a track's: not if the learned channel doubts it."""
+        return track.mean_odds is None or track.mean_odds >= self._config.recognised_odds
 
     def fixes(self, sightings: Sequence[CameraCandidate]) -> list[Fix]:
         """Return the plausible fixes among candidates of different stations, best first."""

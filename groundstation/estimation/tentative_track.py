@@ -1,10 +1,12 @@
-"""A tentative track of the track initiation: a constant-velocity filter and what is known of its fixes."""
+"""A tentative track of the track initiation: a constant-velocity filter and what is known of its fixes; its target."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.config import InitiationConfig
+from groundstation.messages import Kinematics
 
 # log odds beyond which a single fix has no more weight
 _MOST_ODDS = 12.0
@@ -64,3 +66,39 @@ class TentativeTrack:
         self.misses = 0
         self.score += score
         self.labelled = self.labelled and labelled
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InitiatedTarget:
+    """A confirmed tentative track: its state, whether it moves, and whether the learned channel recognises it.
+
+    ``odds`` are its mean log odds of aircraft, None where the learned channel has not weighed its candidates; ``age_s``
+    is the time since its first fix.
+    """
+
+    kinematics: Kinematics
+    moving: bool
+    recognised: bool
+    odds: float | None
+    age_s: float
+
+
+def initiated(track: TentativeTrack, config: InitiationConfig, *, moving: bool, recognised: bool) -> InitiatedTarget:
+    """Return the target of a confirmed track, at the track's time.
+
+    Errors of candidates are correlated from frame to frame: their mean is no better than one of them, and the
+    correlation of position and velocity in the tentative filter is not used.
+    """
+    P = np.zeros((6, 6))
+    P[:3, :3] = track.P[:3, :3] + config.start_share * track.newest_covariance_m2
+    P[:3, :3] += np.eye(3) * config.start_position_sigma_m**2
+    P[3:, 3:] = config.start_share * track.P[3:, 3:]
+    return InitiatedTarget(
+        kinematics=Kinematics(
+            position_runway_m=track.x[:3].copy(), velocity_runway_m_s=track.x[3:].copy(), covariance=P
+        ),
+        moving=moving,
+        recognised=recognised,
+        odds=track.mean_odds,
+        age_s=track.t_s - track.born_s,
+    )

@@ -58,7 +58,7 @@ class AlternativeTrack:
         seen = [_candidate(v, labelled=labelled) for v in trusted]
         # an epoch without two pixels counts as a miss
         found = initiator.step(t_s, seen if len({v.station for v in trusted}) >= 2 else [])
-        return None if found is None else found.kinematics
+        return found[0].kinematics if found else None
 
 
 def _candidate(view: EpochView, *, labelled: bool) -> CameraCandidate:

@@ -277,7 +277,7 @@ class FrameUpdate:
             if isinstance(record, Frame):
                 track.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance)
                 if found.log_odds is not None:
-                    track.recognition.add(record.t_s, found.log_odds)
+                    track.recognition.add(record.station, record.t_s, found.log_odds)
                 if not found.cut:
                     self._use_width(camera, found, record.t_s)
             self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))

@@ -1,11 +1,13 @@
 """Recognition of the target by the learned channel: what it takes the pixels of a track for.
 
-Each accepted pixel of the learned detector has log odds of aircraft. Their mean over about a second is a statement on
-the target that does not depend on where it is or how it moves: a bird is followed as smoothly as an aircraft. It ranks
-targets among each other and excludes none, as an aircraft unlike those of the training has low odds, too.
+Each accepted pixel of the learned detector has log odds of aircraft. Their mean over about a second, of each camera and
+then of all, is a statement on the target that does not depend on where it is or how it moves: a bird is followed as
+smoothly as an aircraft. It ranks targets among each other and excludes none, as an aircraft unlike those of the
+training has low odds, too.
 """
 
 import math
+from dataclasses import dataclass, replace
 
 # of the mean
 _MEMORY_S = 1.0
@@ -18,28 +20,43 @@ class Recognition:
     """Mean log odds of aircraft of a target's pixels; a target that no learned channel has seen has none."""
 
     def __init__(self) -> None:
-        self._odds: float | None = None
-        self._newest_s = -math.inf
+        self._start: _Mean | None = None
+        self._means: dict[str, _Mean] = {}
+
+    @property
+    def odds(self) -> float | None:
+        """Mean log odds of aircraft, of the cameras that have seen the target lately; None without any."""
+        if not self._means:
+            return None if self._start is None else self._start.odds
+        newest_s = max(m.newest_s for m in self._means.values())
+        recent = [m.odds for m in self._means.values() if newest_s - m.newest_s <= _MEMORY_S]
+        return sum(recent) / len(recent)
 
     @property
     def is_available(self) -> bool:
         """Whether the learned channel has seen the target."""
-        return self._odds is not None
+        return self.odds is not None
 
     @property
     def is_recognised(self) -> bool:
         """Whether the learned channel takes the target for an aircraft."""
-        return self._odds is not None and self._odds >= _RECOGNISED_ODDS
+        odds = self.odds
+        return odds is not None and odds >= _RECOGNISED_ODDS
 
     def start(self, t_s: float, odds: float | None) -> None:
-        """Start with the mean log odds of the candidates by which a target was found; None without them."""
-        self._odds, self._newest_s = odds, t_s
+        """Start at ``t_s`` with the mean log odds of the candidates by which a target was found; None without them."""
+        self._start = None if odds is None else _Mean(odds=odds, newest_s=t_s)
+        self._means.clear()
 
-    def add(self, t_s: float, odds: float) -> None:
-        """Add the log odds of an accepted pixel."""
-        if self._odds is None:
-            self._odds, self._newest_s = odds, t_s
-            return
-        share = 1.0 - math.exp(-max(t_s - self._newest_s, 0.0) / _MEMORY_S)
-        self._odds += share * (odds - self._odds)
-        self._newest_s = max(self._newest_s, t_s)
+    def add(self, station: str, t_s: float, odds: float) -> None:
+        """Add the log odds of an accepted pixel of a camera."""
+        mean = self._means.setdefault(station, replace(self._start or _Mean(odds=odds, newest_s=t_s)))
+        share = 1.0 - math.exp(-max(t_s - mean.newest_s, 0.0) / _MEMORY_S)
+        mean.odds += share * (odds - mean.odds)
+        mean.newest_s = max(mean.newest_s, t_s)
+
+
+@dataclass(slots=True)
+class _Mean:
+    odds: float
+    newest_s: float

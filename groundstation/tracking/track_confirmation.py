@@ -5,8 +5,8 @@ found; otherwise it is a false track. A confirmed track that stands still for lo
 aircraft needs no guidance, and a detector that has lost the aircraft tends to stay on a ground feature. A track with a
 given initial state needs no confirmation.
 
-A target that the learned channel recognises as an aircraft may stand for as long as it likes: it is going to take off,
-or has landed. One that was found standing is not reported before it moves.
+A target that the learned channel recognises as an aircraft is kept while it stands: it is going to take off, or has
+landed. It is not reported before it moves, and what moves takes its place (`TrackStateMachine.yields_to`).
 """
 
 from collections import deque
@@ -20,7 +20,7 @@ from groundstation.estimation.station_ekf import StationEkf
 # squared distance from the place of detection, five sigmas
 _MOVED_GATE = 25.0
 _POSITION_EVERY_S = 0.25
-# a target that was found standing moves at this speed, which differs from zero by six sigmas, as in track initiation
+# a target that stood moves at this speed, which differs from zero by six sigmas, as in track initiation
 _MOVING_GATE, _LEAST_SPEED_M_S = 36.0, 2.0
 
 
@@ -33,7 +33,7 @@ class TrackConfirmation:
         self._fixes = 0
         self._velocity_converged = False
         self._found_at: FloatArray | None = None
-        self._found_standing = False
+        self._is_standing = False
         # recent times and positions of a confirmed track
         self._recent_positions: deque[tuple[float, FloatArray]] | None = None
 
@@ -43,9 +43,9 @@ class TrackConfirmation:
         return self._fixes > 0
 
     @property
-    def has_moved(self) -> bool:
-        """Whether the target has moved away from where it was found, or needs no confirmation."""
-        return self._found_at is None
+    def is_standing(self) -> bool:
+        """Whether the target was found without motion, or has come to stand, and has not moved since."""
+        return self._is_standing
 
     def start(self, t_s: float, found_at_m: FloatArray | None, *, known: bool = False, standing: bool = False) -> None:
         """Start a track at ``t_s``; ``found_at_m`` (3,) is the position found by searching, None for a given target.
@@ -55,7 +55,7 @@ class TrackConfirmation:
         """
         self._started_s = t_s
         self._found_at = found_at_m
-        self._found_standing = standing
+        self._is_standing = standing
         # that of a given target stays None: it may stand
         self._recent_positions = deque() if known and self._recent_positions is not None else None
         self._velocity_converged = found_at_m is None
@@ -67,8 +67,10 @@ class TrackConfirmation:
 
     def is_reportable(self, ekf: StationEkf) -> bool:
         """Return whether the estimate may be reported: the track has had a fix and its velocity has converged."""
-        if self._found_standing and self._found_at is not None and not _is_moving(ekf):
-            return False
+        if self._is_standing:
+            if not _is_moving(ekf):
+                return False
+            self._is_standing = False
         if not self._velocity_converged:
             where = ekf.layout.velocity
             sigma = float(np.sqrt(np.linalg.eigvalsh(ekf.covariance[where, where]).max()))
@@ -82,14 +84,19 @@ class TrackConfirmation:
         """
         c = self._config
         if self._found_at is None:
-            return self._is_stationary(t_s, ekf) and not recognised
+            if not self._is_stationary(t_s, ekf):
+                return False
+            if recognised:
+                self._found_at, self._recent_positions = ekf.state[ekf.layout.position].copy(), None
+                self._is_standing = True
+            return not recognised
         if self._fixes < c.proof_fixes and t_s - self._started_s > c.proof_s:
             return True
         where = ekf.layout.position
         moved = ekf.state[where] - self._found_at
         significant = float(moved @ np.linalg.solve(ekf.covariance[where, where], moved)) > _MOVED_GATE
         if significant and float(np.linalg.norm(moved)) > c.false_target_m and self._fixes >= c.proof_fixes:
-            self._found_at = None
+            self._found_at, self._is_standing = None, False
             self._recent_positions = deque()
             return False
         return t_s - self._started_s > c.false_target_s and not recognised

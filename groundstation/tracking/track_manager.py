@@ -9,9 +9,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from groundstation.estimation.initialise import CameraCandidate, InitiatedTarget, TrackInitiator
+from groundstation.estimation.initialise import CameraCandidate, TrackInitiator
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.target_point import with_point_error
+from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import Epoch, InitialState, Kinematics, TrackEvent, TrackState, TrackStatus
 from groundstation.tracking.alternative_track import AlternativeTrack
@@ -167,6 +168,7 @@ class TrackManager:
             self.drop(t_s)
         elif machine.confirmation.is_false_track(t_s, self._ekf, recognised=recognised):
             self.log(t_s, "warning", "what was found does not move as an aircraft does: dropped")
+            self._initiator.discard(self._ekf.kinematics_at(t_s))
             self.drop(t_s)
         else:
             self._set_status(t_s, machine.update(fixed, self._ekf))
@@ -191,10 +193,11 @@ class TrackManager:
         labelled = {s.station: s for s in recent if s.labelled}
         self._candidates = list(labelled.values()) if len(labelled) < 2 else []
         machine = self.state_machine
-        known = self._ekf.kinematics_at(epoch.t_s) if self._ekf.has_target and machine.seen_by_two(epoch.t_s) else None
+        followed = self._ekf.has_target and machine.seen_by_two(epoch.t_s) and not machine.is_doubtful(epoch.t_s)
+        known = self._ekf.kinematics_at(epoch.t_s) if followed else None
         sightings = [*(s for s in recent if not s.labelled), *labelled.values()]
-        found = self._initiator.step(epoch.t_s, sightings, known)
-        if found is not None and self._is_better(epoch.t_s, found):
+        confirmed = self._initiator.step(epoch.t_s, sightings, known)
+        if found := next((each for each in confirmed if self._is_better(epoch.t_s, each)), None):
             labels = bool(labelled) and len(labelled) == len(recent)
             self._start_track(epoch.t_s, found.kinematics, "found in labels" if labels else "acquired", found)
         elif self._ekf.has_target:
@@ -206,10 +209,9 @@ class TrackManager:
 
     def _is_better(self, t_s: float, found: InitiatedTarget) -> bool:
         """Return whether a found target is followed from now on, instead of the one that there may be."""
-        machine = self.state_machine
-        if not self._ekf.has_target or (found.moving and machine.is_doubtful(t_s)):
+        if not self._ekf.has_target or (found.moving and self.state_machine.is_doubtful(t_s)):
             return True
-        return not machine.outranks(recognised=found.recognised, moving=found.moving)
+        return self.state_machine.yields_to(recognised=found.recognised, moving_s=found.age_s if found.moving else None)
 
     def _start_track(self, t_s: float, start: Kinematics, how: str, found: InitiatedTarget | None = None) -> None:
         """Start the filter from a state at ``t_s``; only targets ``found`` among candidates need confirmation."""
@@ -236,7 +238,7 @@ class TrackManager:
         if how == "corrected":
             self.log(t_s, "warning", f"cameras agree on {where} and not with the filter: target restarted there")
         else:
-            self.log(t_s, "info", f"target {how} at {where}{', standing' if found and not found.moving else ''}")
+            self.log(t_s, "info", f"target {how} at {where}{', recognised' if found and not found.moving else ''}")
         self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)
 
     def drop(self, t_s: float) -> None:

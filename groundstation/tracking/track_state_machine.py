@@ -102,23 +102,29 @@ class TrackStateMachine:
         return TrackStatus.TRACKING if confirmed else TrackStatus.COASTING
 
     def needs_search(self, t_s: float) -> bool:
-        """Return whether whole frames are also searched: the target is doubtful, or another one would outrank it."""
-        return self.is_doubtful(t_s) or (
-            self.recognition.is_available and not self.outranks(recognised=True, moving=True)
-        )
+        """Return whether whole frames are also searched: the target is doubtful, or could yield to another one."""
+        own = self.recognition
+        sure = not own.is_available or (own.is_recognised and not self.confirmation.is_standing)
+        return self.is_doubtful(t_s) or not sure
 
     def is_doubtful(self, t_s: float) -> bool:
         """Return whether the last fix is old, or the existence probability is low."""
         doubtful = self.existence.probability < self._config.doubtful_existence
         return doubtful or t_s - self._newest_fix_s > self._config.search_again_s
 
-    def outranks(self, *, recognised: bool, moving: bool) -> bool:
-        """Return whether the target is at least as likely the aircraft as another one that is recognised or moves.
+    def yields_to(self, *, recognised: bool, moving_s: float | None) -> bool:
+        """Return whether the target is given up for another one that is recognised, or has moved for ``moving_s``.
 
-        What is recognised as an aircraft comes before what only moves.
+        One that moves yields to another that moves and is recognised, if it is not itself. One that stands yields to
+        each that moves and is recognised; one that stands and is not recognised, to each; one that stands and is, to
+        what has moved for as long as a found target has to move.
         """
-        own = 2 * self.recognition.is_recognised + self.confirmation.has_moved
-        return own >= 2 * recognised + moving
+        known = self.recognition.is_recognised
+        if not self.confirmation.is_standing:
+            return recognised and moving_s is not None and not known
+        if moving_s is None:
+            return recognised and not known
+        return recognised or not known or moving_s > self._config.false_target_s
 
     def seen_by_two(self, t_s: float) -> bool:
         """Return whether two or more cameras detect the target: its last fix is at most ``search_again_s`` old."""

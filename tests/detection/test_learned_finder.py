@@ -81,7 +81,7 @@ def test_an_aircraft_that_is_not_proposed_is_found_in_turns_and_then_kept(rng: n
     classic = CandidateFinder(AcquisitionConfig(), SIZE_PX).find(image, 0.0)
     assert all(np.hypot(c.u_px - nose[0], c.v_px - nose[1]) > 40.0 for c in classic)
     finder = LearnedFinder(AcquisitionConfig(), LEARNED, SIZE_PX)
-    frames = math.ceil(len(grid_of(SIZE_PX)) / 8) + 10
+    frames = math.ceil(len(grid_of(SIZE_PX)) / 4) + 10
     seen = [_is_found(finder.find(image, 0.1 * k), nose) for k in range(frames)]
     first = seen.index(True)
     assert all(seen[first:])

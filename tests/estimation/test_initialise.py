@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from groundstation.estimation.config import InitiationConfig
-from groundstation.estimation.initialise import CameraCandidate, Fix, InitiatedTarget, TrackInitiator
+from groundstation.estimation.initialise import CameraCandidate, Fix, TrackInitiator
+from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.messages import Kinematics
 from tests.stereo_rig import aim, glide, make_rig
 
@@ -59,11 +60,11 @@ def test_an_approaching_aircraft_is_acquired_among_static_clutter(rng: np.random
         for tree in trees:
             sightings += scene.sight(t, tree, width_m=2.0, score=12.0)
         found = scene.initiator.step(t, sightings)
-        if found is not None:
+        if found:
             break
-    assert found is not None
-    error = found.kinematics.position_runway_m - glide(t)
-    assert float(error @ np.linalg.solve(found.kinematics.covariance[:3, :3], error)) < 25
+    assert found
+    error = found[0].kinematics.position_runway_m - glide(t)
+    assert float(error @ np.linalg.solve(found[0].kinematics.covariance[:3, :3], error)) < 25
     assert np.linalg.norm(error[[0, 2]]) < 1.0
 
 
@@ -72,7 +73,7 @@ def test_static_objects_are_never_acquired(rng: np.random.Generator) -> None:
     things = [np.array([rng.uniform(-20, 20), rng.uniform(150, 400), 1.0]) for _ in range(5)]
     for k in range(200):
         sightings = [s for thing in things for s in scene.sight(k * 0.1, thing, width_m=1.5)]
-        assert scene.initiator.step(k * 0.1, sightings) is None
+        assert scene.initiator.step(k * 0.1, sightings) == ()
 
 
 def test_random_candidates_are_never_acquired(rng: np.random.Generator) -> None:
@@ -94,7 +95,7 @@ def test_random_candidates_are_never_acquired(rng: np.random.Generator) -> None:
                         angle_sigma_rad=3e-5,
                     )
                 )
-        assert scene.initiator.step(k * 0.1, sightings) is None
+        assert scene.initiator.step(k * 0.1, sightings) == ()
 
 
 @pytest.mark.parametrize(("width_m", "fits"), [(0.3, False), (1.5, True), (2.3, True), (9.0, False)])
@@ -109,7 +110,7 @@ def test_one_camera_alone_does_not_acquire(rng: np.random.Generator) -> None:
     scene = Scene(rng)
     for k in range(50):
         left = [s for s in scene.sight(k * 0.1, glide(k * 0.1)) if s.station == "left"]
-        assert scene.initiator.step(k * 0.1, left) is None
+        assert scene.initiator.step(k * 0.1, left) == ()
 
 
 def fits_lifted(scene: Scene, off_px: float) -> bool:
@@ -131,8 +132,8 @@ def begun(config: InitiationConfig) -> tuple[Kinematics, list[Fix]]:
     for k in range(30):
         sightings = scene.sight(0.1 * k, glide(0.1 * k))
         found = scene.initiator.step(0.1 * k, sightings)
-        if found is not None:
-            return found.kinematics, scene.initiator.fixes(sightings)
+        if found:
+            return found[0].kinematics, scene.initiator.fixes(sightings)
     raise AssertionError("no target was found")
 
 
@@ -212,7 +213,7 @@ def test_a_target_flies_as_fast_as_aircraft_do(speed_m_s: float, found: bool) ->
     starts = [
         scene.initiator.step(0.1 * k, scene.sight(0.1 * k, glide(0.1 * k, speed_m_s=speed_m_s))) for k in range(15)
     ]
-    assert any(start is not None for start in starts) is found
+    assert any(starts) is found
 
 
 def test_a_target_is_initiated_after_enough_fixes_over_enough_time_without_a_gap() -> None:
@@ -222,7 +223,7 @@ def test_a_target_is_initiated_after_enough_fixes_over_enough_time_without_a_gap
             # confirmed, so that only the number of detections decides
             seen = [] if k in missing else scene.sight(dt_s * k, glide(dt_s * k))
             sightings = [replace(s, labelled=True) for s in seen]
-            if scene.initiator.step(dt_s * k, sightings) is not None:
+            if scene.initiator.step(dt_s * k, sightings):
                 return k
         raise AssertionError("no target was found")
 
@@ -240,8 +241,8 @@ def first_of(scene: Scene, paths: list[tuple[Callable[[float], np.ndarray], floa
     for k in range(20):
         sightings = [s for path, score in paths for s in scene.sight(0.1 * k, path(0.1 * k), score=score)]
         found = scene.initiator.step(0.1 * k, sightings)
-        if found is not None:
-            return found
+        if found:
+            return found[0].kinematics
     return None
 
 
@@ -283,8 +284,8 @@ def first_found(
     for k in range(100):
         t = k * 0.1
         found = scene.initiator.step(t, with_odds(scene.sight(t, place(t)), odds), known)
-        if found is not None:
-            return t, found
+        if found:
+            return t, found[0]
     return None
 
 
@@ -309,7 +310,7 @@ def test_one_camera_that_recognises_it_is_not_sufficient(rng: np.random.Generato
     for k in range(100):
         left, right = scene.sight(k * 0.1, standing(k * 0.1))
         seen = [replace(left, odds=5.0), replace(right, odds=-1.0)]
-        assert scene.initiator.step(k * 0.1, seen) is None
+        assert scene.initiator.step(k * 0.1, seen) == ()
 
 
 def test_what_is_taken_for_something_else_must_move_for_longer(rng: np.random.Generator) -> None:
@@ -330,3 +331,46 @@ def test_a_target_that_is_tracked_already_is_not_returned(rng: np.random.Generat
     assert first_found(Scene(rng), standing, 4.0, known) is None
     elsewhere = replace(known, position_runway_m=standing(0.0) + [0.0, 100.0, 0.0])
     assert first_found(Scene(rng), standing, 4.0, elsewhere) is not None
+
+
+def of_several(
+    scene: Scene, objects: list[tuple[Callable[[float], np.ndarray], float, float | None]], known: Kinematics | None
+) -> tuple[InitiatedTarget, ...]:
+    """Return what is confirmed after 3 s of objects, each by its path, its score and its log odds."""
+    found: tuple[InitiatedTarget, ...] = ()
+    for k in range(30):
+        t = k * 0.1
+        seen = [replace(s, odds=odds) for path, score, odds in objects for s in scene.sight(t, path(t), score=score)]
+        found = scene.initiator.step(t, seen, known)
+    return found
+
+
+def test_what_is_recognised_and_moves_comes_first_whatever_stands_out_more(rng: np.random.Generator) -> None:
+    """Expected: an aircraft that lands before two parked ones, one of them the target, that are clearer by far."""
+    known = Kinematics(
+        position_runway_m=standing(0.0), velocity_runway_m_s=np.zeros(3), covariance=np.diag([0.1, 1.0, 0.1, 1, 1, 1])
+    )
+
+    def second(t: float) -> np.ndarray:
+        return np.array([-9.0, 150.0, 0.5])
+
+    found = of_several(Scene(rng), [(standing, 10.0, 4.0), (second, 10.0, 4.0), (glide, 3.0, 4.0)], known)
+    assert [(f.recognised, f.moving) for f in found] == [(True, True), (True, False)]
+    assert np.linalg.norm(found[0].kinematics.position_runway_m[[0, 2]] - glide(2.9)[[0, 2]]) < 1.0
+    assert found[0].age_s == pytest.approx(2.9, abs=0.2)
+
+
+def test_clutter_that_the_channel_doubts_hides_nothing_that_moves(rng: np.random.Generator) -> None:
+    """Expected: what moves starts by a twentieth of the clutter's score, as proposals unknown to the channel have."""
+    found = of_several(Scene(rng), [(standing, 10.0, 0.5), (glide, 0.5, None)], None)
+    assert [(f.recognised, f.moving) for f in found] == [(False, True)]
+    assert of_several(Scene(rng), [(standing, 10.0, None), (glide, 0.5, None)], None) == ()
+
+
+def test_what_was_given_up_as_false_is_not_found_again_by_what_was_known_of_it(rng: np.random.Generator) -> None:
+    scene = Scene(rng)
+    found = of_several(scene, [(standing, 10.0, 4.0)], None)
+    assert len(found) == 1
+    scene.initiator.discard(found[0].kinematics)
+    t = 3.0
+    assert scene.initiator.step(t, with_odds(scene.sight(t, standing(t)), 4.0)) == ()

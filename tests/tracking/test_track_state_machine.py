@@ -184,7 +184,7 @@ def stood(odds: float) -> tuple[TrackStateMachine, StationEkf]:
     life.start(0.0, at, standing=True, odds=odds)
     for k in range(100):
         life.add_fix(k * 0.1)
-        life.recognition.add(k * 0.1, odds)
+        life.recognition.add("left", k * 0.1, odds)
     return life, ekf
 
 
@@ -203,25 +203,65 @@ def test_an_aircraft_that_is_recognised_may_stand_and_is_not_reported_before_it_
 def test_what_is_no_longer_recognised_may_not_stand() -> None:
     life, ekf = stood(4.0)
     for k in range(100, 140):
-        life.recognition.add(k * 0.1, -6.0)
+        life.recognition.add("left", k * 0.1, -6.0)
     assert not life.recognition.is_recognised
     assert life.confirmation.is_false_track(14.0, ekf, recognised=life.recognition.is_recognised)
 
 
-def test_a_recognised_aircraft_outranks_what_only_moves() -> None:
-    """Expected: a recognised target that has moved is outranked by none, an unknown one by every recognised one."""
-    life, ekf = stood(4.0)
-    assert life.outranks(recognised=False, moving=True)
-    assert life.outranks(recognised=True, moving=False)
-    assert not life.outranks(recognised=True, moving=True)
+def test_a_recognised_aircraft_that_stands_yields_to_what_moves() -> None:
+    """Expected: at once to what is recognised, else after the time that a found target has to move, 4 s."""
+    life, _ = stood(4.0)
     assert life.needs_search(9.9)
+    assert life.yields_to(recognised=True, moving_s=0.6)
+    assert not life.yields_to(recognised=True, moving_s=None)
+    assert not life.yields_to(recognised=False, moving_s=3.9)
+    assert life.yields_to(recognised=False, moving_s=4.1)
+
+
+def test_what_moves_yields_to_what_moves_and_is_recognised_only() -> None:
+    """Expected: parked aircraft and birds take no target over; a recognised one is not looked past."""
+    for odds in (4.0, 0.5):
+        life, ekf = stood(odds)
+        move(ekf, -15.0)
+        assert not life.confirmation.is_false_track(9.9, ekf)
+        assert life.update(True, ekf) is TrackStatus.TRACKING
+        assert life.needs_search(9.9) is (odds < 1.5)
+        assert not life.yields_to(recognised=True, moving_s=None)
+        assert not life.yields_to(recognised=False, moving_s=9.0)
+        assert life.yields_to(recognised=True, moving_s=0.6) is (odds < 1.5)
+
+
+def test_what_stands_and_is_not_recognised_yields_to_each() -> None:
+    life, _ = stood(0.5)
+    assert life.yields_to(recognised=True, moving_s=None)
+    assert life.yields_to(recognised=False, moving_s=0.6)
+
+
+def test_an_aircraft_that_comes_to_stand_is_searched_past_and_no_longer_reported() -> None:
+    """Expected: it is kept, and reported again when it moves on."""
+    life, ekf = stood(4.0)
     move(ekf, -15.0)
-    assert not life.confirmation.is_false_track(9.9, ekf)
-    assert life.outranks(recognised=True, moving=True)
-    assert not life.needs_search(9.9)
-    bird, ekf = stood(-6.0)
-    assert not bird.outranks(recognised=True, moving=False)
-    assert bird.needs_search(9.9)
+    assert not life.confirmation.is_false_track(10.0, ekf, recognised=True)
+    assert life.update(True, ekf) is TrackStatus.TRACKING
+    there = ekf.kinematics_at(0.0)
+    ekf.start_target(there.position_runway_m, np.zeros(3), there.covariance)
+    for k in range(100, 200):
+        life.add_fix(0.1 * k)
+        life.recognition.add("left", 0.1 * k, 4.0)
+        assert not life.confirmation.is_false_track(0.1 * k, ekf, recognised=True)
+    assert life.confirmation.is_standing
+    assert life.needs_search(19.9)
+    assert life.update(True, ekf) is TrackStatus.ACQUIRING
+    ekf.start_target(there.position_runway_m, np.array([0.0, 5.0, 0.0]), there.covariance)
+    assert life.update(True, ekf) is TrackStatus.TRACKING
+
+
+def test_the_report_of_what_moved_once_does_not_come_and_go() -> None:
+    life, ekf = stood(4.0)
+    there = ekf.kinematics_at(0.0)
+    for speed in (5.0, 1.0):
+        ekf.start_target(there.position_runway_m, np.array([0.0, speed, 0.0]), there.covariance)
+        assert life.update(True, ekf) is TrackStatus.TRACKING
 
 
 def test_a_target_that_no_learned_channel_has_seen_is_not_searched_for() -> None:
