@@ -99,7 +99,7 @@ class EstimationConfig:
     settled_velocity_sigma_m_s : and is reported once its velocity is known so well in every direction.
     false_target_s, false_target_m : a target found by searching must move so far in so long, or it is dropped.
     standing_s, standing_m : and one that has is dropped once it has not come so far in so long; for a multirotor, which
-        may hover, in an hour.
+        may hover, in an hour. One that the learned channel recognises is kept in both cases, and not reported.
     predictor : which curve predicts the region of interest's centre.
     residual_gate_sigma : rays that miss each other by more sigmas make no baseline point.
     target_point_sigma_spans : one sigma, forward, to the right and upward on the aircraft and in spans, of the

@@ -67,7 +67,7 @@ class TrackManager:
         self._events.append(TrackEvent(t_s=t_s, level=level, text=text))
 
     def needs_search(self, t_s: float) -> bool:
-        """Return whether whole frames are searched: there is no target, or its last fix is old."""
+        """Return whether whole frames are searched: there is no target, or it could yield to another."""
         if self._initial is not None:
             return False
         return not self._ekf.has_target or self.state_machine.needs_search(t_s)
