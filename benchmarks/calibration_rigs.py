@@ -4,6 +4,7 @@ usage: python benchmarks/calibration_rigs.py [--rigs N] [--first SEED] [--no-bou
 
 Cases, simulated at the level of angles and pixels, 2 cm DGPS at 10 Hz over the whole approach, all biases free:
 `mounts`: mounts off by 0.05° about each axis (1 sigma, as the rig admits), the log's clock by 0.2 s, case B;
+`gnss`: mounts, by a receiver without corrections: 0.3/0.3/0.45 m of each fix, 0.95/0.95/1.43 m that last for 60 s;
 `clocks`: mounts, too, and clocks of cameras and PTUs off by 20 ms each, heads that lag behind a weaving approach;
 `all`: all that `--free` can name: those and positions, boresights, lenses, drifts, shutters and the antenna's position.
 `slow20`, `slow10`: as `clocks`, but readings at 20 Hz, or at 10 Hz, at the exposures; `gaps`: of the readings of
@@ -42,9 +43,9 @@ from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.pointing import DisturbedPointing, FirstOrderLoop
 from groundstation.simulation.session_folder import write_session_folder
 
-CASES = ("mounts", "clocks", "slow20", "slow10", "gaps", "all")
+CASES = ("mounts", "gnss", "clocks", "slow20", "slow10", "gaps", "all")
 FREE = {
-    **dict.fromkeys(("mounts", "clocks", "slow20", "slow10", "gaps"), "orientation"),
+    **dict.fromkeys(("mounts", "gnss", "clocks", "slow20", "slow10", "gaps"), "orientation"),
     "all": "orientation,position,boresight,lens,drift,readout,antenna",
 }
 # the pixels' noise in case B, px; and a negligible noise
@@ -56,6 +57,10 @@ _DRAWS = 77
 # readings per s where a loop holds the craft; None: one at each exposure, 10 Hz
 _PTU_HZ = {"clocks": 50.0, "slow20": 20.0, "slow10": None, "gaps": 50.0}
 _MISSING = 0.12
+# a receiver without corrections, m; together 1/1/1.5
+_GNSS_WHITE_M, _GNSS_LASTING_M = np.array([0.3, 0.3, 0.45]), np.array([0.954, 0.954, 1.431])
+# cases whose log has a clock of its own
+_FREE_LOG_CLOCK = ("mounts", "gnss")
 # flight areas of `all` and of the others: cameras' directions are evaluated at places there, m
 _PLACES_M = {
     "all": np.array([(-55.0, 130.0, 32.0), (0.0, 130.0, 32.0), (55.0, 130.0, 32.0)]),
@@ -146,6 +151,8 @@ def one_rig(case: str, seed: int, *, bounded: bool = True) -> RigErrors:
     scenario = _scenario(case, seed)
     drawn = draw(scenario.rig, case, np.random.default_rng([_DRAWS, seed]))
     dgps = DgpsModel(clock_offset_s=drawn.late_s, antenna_in_body_m=drawn.antenna_m)
+    if case == "gnss":
+        dgps = replace(dgps, sigma_m=_GNSS_WHITE_M, wander_sigma_m=_GNSS_LASTING_M)
     scenario = replace(scenario, rig=drawn.stated, true_rig=drawn.true, dgps=dgps)
     with tempfile.TemporaryDirectory() as folder:
         session, quiet = Path(folder) / "session", Path(folder) / "quiet"
@@ -156,7 +163,7 @@ def one_rig(case: str, seed: int, *, bounded: bool = True) -> RigErrors:
             write_session_folder(path, seen, name="simulated")
             if case == "gaps":
                 _lose_readings(path / "ptu.csv", seed)
-            if case != "mounts":
+            if case not in _FREE_LOG_CLOCK:
                 about = path / "session.toml"
                 about.write_text(about.read_text() + _CLOCKS.format(sigma=CLOCK_S))
         request = FlightRequest(session=session, out=Path(folder) / "rig.toml", free=FREE[case])
@@ -231,7 +238,7 @@ def _noise_put_in(problem: FlightProblem, name: str, change: np.ndarray) -> floa
 
 
 def _scenario(case: str, seed: int) -> Scenario:
-    if case == "mounts":
+    if case in _FREE_LOG_CLOCK:
         return case_b(seed=seed)
     if case == "all":
         pointing = DisturbedPointing(deviation=pointing_deviation())
@@ -283,7 +290,7 @@ def main() -> None:
     parser.add_argument("--rigs", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first rig's seed")
     parser.add_argument("--no-bounds", action="store_true", help="without the bounds, a third of the time")
-    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"{', '.join(CASES)}; or all six")
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"{', '.join(CASES)}; or all seven")
     add_study_arguments(parser, "calibration-rigs")
     options = parser.parse_args()
     cases = options.cases or CASES

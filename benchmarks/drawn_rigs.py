@@ -74,14 +74,14 @@ def waves(axes: tuple[tuple[float, float, float, float], ...], longer_s: float) 
 
 def draw(rig: Rig, case: str, generator: np.random.Generator) -> RigRealisation:
     """Draw a true rig about an assumed one, whose files state that spread; both have the case's stations."""
-    clocks_s = 0.0 if case == "mounts" else CLOCK_S
+    clocks_s = 0.0 if case in ("mounts", "gnss") else CLOCK_S
     stated = tuple(_admitting(s, case, clocks_s) for s in rig.stations)
     true = tuple(_drawn(s, case, clocks_s, generator) for s in stated)
     return RigRealisation(
         true=replace(rig, stations=true),
         stated=replace(rig, stations=stated),
         antenna_m=KNOWN_ANTENNA_M * generator.normal(size=3) if case == "all" else np.zeros(3),
-        late_s=DGPS_CLOCK_S * float(generator.normal()) if case == "mounts" else 0.0,
+        late_s=DGPS_CLOCK_S * float(generator.normal()) if case in ("mounts", "gnss") else 0.0,
     )
 
 

@@ -1,13 +1,13 @@
 """The whole job of `groundstation calibrate flight`: a session in, a better rig out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from calibration.flight.covariance import with_covariance
-from calibration.flight.fit import FlightFit, FlightFitError, FlightSolution, find_solution
+from calibration.flight.fit import SOLUTION_STEPS, FlightFit, FlightFitError, FlightSolution, find_solution
 from calibration.flight.html_report import FlightPage, write_flight_page
 from calibration.flight.observations import FlightData, gather_flight
 from calibration.flight.parameters import (
@@ -36,8 +36,8 @@ _WORST_POSITION_M = 10.0
 # a pose and its sigma in the rig are not replaced by one flight that deviates this much
 _POSES = ("runway_from_base.", "head_from_camera.", "ptu_position.")
 _MOST_SIGMAS_OFF = 5.0
-# parameters freed first, and those only if that is not enough; a lens only with a surveyed position: without
-# one, focal length and distance are correlated
+# parameters freed first, and those only if that is not enough; a lens only with a surveyed position and fixes that are
+# not off by metres: otherwise focal length and distance are correlated
 _DOUBTED = (("position", "readout", "drift"), ("position", "readout", "drift", "lens"))
 _FAR_BETTER = 0.7
 
@@ -74,8 +74,13 @@ class FlightCalibration:
     files: tuple[Path, ...]
 
 
-def calibrate_flight(request: FlightRequest) -> FlightCalibration:
-    """Calibrate, and write the rig file; raises `GroundstationError`, one line, where the flight cannot do it."""
+def calibrate_flight(
+    request: FlightRequest, progress: Callable[[int, int], None] = lambda done, total: None
+) -> FlightCalibration:
+    """Calibrate, and write the rig file; raises `GroundstationError`, one line, where the flight cannot do it.
+
+    ``progress`` is called with the steps done and their number.
+    """
     words = free_words(request.free)
     session = load_session(request.session, request.rig)
     if request.out.is_dir() or request.out.suffix != ".toml":
@@ -84,16 +89,21 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
     data = gather_flight(session, request.detections, request.from_s, request.to_s)
     antenna = session.target.antenna_in_body_m
     start = find_start(_problem(session, data, free))
-    found = find_solution(start.problem, start.change)
     notes: list[str] = []
     new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
-    if new and not request.hold:
+    doubts = bool(new) and not request.hold
+    steps = _Steps(progress, SOLUTION_STEPS * (1 + doubts * len(_DOUBTED)) + 1)
+    found = find_solution(start.problem, start.change, step=steps)
+    if doubts:
         surveyed = all("position" in s.known for s in session.rig.stations)
-        for doubted in _DOUBTED if surveyed else _DOUBTED[:1]:
-            found, note = _doubted(session, start, found, (*words, *doubted))
+        sharp = surveyed and not found.joint.has_lasting_error
+        for doubted in _DOUBTED if sharp else _DOUBTED[:1]:
+            found, note = _doubted(session, start, found, (*words, *doubted), steps)
             notes += note
+    steps.skip_to_last()
     usual_m = POINT_SIGMA_M if request.detections is not None else 0.0
     fit = with_covariance(found, usual_m if request.point_sigma_m is None else request.point_sigma_m)
+    steps()
     _require_fit(session, fit)
     rig = solved_rig(session.rig, fit, session.name, antenna)
     verdict = judge_flight(rig, fit)
@@ -113,6 +123,21 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
         )
         written += _write_page(request.report, content)
     return FlightCalibration(fit=fit, rig=rig, report=report, files=tuple(written))
+
+
+class _Steps:
+    """Counts the steps of the calibration, of which some may not be needed."""
+
+    def __init__(self, progress: Callable[[int, int], None], total: int) -> None:
+        self._progress, self._done, self._total = progress, 0, total
+
+    def __call__(self) -> None:
+        self._done += 1
+        self._progress(self._done, self._total)
+
+    def skip_to_last(self) -> None:
+        """Leave one step."""
+        self._done = self._total - 1
 
 
 def _write_page(folder: Path, content: FlightPage) -> list[Path]:
@@ -135,7 +160,7 @@ def _problem(session: Session, data: FlightData, free: FreeParameters) -> Flight
 
 
 def _doubted(
-    session: Session, start: StartingPoint, held: FlightSolution, words: Sequence[str]
+    session: Session, start: StartingPoint, held: FlightSolution, words: Sequence[str], step: Callable[[], None]
 ) -> tuple[FlightSolution, list[str]]:
     """Return a solution with surveyed positions, shutters … free where that improves the fit much, and the reason.
 
@@ -148,7 +173,7 @@ def _doubted(
         return held, []
     problem = replace(start.problem, names=more.names, prior_sigma=more.prior_sigma)
     first = np.array([start.problem.value(start.change, name) for name in more.names])
-    freed = find_solution(problem, first, held.paths)
+    freed = find_solution(problem, first, held.paths, step)
     better = [
         name
         for name, station in freed.stations.items()

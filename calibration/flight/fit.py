@@ -1,6 +1,6 @@
 """Solving a flight: a robust fit, then one without outliers in which the paths of aircraft and heads are unknown."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,6 +27,8 @@ MIN_OBSERVATIONS = 20
 _ROBUST_ROUNDS = 4
 _FINAL_ROUNDS = 3
 _FINAL_EVALUATIONS = 12
+# the robust fit, the paths, and each final round
+SOLUTION_STEPS = 2 + _FINAL_ROUNDS
 _LEAST_NOISE_FACTOR = 1e-6
 
 
@@ -109,22 +111,31 @@ class FlightSolution:
 
 
 def find_solution(
-    problem: FlightProblem, start: FloatArray | None = None, paths: Sequence[PathPart] = ()
+    problem: FlightProblem,
+    start: FloatArray | None = None,
+    paths: Sequence[PathPart] = (),
+    step: Callable[[], None] = lambda: None,
 ) -> FlightSolution:
     """Find the change of least cost from a start (p,), zero by default; raises `FlightFitError` if data are few.
 
-    ``paths`` of an earlier solution from the same samples need no second estimate of their smoothness.
+    ``paths`` of an earlier solution from the same samples need no second estimate of their smoothness; ``step`` is
+    called `SOLUTION_STEPS` times.
     """
     robust = _RobustFlightRounds(problem)
     change = np.zeros(len(problem.names)) if start is None else start
     change = fit_reweighted(robust.weighted_at, change, _ROBUST_ROUNDS)
+    step()
     paths = path_parts(robust.problem, paths)
+    step()
     final = _PathRounds(robust.problem, {name: fit.noise_factor for name, fit in robust.stations.items()}, paths)
     for _ in range(_FINAL_ROUNDS):
         change = fit_reweighted(final.weighted_at, change, 1, _FINAL_EVALUATIONS)
         final.update_noise(change)
-    stations = {name: replace(fit, noise_factor=final.factors[name]) for name, fit in final.stations.items()}
-    return FlightSolution(change=change, stations=stations, joint=final.joint_at(change), paths=paths)
+        step()
+    joint = final.joint_at(change)
+    found = final.stations_along(joint, change)
+    stations = {name: replace(fit, noise_factor=final.factors[name]) for name, fit in found.items()}
+    return FlightSolution(change=change, stations=stations, joint=joint, paths=paths)
 
 
 @dataclass(slots=True, eq=False)
@@ -176,13 +187,31 @@ class _PathRounds:
     def weighted_at(self, change: FloatArray) -> FitProblem:
         """Return the problem with outliers and noise as they are at a change (p,)."""
         self.problem = with_antenna_of(self.problem, change)
-        self.stations = {
-            name: _station_fit(self.problem, name, self.problem.predict(name, change), without_outliers=True)
-            for name in self.problem.observations
-        }
+        self.stations = self._stations_at(change)
         _require_enough(self.problem, self.stations)
         self._joint = self.joint_at(change)
         return self._joint.fit_problem()
+
+    def _stations_at(self, change: FloatArray) -> Mapping[str, StationFit]:
+        """Return how the stations fit along the fixes; where those are off for long, along the paths found."""
+        problem, names = self.problem, self.problem.observations
+        fits = {n: _station_fit(problem, n, problem.predict(n, change), without_outliers=True) for n in names}
+        if all(part.lasting is None for part in self.parts):
+            return fits
+        self.stations = self.stations or fits
+        seen = self.joint_at(change).predictions(change)
+        along = {n: replace(p, covariance_px2=p.own_px2) for n, p in seen.items()}
+        return {n: _station_fit(problem, n, p, without_outliers=True) for n, p in along.items()}
+
+    def stations_along(self, joint: PathResiduals, change: FloatArray) -> Mapping[str, StationFit]:
+        """Return the newest fits, where fixes are off for long with residuals along the paths of a change (p,)."""
+        if not joint.has_lasting_error:
+            return self.stations
+        seen = joint.predictions(change)
+        return {
+            name: replace(fit, residual_px=seen[name].pixel_px - self.problem.observations[name].pixel_px)
+            for name, fit in self.stations.items()
+        }
 
     def update_noise(self, change: FloatArray) -> None:
         """Estimate noise factors and breaks of the paths from the residuals of the newest fit."""

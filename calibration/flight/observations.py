@@ -71,8 +71,8 @@ def gather_flight(session: Session, detections: Path | None, from_s: float | Non
         raise SessionError(str(session.folder), got="videos", wanted=wanted)
     pixels = _replayed(session, detections) if detections is not None else _labelled(session)
     first, last = (-np.inf if from_s is None else from_s), (np.inf if to_s is None else to_s)
-    pixels = {name: _thinned(_between(found, first, last)) for name, found in pixels.items()}
     excluded: list[str] = []
+    pixels = {name: _thinned(_between(found, first, last), name, excluded) for name, found in pixels.items()}
     track = _track(session, excluded)
     stamps = np.concatenate([found.rows[:, 0] for found in pixels.values()])
     _require_overlap(session, stamps, track)
@@ -125,8 +125,12 @@ def _between(found: _Pixels, from_s: float, to_s: float) -> _Pixels:
     return _Pixels(rows=found.rows[inside], sigma_px=found.sigma_px[inside], sigma_given=found.sigma_given)
 
 
-def _thinned(found: _Pixels) -> _Pixels:
+def _thinned(found: _Pixels, name: str, excluded: list[str]) -> _Pixels:
+    """Return evenly chosen pixels of a station, at most `MOST_LOOKS`, and report the omission."""
     step = max(1, -(-len(found.rows) // MOST_LOOKS))
+    if step > 1:
+        left = len(found.rows) - len(found.rows[::step])
+        excluded.append(f"{left} of {len(found.rows)} pixels of {name}: one in {step} is used, more add no information")
     return _Pixels(rows=found.rows[::step], sigma_px=found.sigma_px[::step], sigma_given=found.sigma_given)
 
 

@@ -29,6 +29,10 @@ _LARGEST = 50
 _BAND_WORTH = 30
 
 
+# where fixes are off by metres, the paths move by as much, which is no small step near a camera
+_FAR_ROUNDS = 5
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Linear:
     """Pixels at one point: predictions, whitened residuals (2n,), derivatives by coefficients (2n, K) and change."""
@@ -94,6 +98,15 @@ class PathResiduals:
         """What fixes, readings and smoothness leave over without the pixels, in squared sigmas."""
         return float(np.sum((self._known @ self._alone - self._data) ** 2))
 
+    @property
+    def has_lasting_error(self) -> bool:
+        """Whether the fixes have an error that lasts, so that only the paths found say where the aircraft was."""
+        return any(part.lasting is not None for part in self.parts)
+
+    def predictions(self, change: FloatArray) -> dict[str, PixelPredictions]:
+        """Return the pixels of each station along the paths found for a change (p,)."""
+        return self._solve(change).linear.predicted
+
     def fit_problem(self) -> FitProblem:
         """Return the fit of the calibration (p,), with its priors."""
         return FitProblem(
@@ -131,7 +144,9 @@ class PathResiduals:
     def loosened(self, change: FloatArray) -> tuple[PathPart, ...]:
         """Return the paths of the antenna with the breaks freed that pixels and fixes together show."""
         at = self._solve(change)
-        return tuple(self._loosened(part, at) if part.station is None else part for part in self.parts)
+        return tuple(
+            self._loosened(part, at) if part.station is None and part.lasting is None else part for part in self.parts
+        )
 
     def _loosened(self, part: PathPart, at: _Solved) -> PathPart:
         smooth = list(part.smoothness)
@@ -188,18 +203,18 @@ class PathResiduals:
             if part.station is not None:
                 seen, kept = linear.predicted[part.station], self.kept[part.station]
                 later = float(np.median((seen.reference_s - seen.reading_s)[kept]))
-            own = np.tile(part.basis.centres_s + later, part.samples.shape[1])
-            times[part.first : part.first + part.size] = own
+            times[part.first : part.first + part.size] = part.centres_s + later
         return times
 
     def _along(self, theta: FloatArray) -> FlightProblem:
         """Return the problem with the paths of these coefficients."""
-        tracks = []
+        tracks, rates = [], []
         curves: dict[str, list[AngleCurve]] = {name: [] for name in self.problem.observations}
         for part in self.parts:
             found = [part.basis.spline(c) for c in part.coefficients(theta)]
             if part.station is None:
                 tracks.append(found)
+                rates.append([part.basis.rate(spline) for spline in found] if part.lasting is not None else None)
             else:
                 pan, tilt = (part.basis.spline(c / MILLI) for c in part.coefficients(theta))
                 curves[part.station].append(
@@ -208,13 +223,13 @@ class PathResiduals:
         observations = {
             name: replace(seen, curves=tuple(curves[name])) for name, seen in self.problem.observations.items()
         }
-        return replace(self.problem, observations=observations, track=self.problem.track.along(tracks))
+        return replace(self.problem, observations=observations, track=self.problem.track.along(tracks, rates))
 
     def _solve(self, change: FloatArray) -> _Solved:
         if self._last is not None and change.tobytes() == self._done:
             return self._last
         theta = self._alone
-        for _ in range(_ROUNDS):
+        for _ in range(_FAR_ROUNDS if self.has_lasting_error else _ROUNDS):
             linear = self._linearised(theta, change)
             root = self._factors(linear)
             aim = linear.by_path.T @ (linear.by_path @ theta - linear.residual) + self._known.T @ self._data
@@ -264,7 +279,11 @@ class PathResiduals:
         inside = (times >= part.basis.from_s) & (times <= part.basis.to_s)
         basis = part.basis.at(times).multiply(inside[:, None]).tocsr()
         doubled = basis[np.repeat(np.arange(len(times)), 2)]
-        return _beside([doubled.multiply(by[:, :, axis].reshape(-1, 1)).tocsr() for axis in range(axes)])
+        blocks = [doubled.multiply(by[:, :, axis].reshape(-1, 1)).tocsr() for axis in range(axes)]
+        if part.lasting is not None:
+            # the error is the fixes', not the aircraft's
+            blocks.append(csr_matrix((2 * len(times), part.lasting.size)))
+        return _beside(blocks)
 
 
 def _beside(blocks: list[csr_matrix]) -> csr_matrix:

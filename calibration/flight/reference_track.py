@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -63,7 +64,7 @@ class ReferenceTrack:
     ``step_s`` is the usual time between two fixes; ``stretches`` are the fixes that have a path through them.
     """
 
-    __slots__ = ("_axes", "_beside", "_reference", "_runs", "_splines", "_velocity", "step_s", "stretches")
+    __slots__ = ("_axes", "_beside", "_rates", "_reference", "_runs", "_splines", "_velocity", "step_s", "stretches")
 
     def __init__(self, reference: ReferenceSeries, max_gap_s: float) -> None:
         self._reference = reference
@@ -76,6 +77,7 @@ class ReferenceTrack:
             for k in stretches
         )
         self._splines = [(float(s.t_s[0]), float(s.t_s[-1]), _splines(s.t_s, s.position_m)) for s in self.stretches]
+        self._rates: list[Sequence[BSpline] | None] = []
         self._runs = tuple(stretches)
         self._velocity = smooth_velocity(t, reference.position_m, _WINDOW_S)
         for k, (_, _, splines) in zip(stretches, self._splines, strict=True):
@@ -107,9 +109,15 @@ class ReferenceTrack:
             arm = _frames(self._velocity - turning) @ antenna_in_body_m
         return np.asarray(arm)
 
-    def along(self, paths: Sequence[Sequence[BSpline]]) -> "ReferenceTrack":
-        """Return the same fixes with other paths: three splines for each of ``stretches``."""
+    def along(
+        self, paths: Sequence[Sequence[BSpline]], rates: Sequence[Sequence[BSpline] | None] = ()
+    ) -> "ReferenceTrack":
+        """Return the same fixes with other paths: three splines for each of ``stretches``.
+
+        ``rates`` are splines of the velocity where it is not the paths' derivative.
+        """
         other = copy(self)
+        other._rates = list(rates)
         ends = [(float(s.t_s[0]), float(s.t_s[-1])) for s in self.stretches]
         other._splines = [(*end, list(path)) for end, path in zip(ends, paths, strict=True)]
         return other
@@ -124,10 +132,11 @@ class ReferenceTrack:
         """Return the antenna at instants (n,) of the log's clock."""
         n = len(t_s)
         position, velocity, usable = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, dtype=np.bool_)
-        for first, last, splines in self._splines:
+        for (first, last, splines), rates in zip_longest(self._splines, self._rates):
             inside = (t_s >= first) & (t_s <= last)
             for axis, spline in enumerate(splines):
-                position[inside, axis], velocity[inside, axis] = spline(t_s[inside]), spline(t_s[inside], nu=1)
+                position[inside, axis] = spline(t_s[inside])
+                velocity[inside, axis] = spline(t_s[inside], nu=1) if rates is None else rates[axis](t_s[inside])
             usable |= inside
         if not self._splines:
             nothing = np.zeros((n, 3))

@@ -34,6 +34,7 @@ def format_flight_report(
             f"{name}: {station.rms_px:.2f} px rms over {kept} pixels; {usable - kept} gross, "
             f"{count - usable} without angle or DGPS{gross_times(fit, name)}"
         )
+    lines += [part.lasting.text for part in fit.parts if part.lasting is not None][:1]
     if fit.point_sigma_m > 0.0:
         lines.append(
             f"in the sigmas: the point seen may lie {fit.point_sigma_m:g} m along the body from where it is taken to be"

@@ -1,10 +1,12 @@
 """`groundstation calibrate flight`: a rig from an aircraft's DGPS track and the pixels of it."""
 
 import argparse
+import sys
 
 from groundstation.cli.command_arguments import Commands, add_calibrated_rig, add_command, print_files, refuse_own_rig
 from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ
+from groundstation.cli.progress import ProgressLine
 from groundstation.cli.time_span import add_span, require_span
 
 _FLIGHT = """Calibrate stations on an aircraft's DGPS track and their pixels of it:
@@ -72,7 +74,8 @@ def run_flight(options: argparse.Namespace) -> int:
         report=options.report,
         point_sigma_m=options.point_sigma,
     )
-    found = calibrate_flight(request)
+    with ProgressLine(sys.stderr, "flight", "step") as line:
+        found = calibrate_flight(request, line.update)
     print(found.report)
     print()
     print_files(found.files)
