@@ -229,7 +229,8 @@ class TrackEstimate:
     """The answer to one stereo pair: the state of knowledge and, if there is one, the estimate at ``t_s``.
 
     ``triangulation`` is None unless two or more cameras gave a point. ``latency_s`` is the time from the
-    arrival of the pair's first frame to this answer.
+    arrival of the pair's first frame to this answer. ``seen_by`` are the stations whose pixel the filter accepted: of
+    one alone only the bearing is measured.
     """
 
     t_s: float
@@ -239,6 +240,7 @@ class TrackEstimate:
     triangulation_status: TriangulationStatus
     triangulation: Triangulation | None
     latency_s: float = 0.0
+    seen_by: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -162,7 +162,14 @@ class StatusBoard:
         if newest is not None and now_s - newest.t_s > _STALE_S:
             return f"unknown: was {track.value}, no status for the last {now_s - newest.t_s:.1f} s"
         quiet = "" if pair_s is None or now_s - pair_s <= _OLD_S else f", no pair for {now_s - pair_s:.1f} s"
-        return _WORDS[track] + self._where() + quiet
+        return self._words(track) + self._where() + quiet
+
+    def _words(self, track: TrackStatus) -> str:
+        """Return what a status means; of one camera alone, that range and its sigma are no measurement."""
+        newest = self._newest
+        if track is TrackStatus.COASTING and isinstance(newest, TrackEstimate) and len(newest.seen_by) == 1:
+            return f"coasting: bearing only, {next(iter(newest.seen_by))} alone sees it"
+        return _WORDS[track]
 
     def _where(self) -> str:
         """Return where the target is, with one sigma."""

@@ -350,5 +350,6 @@ class Pipeline:
                 triangulation_status=triangulation_status,
                 triangulation=triangulation,
                 latency_s=0.0 if views.arrived_s is None else self._stopwatch() - views.arrived_s,
+                seen_by=views.accepted,
             )
         )

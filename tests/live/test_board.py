@@ -69,6 +69,24 @@ def test_without_pairs_the_prediction_and_the_age_of_the_newest_pair_are_shown()
     assert reported(20.02, TrackStatus.TRACKING).startswith("tracking at 212 ± 0.5 m")
 
 
+def test_of_one_camera_alone_only_the_bearing_is_measured() -> None:
+    """Expected: the camera is named while it sees the target, and no longer once pairs stop."""
+    board = StatusBoard()
+
+    def reported(stations: set[str]) -> str:
+        one = replace(answer(0, TrackStatus.COASTING, t_s=10.0), seen_by=frozenset(stations))
+        board.answered(one, 10.02)
+        return board.status(10.1, TrackStatus.COASTING, (), {}, "").lines[0]
+
+    where = " at 212 ± 0.5 m, x +1.2 ± 0.10, z 9.5 ± 0.10"
+    assert reported({"left"}) == "coasting: bearing only, left alone sees it" + where
+    for stations in (set[str](), {"left", "right"}):
+        assert reported(stations) == "coasting: predicted, no fix of two cameras" + where
+    assert reported({"left"}).startswith("coasting: bearing only")
+    board.passed(state(10.5, TrackStatus.COASTING, 4.0))
+    assert board.status(10.5, TrackStatus.COASTING, (), {}, "").lines[0].startswith("coasting: predicted")
+
+
 def test_outdated_states_are_not_shown_as_present() -> None:
     """Expected: neither a place nor the word for what the track was a second and more ago."""
     board = StatusBoard()

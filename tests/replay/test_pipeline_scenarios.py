@@ -118,6 +118,8 @@ def test_one_camera_lost_midway(flight: list[Event]) -> None:
     one_view = [e for e in flown.estimates if 6.1 <= e.t_s < 7.9]
     assert all(e.triangulation is None for e in one_view)
     assert all(e.triangulation_status is TriangulationStatus.ONE_VIEW for e in one_view)
+    assert {e.seen_by for e in one_view} == {frozenset({"left"})}
+    assert {e.seen_by for e in flown.estimates if e.t_s > 8.1} == {frozenset({"left", "right"})}
     sigma_y = [e.kinematics.covariance[1, 1] ** 0.5 for e in one_view if e.kinematics is not None]
     assert sigma_y[-1] > 2 * sigma_y[0]
     # by as much as the error grows: tests/replay/test_station_changes.py, on drawn flights
