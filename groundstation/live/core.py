@@ -104,7 +104,7 @@ class LiveCore:
             line = TrackEvent(t_s=item.t_s, level=item.level, text=item.text)
             step.reports.append(StepReport(events=(line,)))
         elif isinstance(item, (TimedPicture, PixelMeasurement)):
-            paired = self._pairing.frame(item.station, item.t_s)
+            paired = self._pairing.frame(item.station, item.t_s, now_s)
             for epoch in paired.closed_before:
                 self._step(epoch, step)
             self._step(_numbered(item, paired.epoch), step)
@@ -128,11 +128,11 @@ class LiveCore:
         return step
 
     def _pass_time(self, now_s: float, known_s: float, step: LiveStep) -> None:
-        if self._pairing.overdue(now_s):
+        beat_s = min(now_s, known_s)
+        if self._pairing.overdue(beat_s):
             for epoch in self._pairing.flush():
                 self._step(epoch, step)
         self._hold_throttle.pass_time(now_s)
-        beat_s = min(now_s, known_s)
         if beat_s >= self._answered_s + HEARTBEAT_EVERY_S:
             self._answered_s = beat_s
             self._step(Heartbeat(t_s=beat_s), step)

@@ -20,6 +20,7 @@ class _Open:
 
     number: int
     first_s: float
+    begun_s: float
     stamps: dict[str, float] = field(default_factory=dict)
 
 
@@ -54,13 +55,14 @@ class FramePairer:
         pair = self._open
         return pair is not None and station not in pair.stamps and abs(t_s - pair.first_s) <= 0.5 * self._period_s
 
-    def frame(self, station: str, t_s: float) -> PairedFrame:
-        """Place a frame of ``station``, exposed at ``t_s``."""
+    def frame(self, station: str, t_s: float, now_s: float | None = None) -> PairedFrame:
+        """Place a frame of ``station``, exposed at ``t_s`` and taken at ``now_s``, its exposure by default."""
         before: list[Epoch] = []
         pair = self._open
         if pair is None or not self.joins(station, t_s):
             before += self._close()
-            pair = self._open = _Open(number=self._next, first_s=t_s)
+            begun_s = t_s if now_s is None else max(now_s, t_s)
+            pair = self._open = _Open(number=self._next, first_s=t_s, begun_s=begun_s)
             self._next += 1
         pair.stamps[station] = t_s
         self._newest[station] = max(self._newest.get(station, t_s), t_s)
@@ -75,8 +77,11 @@ class FramePairer:
         return tuple(self._close())
 
     def overdue(self, now_s: float) -> bool:
-        """Return whether a pair has been open for longer than a period: who is missing will not come."""
-        return self._open is not None and now_s > self._open.first_s + 1.5 * self._period_s
+        """Return whether a pair has been open for longer than a period: the missing frames will not come.
+
+        ``now_s`` is the time up to which everything delivered was taken: what waits may hold them, however late it is.
+        """
+        return self._open is not None and now_s > self._open.begun_s + 1.5 * self._period_s
 
     def _delivers(self, station: str, t_s: float) -> bool:
         # one that has never delivered had the same time to begin

@@ -1,7 +1,8 @@
 """Bounded queue from the device threads to the pipeline, in order of arrival; the oldest frame is dropped first.
 
 A picture that waits is worth less than the next one: where a camera's frames pile up, the oldest is dropped and
-counted. Readings are small and are dropped only if the pipeline stands still for minutes.
+counted, and with it those that the other cameras exposed at the same time: one frame alone is no fix. Readings are
+small and are dropped only if the pipeline stands still for minutes.
 """
 
 import threading
@@ -42,12 +43,13 @@ class InputQueue:
     ----------
     frames : how many frames of one camera may wait.
     others : how many of anything else.
+    together_s : frames of two cameras exposed within this time are of the same pair.
     """
 
-    def __init__(self, frames: int = 4, others: int = 20_000) -> None:
+    def __init__(self, frames: int = 4, others: int = 20_000, together_s: float = 0.0) -> None:
         if frames < 1 or others < 1:
             raise ValueError("an input queue holds at least one frame of each camera, and one of anything else")
-        self._frames, self._others = frames, others
+        self._frames, self._others, self._together_s = frames, others, together_s
         self._items: deque[Item] = deque()
         self._waiting: Counter[str] = Counter()
         self._readings = 0
@@ -59,9 +61,7 @@ class InputQueue:
         with self._changed:
             if isinstance(item, TimedPicture):
                 if self._waiting[item.station] >= self._frames:
-                    self._drop(lambda old: isinstance(old, TimedPicture) and old.station == item.station)
-                    self._dropped[f"frames of {item.station}"] += 1
-                    self._waiting[item.station] -= 1
+                    self._drop_oldest_pair(item.station)
                 self._waiting[item.station] += 1
             else:
                 if self._readings >= self._others:
@@ -100,6 +100,21 @@ class InputQueue:
 
     def __len__(self) -> int:
         return len(self._items)
+
+    def _drop_oldest_pair(self, station: str) -> None:
+        pictures = [old for old in self._items if isinstance(old, TimedPicture)]
+        oldest = next(old for old in pictures if old.station == station)
+        partners = {
+            old.station: old
+            for old in reversed(pictures)
+            if old.station != station and abs(old.t_s - oldest.t_s) < self._together_s
+        }
+        pair = (oldest, *partners.values())
+        # compared by identity, as these messages are
+        self._items = deque(item for item in self._items if item not in pair)
+        for gone in pair:
+            self._dropped[f"frames of {gone.station}"] += 1
+            self._waiting[gone.station] -= 1
 
     def _drop(self, which: Callable[[Item], bool]) -> None:
         for k, old in enumerate(self._items):

@@ -123,7 +123,7 @@ class Operation:
         self._reference_errors = reference_errors
         self._reference: ReferenceWorker | None = None
         self.start_s = clock() if start_s is None else start_s
-        self.input_queue = InputQueue()
+        self.input_queue = InputQueue(together_s=0.5 / file.rate_hz)
         self._board = StatusBoard()
         self._epochs = self._tracked = 0
         self._busy_s = 0.0

@@ -132,9 +132,8 @@ class FrameUpdate:
             fault = ready.angles.value if isinstance(ready.angles, AngleFault) else "PTU readings do not change"
             return self._report(record, None, _missed(MissReason.NO_PTU_ANGLE, fault))
         started = self._stopwatch()
-        searches = self._track_manager.needs_search(record.t_s) and not ready.revisited
+        searches = not ready.revisited and self._track_manager.searches(record.station, record.t_s)
         found = self._search(record, angles) if searches else []
-        self._track_manager.add_candidates(found)
         if not self._ekf.has_target:
             partial = searches and isinstance(record, Frame) and not as_picture(record.image).has_all
             reason = MissReason.NOT_RECORDED if partial else MissReason.NOT_ACQUIRED
@@ -199,23 +198,25 @@ class FrameUpdate:
         return None
 
     def _search(self, record: Frame | PixelMeasurement, angles: _Angles) -> list[CameraCandidate]:
-        """Return the acquisition candidates of the whole frame, or the labelled pixel."""
+        """Search the whole frame, or take the labelled pixel, for the next epoch; return the candidates."""
         sigma_rad = self._pointing_sigma_rad(record, angles)
         if isinstance(record, Frame):
-            return self._cameras[record.station].search(record, angles.pan_rad, angles.tilt_rad, sigma_rad)
-        return [
-            CameraCandidate(
-                t_s=record.t_s,
-                station=record.station,
-                pixel=np.array([record.u_px, record.v_px]),
-                width_px=None,
-                score=1.0,
-                pan_rad=angles.pan_rad,
-                tilt_rad=angles.tilt_rad,
-                angle_sigma_rad=sigma_rad,
-                labelled=True,
-            )
-        ]
+            found = self._cameras[record.station].search(record, angles.pan_rad, angles.tilt_rad, sigma_rad)
+            self._track_manager.add_search(record.station, record.t_s, found)
+            return found
+        label = CameraCandidate(
+            t_s=record.t_s,
+            station=record.station,
+            pixel=np.array([record.u_px, record.v_px]),
+            width_px=None,
+            score=1.0,
+            pan_rad=angles.pan_rad,
+            tilt_rad=angles.tilt_rad,
+            angle_sigma_rad=sigma_rad,
+            labelled=True,
+        )
+        self._track_manager.add_label(label)
+        return [label]
 
     def _pointing_sigma_rad(self, record: Frame | PixelMeasurement, angles: _Angles) -> float:
         """Return one sigma of the pointing of the camera, from angles and rig."""

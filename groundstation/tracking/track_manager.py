@@ -19,10 +19,11 @@ from groundstation.tracking.alternative_track import AlternativeTrack
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
 from groundstation.tracking.epoch_buffer import EpochViews
+from groundstation.tracking.search_schedule import SearchSchedule
 from groundstation.tracking.track_state_machine import TrackStateMachine
 
-# maximum age of whole-frame candidates at their epoch
-_CANDIDATE_AGE_S = 0.5
+# pixels of two cameras so close in time confirm a target, though pairs lose frames
+_TOGETHER_S = 0.1
 
 
 class TrackManager:
@@ -47,6 +48,7 @@ class TrackManager:
         self._window_s = config.estimation.fix_window_s
         self._coast_after_s = config.estimation.coast_after_s
         self._newest_epoch_s = -math.inf
+        self._accepted_s: dict[str, float] = {}
         self._initiator = TrackInitiator({n: c.geometry for n, c in cameras.items()}, config.initiation, span.span_m)
         self._span, self._usual_span_m = span, config.initiation.usual_span_m
         self._point_sigma_spans = np.array(config.estimation.target_point_sigma_spans)
@@ -54,7 +56,8 @@ class TrackManager:
             {n: c.geometry for n, c in cameras.items()}, config.initiation, span.span_m
         )
         self._initial = initial
-        self._candidates: list[CameraCandidate] = []
+        self._schedule = SearchSchedule()
+        self._labels: list[CameraCandidate] = []
         self._events: list[TrackEvent] = []
 
     def take_events(self) -> list[TrackEvent]:
@@ -72,9 +75,17 @@ class TrackManager:
             return False
         return not self._ekf.has_target or self.state_machine.needs_search(t_s)
 
-    def add_candidates(self, candidates: list[CameraCandidate]) -> None:
-        """Add candidates for the next epoch."""
-        self._candidates += candidates
+    def searches(self, station: str, t_s: float) -> bool:
+        """Return whether a station's frame at ``t_s`` is searched as a whole."""
+        return self.needs_search(t_s) and self._schedule.is_due(station, t_s, has_target=self._ekf.has_target)
+
+    def add_search(self, station: str, t_s: float, candidates: list[CameraCandidate]) -> None:
+        """Add the candidates of a frame for the next epoch."""
+        self._schedule.add(station, t_s, candidates)
+
+    def add_label(self, label: CameraCandidate) -> None:
+        """Add a labelled pixel for the next epoch."""
+        self._labels.append(label)
 
     def start_if_due(self, t_s: float) -> None:
         """Start the target from the given initial state once its time is reached; the filter is at ``t_s``."""
@@ -99,7 +110,9 @@ class TrackManager:
         t_s = epoch.t_s
         # pixels of two or more cameras were accepted, at least one of them in this epoch
         fixed = len(views.accepted) >= 2
-        proof = fixed and bool(views.views)
+        self._accepted_s.update(dict.fromkeys(views.accepted, t_s))
+        together = sum(t_s - at_s <= _TOGETHER_S for at_s in self._accepted_s.values())
+        proof = together >= 2 and bool(views.views)
         self._newest_epoch_s = max(self._newest_epoch_s, t_s, newest_s)
         if self._ekf.has_target:
             self._update_status(t_s, fixed, proof)
@@ -107,9 +120,10 @@ class TrackManager:
             self._correct(t_s, views)
         if self.needs_search(t_s):
             self._initiate(epoch)
-        elif self._candidates:
+        else:
             # the search has ended: its candidates are not used for a later one
-            self._candidates.clear()
+            self._labels.clear()
+            self._schedule.clear()
             self._initiator.reset()
         if not self._is_reported:
             return None
@@ -186,19 +200,18 @@ class TrackManager:
 
     def _initiate(self, epoch: Epoch) -> None:
         """Pass the candidates of this epoch to the initiator; start the target when one is confirmed."""
-        recent = [
-            s for s in self._candidates if epoch.t_s - s.t_s <= (self._window_s if s.labelled else _CANDIDATE_AGE_S)
-        ]
+        seen = self._schedule.combined(epoch.t_s)
+        if seen is None:
+            return
         # labelled pixels arrive one by one at their own times: the newest of each station are combined
-        labelled = {s.station: s for s in recent if s.labelled}
-        self._candidates = list(labelled.values()) if len(labelled) < 2 else []
+        labelled = {s.station: s for s in self._labels if epoch.t_s - s.t_s <= self._window_s}
+        self._labels = list(labelled.values()) if len(labelled) < 2 else []
         machine = self.state_machine
         followed = self._ekf.has_target and machine.seen_by_two(epoch.t_s) and not machine.is_doubtful(epoch.t_s)
         known = self._ekf.kinematics_at(epoch.t_s) if followed else None
-        sightings = [*(s for s in recent if not s.labelled), *labelled.values()]
-        confirmed = self._initiator.step(epoch.t_s, sightings, known)
+        confirmed = self._initiator.step(epoch.t_s, [*seen, *labelled.values()], known)
         if found := next((each for each in confirmed if self._is_better(epoch.t_s, each)), None):
-            labels = bool(labelled) and len(labelled) == len(recent)
+            labels = bool(labelled) and not seen
             self._start_track(epoch.t_s, found.kinematics, "found in labels" if labels else "acquired", found)
         elif self._ekf.has_target:
             return
@@ -225,7 +238,9 @@ class TrackManager:
         )
         self._initiator.reset()
         self._alternative.reset()
-        self._candidates.clear()
+        self._labels.clear()
+        self._schedule.clear()
+        self._accepted_s.clear()
         self.state_machine.start(
             t_s + max(age_s, 0.0),
             position if how == "acquired" else None,

@@ -66,6 +66,19 @@ def test_every_frame_has_one_pair_and_every_pair_is_closed_once(arrivals: list[t
         assert np.ptp([t for _, t in own]) <= 0.5 * PERIOD
 
 
+def test_a_pipeline_that_is_behind_splits_no_pairs() -> None:
+    """Expected: what counts is how long a pair has been open, not how old its frames are."""
+    pairing = FramePairer(("left", "right"), PERIOD)
+    for k in range(5):
+        t_s = k * PERIOD
+        now_s = t_s + 4 * PERIOD
+        first = pairing.frame("left", t_s, now_s)
+        assert not pairing.overdue(now_s + PERIOD)
+        assert pairing.frame("right", t_s, now_s + PERIOD).epoch == first.epoch
+    pairing.frame("left", 5 * PERIOD, 9 * PERIOD)
+    assert pairing.overdue(10.6 * PERIOD)
+
+
 def shot(station: str, t_s: float) -> TimedPicture:
     return TimedPicture(t_s=t_s, arrived_s=t_s, station=station, picture=BgrPicture(np.zeros((2, 2, 3), np.uint8)))
 

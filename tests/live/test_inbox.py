@@ -42,6 +42,19 @@ def test_a_full_camera_costs_its_own_oldest_frame_and_no_other_cameras() -> None
     assert input_queue.frames_waiting == 0
 
 
+def test_where_frames_pile_up_whole_pairs_are_dropped() -> None:
+    """Expected: what is left are pairs, also of cameras that do not expose at the same instant, and of three."""
+    input_queue = InputQueue(frames=3, together_s=0.05)
+    for k in range(10):
+        for station, later_s in (("left", 0.0), ("right", 0.02), ("third", 0.04)):
+            input_queue.put(shot(station, 0.1 * k + later_s))
+            input_queue.put(sample(0.1 * k))
+    assert input_queue.dropped == {f"frames of {name}": 7 for name in ("left", "right", "third")}
+    left = shots(drained(input_queue))
+    assert left == [(n, 0.1 * k + s) for k in (7, 8, 9) for n, s in (("left", 0.0), ("right", 0.02), ("third", 0.04))]
+    assert input_queue.frames_waiting == 0
+
+
 @pytest.mark.parametrize("stations", [("left", "right"), ("right", "left"), ("left", "third", "right")])
 def test_a_camera_that_floods_keeps_its_newest_and_costs_no_other(stations: tuple[str, ...]) -> None:
     input_queue, flooding = InputQueue(frames=3), stations[-1]

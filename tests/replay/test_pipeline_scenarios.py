@@ -373,7 +373,7 @@ def test_memory_stays_flat_over_a_long_session() -> None:
         if isinstance(event, Epoch) and event.epoch % 100 == 50:
             inside = pipeline._synchroniser
             held = [*inside._history.values(), inside._queue, inside._used]
-            held += [pipeline._epochs._views, pipeline._epochs._arrived, pipeline._track_manager._candidates]
+            held += [pipeline._epochs._views, pipeline._epochs._arrived, pipeline._track_manager._labels]
             sizes.append(sum(len(part) for part in held))
     assert max(sizes) < 400
     assert sizes[-1] <= sizes[1] + 20
