@@ -201,7 +201,7 @@ def without_noise(scenario: Scenario) -> Scenario:
         rig=rig,
         true_rig=true,
         cameras=dict.fromkeys(rig.names, CameraModel(pixel_covariance_px2=isotropic(_NOTHING))),
-        dgps=replace(scenario.dgps, sigma_m=np.full(3, 1e-4)),
+        dgps=replace(scenario.dgps, sigma_m=np.full(3, 1e-4), wander_sigma_m=np.zeros(3)),
     )
 
 
@@ -215,7 +215,9 @@ def bounding(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> Path
             t_s=quiet.t_s,
             samples=quiet.samples,
             sigma=np.broadcast_to(noisy.sigma[0], quiet.samples.shape),
-            smoothness=tuple(replace(s, noise_factor=1.0) for s in noisy.smoothness),
+            smoothness=tuple(
+                s if noisy.lasting is not None else replace(s, noise_factor=1.0) for s in noisy.smoothness
+            ),
         )
         for noisy, quiet in zip(fit.parts, path_samples(problem), strict=True)
     )

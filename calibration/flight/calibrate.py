@@ -11,6 +11,7 @@ from calibration.flight.fit import SOLUTION_STEPS, FlightFit, FlightFitError, Fl
 from calibration.flight.html_report import FlightPage, write_flight_page
 from calibration.flight.observations import FlightData, gather_flight
 from calibration.flight.parameters import (
+    AXES,
     KNOWN_POSITION_M,
     POINT_SIGMA_M,
     FreeParameters,
@@ -36,6 +37,9 @@ _WORST_POSITION_M = 10.0
 # a pose and its sigma in the rig are not replaced by one flight that deviates this much
 _POSES = ("runway_from_base.", "head_from_camera.", "ptu_position.")
 _MOST_SIGMAS_OFF = 5.0
+# of the mean of an error of the fixes that lasts; one in 5,000 flights by chance
+_MOST_SIGMAS_OFFSET = 4.0
+_NO_ERROR_M = 1e-3
 # parameters freed first, and those only if that is not enough; a lens only with a surveyed position and fixes that are
 # not off by metres: otherwise focal length and distance are correlated
 _DOUBTED = (("position", "readout", "drift"), ("position", "readout", "drift", "lens"))
@@ -207,6 +211,13 @@ def _require_fit(session: Session, fit: FlightFit) -> None:
             wanted = "a flight that moves more across this station's view, or this part known"
             raise FlightFitError(f"{name}: got ± {unit} from this flight; wanted {wanted}")
     _require_agreement(session, fit)
+    off = np.abs(fit.lasting_offset_m) / np.maximum(fit.lasting_sigma_m, _NO_ERROR_M)
+    if off.size and float(off.max()) > _MOST_SIGMAS_OFFSET:
+        axis = int(np.argmax(off))
+        off_m = abs(fit.lasting_offset_m[axis])
+        got = f"fixes that are {off_m:.1f} m off in {AXES[axis]} all flight long, {off[axis]:.0f}"
+        wanted = "DGPS in the rig's own frame (height over what, which origin?), of the same flight"
+        raise FlightFitError(f"DGPS: got {got} of their sigmas; wanted {wanted}")
 
 
 def _require_agreement(session: Session, fit: FlightFit) -> None:

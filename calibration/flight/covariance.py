@@ -47,6 +47,7 @@ def with_covariance(solution: FlightSolution, point_sigma_m: float = 0.0) -> Fli
     lasting = np.sqrt(np.diag(covariance)) / alone
     covariance += np.outer(by_point, by_point)
     turned = _about_solution(problem, change)
+    offset_m, offset_sigma_m = joint.lasting_offset(change)
     return FlightFit(
         problem=problem,
         change=change,
@@ -57,6 +58,8 @@ def with_covariance(solution: FlightSolution, point_sigma_m: float = 0.0) -> Fli
         condition=float(np.linalg.cond(unit_diagonal(linearised.information))),
         stations=dict(fits),
         parts=joint.parts,
+        lasting_offset_m=offset_m,
+        lasting_sigma_m=offset_sigma_m,
         misfit_px={name: lasting_misfit_px(problem.observations[name].t_s, fit) for name, fit in fits.items()},
     )
 

@@ -27,6 +27,8 @@ MIN_OBSERVATIONS = 20
 _ROBUST_ROUNDS = 4
 _FINAL_ROUNDS = 3
 _FINAL_EVALUATIONS = 12
+# where fixes have an error that lasts, as many as it takes until the observations that are kept stay the same
+_MOST_ROUNDS = 8
 # the robust fit, the paths, and each final round
 SOLUTION_STEPS = 2 + _FINAL_ROUNDS
 _LEAST_NOISE_FACTOR = 1e-6
@@ -73,6 +75,8 @@ class FlightFit:
     condition : of the information, its parameters scaled to unit diagonal.
     parts : the paths of aircraft and heads, with their smoothness.
     misfit_px : 1 sigma of what each station's pixels are off by for a second and more, of u and of v.
+    lasting_offset_m, lasting_sigma_m : (d,) mean of the fixes' lasting error over the flight, and one sigma of it as
+        they state it; empty without one.
     """
 
     problem: FlightProblem
@@ -85,6 +89,8 @@ class FlightFit:
     stations: Mapping[str, StationFit] = field(default_factory=dict)
     parts: tuple[PathPart, ...] = ()
     misfit_px: Mapping[str, float] = field(default_factory=dict)
+    lasting_offset_m: FloatArray = field(default_factory=lambda: np.zeros(0))
+    lasting_sigma_m: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def sigma(self) -> FloatArray:
@@ -128,10 +134,17 @@ def find_solution(
     paths = path_parts(robust.problem, paths)
     step()
     final = _PathRounds(robust.problem, {name: fit.noise_factor for name, fit in robust.stations.items()}, paths)
-    for _ in range(_FINAL_ROUNDS):
+    for k in range(_MOST_ROUNDS):
+        before = final.kept
         change = fit_reweighted(final.weighted_at, change, 1, _FINAL_EVALUATIONS)
         final.update_noise(change)
-        step()
+        if k < _FINAL_ROUNDS:
+            step()
+        # paths that pixels alone hold in place take in, round by round, what a poor start left out
+        elif final.kept == before:
+            break
+        if k + 1 == _FINAL_ROUNDS and not final.has_lasting_error:
+            break
     joint = final.joint_at(change)
     found = final.stations_along(joint, change)
     stations = {name: replace(fit, noise_factor=final.factors[name]) for name, fit in found.items()}
@@ -184,6 +197,16 @@ class _PathRounds:
     stations: Mapping[str, StationFit] = field(default_factory=dict)
     _joint: PathResiduals | None = None
 
+    @property
+    def has_lasting_error(self) -> bool:
+        """Whether the fixes have an error that lasts."""
+        return any(part.lasting is not None for part in self.parts)
+
+    @property
+    def kept(self) -> dict[str, bytes]:
+        """The observations kept in the newest round, by station."""
+        return {name: fit.kept.tobytes() for name, fit in self.stations.items()}
+
     def weighted_at(self, change: FloatArray) -> FitProblem:
         """Return the problem with outliers and noise as they are at a change (p,)."""
         self.problem = with_antenna_of(self.problem, change)
@@ -196,12 +219,19 @@ class _PathRounds:
         """Return how the stations fit along the fixes; where those are off for long, along the paths found."""
         problem, names = self.problem, self.problem.observations
         fits = {n: _station_fit(problem, n, problem.predict(n, change), without_outliers=True) for n in names}
-        if all(part.lasting is None for part in self.parts):
+        if not self.has_lasting_error:
             return fits
         self.stations = self.stations or fits
-        seen = self.joint_at(change).predictions(change)
-        along = {n: replace(p, covariance_px2=p.own_px2) for n, p in seen.items()}
-        return {n: _station_fit(problem, n, p, without_outliers=True) for n, p in along.items()}
+        joint = self.joint_at(change)
+        judged = {}
+        for name, seen in joint.predictions(change).items():
+            # the path has not followed what was left out, and is uncertain there
+            left_out = seen.usable & ~self.stations[name].kept
+            covariance = seen.own_px2.copy()
+            covariance[left_out] += joint.path_covariances(change, name, left_out)
+            along = replace(seen, covariance_px2=covariance)
+            judged[name] = _station_fit(problem, name, along, without_outliers=True)
+        return judged
 
     def stations_along(self, joint: PathResiduals, change: FloatArray) -> Mapping[str, StationFit]:
         """Return the newest fits, where fixes are off for long with residuals along the paths of a change (p,)."""
@@ -209,7 +239,12 @@ class _PathRounds:
             return self.stations
         seen = joint.predictions(change)
         return {
-            name: replace(fit, residual_px=seen[name].pixel_px - self.problem.observations[name].pixel_px)
+            name: replace(
+                fit,
+                residual_px=seen[name].pixel_px - self.problem.observations[name].pixel_px,
+                usable=seen[name].usable,
+                kept=fit.kept & seen[name].usable,
+            )
             for name, fit in self.stations.items()
         }
 

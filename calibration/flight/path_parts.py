@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import block_diag, csr_matrix, diags, hstack, vstack
 
-from calibration.flight.lasting_error import LastingError, lasting_error, may_last
+from calibration.flight.lasting_error import LastingError, lasting_error, lasting_sigma, may_last
 from calibration.flight.problem import SLOW_S, FlightProblem
 from calibration.flight.smooth_path import ORDERS, PathBasis, Smoothness, find_smoothness, path_basis
 from groundstation.arrays import FloatArray
@@ -62,7 +62,7 @@ class PathPart:
             return known, np.concatenate(data)
         by_error = self.lasting.at(self.t_s)
         shifted = block_diag([weight @ by_error for weight in weights])
-        prior = block_diag([self.lasting.prior(axis) for axis in range(len(weights))])
+        prior = self.lasting.prior()
         below = hstack([csr_matrix((prior.shape[0], known.shape[1])), prior])
         both = vstack([hstack([known, shifted]), below], format="csr")
         return both, np.concatenate([*data, np.zeros(prior.shape[0])])
@@ -75,8 +75,18 @@ class PathPart:
     def centres_s(self) -> FloatArray:
         """When each coefficient acts most (size,), s."""
         own = np.tile(self.basis.centres_s, self.samples.shape[1])
-        error = self.lasting
-        return own if error is None else np.concatenate([own, np.tile(error.knots_s, len(error.sigma_m))])
+        return own if self.lasting is None else np.concatenate([own, self.lasting.centres_s])
+
+    @property
+    def lasting_first(self) -> int:
+        """Where the coefficients of the lasting error begin."""
+        return self.first + self._own_size
+
+    def lasting_coefficients(self, theta: FloatArray) -> FloatArray:
+        """Return (d, 1 + m) of all coefficients: the lasting error's constant and knots."""
+        if self.lasting is None:
+            return np.zeros((self.samples.shape[1], 0))
+        return theta[self.lasting_first : self.first + self.size].reshape(-1, self.lasting.each)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -126,53 +136,87 @@ def _head_step_s(readings_s: FloatArray) -> float:
 
 def path_parts(problem: FlightProblem, known: Sequence[PathPart] = ()) -> tuple[PathPart, ...]:
     """Return the paths of a flight, as smooth as their samples; ``known`` ones of the same samples are reused."""
+    samples = path_samples(problem)
+    if len(known) == len(samples) and all(own.same_as(part) for own, part in zip(samples, known, strict=True)):
+        return tuple(known)
+    bases = [path_basis(float(own.t_s[0]), float(own.t_s[-1]), own.step_s) for own in samples]
+    noise = _reference_noise(samples, bases)
     parts: list[PathPart] = []
     first = 0
-    for own in path_samples(problem):
-        t = own.t_s
-        basis = path_basis(float(t[0]), float(t[-1]), own.step_s)
-        before = next((part for part in known if own.same_as(part)), None)
-        if before is not None:
-            parts.append(replace(before, first=first))
-            first += before.size
-            continue
-        parts.append(_path_part(own, basis, first))
+    for own, basis, free in zip(samples, bases, noise.free, strict=True):
+        lasting = None
+        if own.station is None and noise.lasts:
+            before = any(part.lasting is not None for part in parts)
+            lasting = lasting_error(own.t_s, noise.sigma_m, noise.white_m, continues=before)
+        parts.append(
+            PathPart(
+                station=own.station,
+                basis=basis,
+                t_s=own.t_s,
+                samples=own.samples,
+                sigma=own.sigma,
+                smoothness=_smoothness(own, basis, free, noise),
+                first=first,
+                lasting=lasting,
+            )
+        )
         first += parts[-1].size
     return tuple(parts)
 
 
-def _path_part(own: PathSamples, basis: PathBasis, first: int) -> PathPart:
-    """Return the path of samples, and the lasting error of an antenna's."""
-    usual = np.sqrt(np.mean(own.sigma**2, axis=0))
-    shown: list[Smoothness | None] = [None] * len(usual)
-    lasting = None
-    if own.station is None and may_last(usual):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _ReferenceNoise:
+    """What the fixes of all stretches show: one sigma (d,) usually stated, of each for itself, and of what lasts.
+
+    ``free`` is the smoothness of each path by the noise that neighbours show, for the antenna's stretches.
+    """
+
+    usual_m: FloatArray
+    white_m: FloatArray
+    sigma_m: FloatArray
+    free: list[list[Smoothness]]
+
+    @property
+    def lasts(self) -> bool:
+        """Whether an axis has an error that lasts."""
+        return bool(np.any(self.sigma_m > 0.0))
+
+
+def _reference_noise(samples: list[PathSamples], bases: list[PathBasis]) -> _ReferenceNoise:
+    fixes = [own for own in samples if own.station is None]
+    free: list[list[Smoothness]] = [[] for _ in samples]
+    usual = np.median(np.concatenate([own.sigma for own in fixes]), axis=0) if fixes else np.zeros(3)
+    if not fixes or not may_last(usual):
+        return _ReferenceNoise(usual_m=usual, white_m=usual, sigma_m=np.zeros(len(usual)), free=free)
+    squares, freedom = np.zeros(len(usual)), 0
+    for k, (own, basis) in enumerate(zip(samples, bases, strict=True)):
+        if own.station is not None:
+            continue
         # by the noise that neighbouring fixes show, whatever is stated; such fixes do not tell the orders apart, and
         # the smoother one leaves the pixels no path that fits
-        free = [
-            find_smoothness(basis, own.t_s, samples, np.full(len(samples), _UNSTATED * stated), ORDERS[-1:])
-            for samples, stated in zip(own.samples.T, usual, strict=True)
+        free[k] = [
+            find_smoothness(basis, own.t_s, values, np.full(len(values), _UNSTATED * stated), ORDERS[-1:])
+            for values, stated in zip(own.samples.T, usual, strict=True)
         ]
-        white = np.array([_UNSTATED * stated * s.noise_factor for s, stated in zip(free, usual, strict=True)])
-        lasting = lasting_error(own.t_s, usual, white, len(own.t_s) - max(ORDERS))
-        if lasting is not None:
-            shown = [s if sigma > 0.0 else None for s, sigma in zip(free, lasting.sigma_m, strict=True)]
-    smoothness = [
-        find_smoothness(basis, own.t_s, samples, sigma)
-        if known is None
-        else _without_breaks(known, _UNSTATED * known.noise_factor)
-        for known, samples, sigma in zip(shown, own.samples.T, own.sigma.T, strict=True)
-    ]
-    return PathPart(
-        station=own.station,
-        basis=basis,
-        t_s=own.t_s,
-        samples=own.samples,
-        sigma=own.sigma,
-        smoothness=tuple(smoothness),
-        first=first,
-        lasting=lasting,
-    )
+        own_freedom = max(len(own.t_s) - max(ORDERS), 0)
+        squares += own_freedom * (_UNSTATED * usual * np.array([s.noise_factor for s in free[k]])) ** 2
+        freedom += own_freedom
+    white = np.sqrt(squares / max(freedom, 1))
+    sigma = lasting_sigma(usual, white, freedom)
+    return _ReferenceNoise(usual_m=usual, white_m=white, sigma_m=sigma, free=free)
+
+
+def _smoothness(
+    own: PathSamples, basis: PathBasis, free: list[Smoothness], noise: _ReferenceNoise
+) -> tuple[Smoothness, ...]:
+    """Return how smooth each axis of a path is, and the noise of its samples over that stated."""
+    found = []
+    for axis, (values, sigma) in enumerate(zip(own.samples.T, own.sigma.T, strict=True)):
+        if free and noise.sigma_m[axis] > 0.0:
+            found.append(_without_breaks(free[axis], float(noise.white_m[axis] / noise.usual_m[axis])))
+        else:
+            found.append(find_smoothness(basis, own.t_s, values, sigma))
+    return tuple(found)
 
 
 def _without_breaks(smooth: Smoothness, noise_factor: float) -> Smoothness:

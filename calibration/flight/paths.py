@@ -11,11 +11,13 @@ with A the derivative by the paths' coefficients θ. Its information is that of 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import block_diag, csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
+from calibration.flight.lasting_error import joined, mean_sigma
 from calibration.flight.path_parts import MILLI, PathPart, path_parts
 from calibration.flight.problem import AngleCurve, FlightProblem, PixelPredictions
 from calibration.flight.windowed_inverse import WindowedInverse
@@ -25,6 +27,8 @@ from groundstation.arrays import FloatArray, MaskArray
 _ROUNDS = 2
 _PROBES = 16
 _LARGEST = 50
+# pixels whose covariance is computed at once
+_CHUNK = 100
 # an entry of a solution takes as long as so many products within the band
 _BAND_WORTH = 30
 
@@ -84,14 +88,25 @@ class PathResiduals:
     def __post_init__(self) -> None:
         self.parts = self.parts or path_parts(self.problem)
         pieces = [part.known() for part in self.parts]
-        self._known = block_diag([design for design, _ in pieces], format="csr")
-        self._data = np.concatenate([data for _, data in pieces])
+        joins = self._joins()
+        self._known = vstack([block_diag([design for design, _ in pieces]), *joins], format="csr")
+        self._data = np.concatenate([*(data for _, data in pieces), *(np.zeros(j.shape[0]) for j in joins)])
         self._normal = (self._known.T @ self._known).tocsc()
         self._alone = np.asarray(splu(self._normal).solve(self._known.T @ self._data))
         along = self._along(self._alone)
         for name in along.observations:
             own = along.predict(name, self.at).own_px2[self.kept[name]] * self.factors[name] ** 2
             self._white[name] = whitening_of(own)
+
+    def _joins(self) -> list[csr_matrix]:
+        """Return the rows by which the fixes' lasting error goes on from stretch to stretch."""
+        count = sum(part.size for part in self.parts)
+        along = [part for part in self.parts if part.lasting is not None]
+        return [
+            joined(one.lasting, one.lasting_first, two.lasting, two.lasting_first, count)
+            for one, two in pairwise(along)
+            if one.lasting is not None and two.lasting is not None
+        ]
 
     @property
     def base(self) -> float:
@@ -103,9 +118,42 @@ class PathResiduals:
         """Whether the fixes have an error that lasts, so that only the paths found say where the aircraft was."""
         return any(part.lasting is not None for part in self.parts)
 
+    def lasting_offset(self, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the mean (d,) of the fixes' lasting error over the flight, m, and one sigma of it; else nothing."""
+        theta, d = self._solve(change).theta, 0
+        total, weight, sigma = np.zeros(3), 0.0, np.zeros(3)
+        for part in self.parts:
+            error = part.lasting
+            if error is None:
+                continue
+            d, span_s = len(error.sigma_m), float(error.knots_s[-1] - error.knots_s[0])
+            own = part.lasting_coefficients(theta)
+            total += span_s * (own[:, 0] + own[:, 1:].mean(axis=1))
+            weight += span_s
+            sigma = error.sigma_m
+        if not d:
+            return np.zeros(0), np.zeros(0)
+        return total / weight, mean_sigma(sigma, weight)
+
     def predictions(self, change: FloatArray) -> dict[str, PixelPredictions]:
         """Return the pixels of each station along the paths found for a change (p,)."""
         return self._solve(change).linear.predicted
+
+    def path_covariances(self, change: FloatArray, station: str, which: MaskArray) -> FloatArray:
+        """Return what the paths' uncertainty makes of a station's pixels ``which`` (n,): (k, 2, 2) px²."""
+        at = self._solve(change)
+        seen, k = at.linear.predicted[station], int(which.sum())
+        found = np.zeros((k, 2, 2))
+        places = np.flatnonzero(which)
+        for first in range(0, k, _CHUNK):
+            chosen = np.zeros(len(which), dtype=np.bool_)
+            chosen[places[first : first + _CHUNK]] = True
+            white = np.broadcast_to(np.eye(2), (int(chosen.sum()), 2, 2))
+            A = csr_matrix(_beside([self._by_part(part, station, seen, chosen, white) for part in self.parts]))
+            covariance = np.asarray(A @ at.root.solve(A.T.toarray()))
+            rows = 2 * np.arange(len(white))
+            found[first : first + _CHUNK] = covariance[rows[:, None, None] + [[0], [1]], rows[:, None, None] + [[0, 1]]]
+        return found
 
     def fit_problem(self) -> FitProblem:
         """Return the fit of the calibration (p,), with its priors."""
