@@ -201,8 +201,9 @@ class TrackManager:
     def _initiate(self, epoch: Epoch) -> None:
         """Pass the candidates of this epoch to the initiator; start the target when one is confirmed."""
         seen = self._schedule.combined(epoch.t_s)
-        if seen is None:
+        if seen is None and not self._labels:
             return
+        seen = seen or []
         # labelled pixels arrive one by one at their own times: the newest of each station are combined
         labelled = {s.station: s for s in self._labels if epoch.t_s - s.t_s <= self._window_s}
         self._labels = list(labelled.values()) if len(labelled) < 2 else []

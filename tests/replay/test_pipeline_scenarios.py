@@ -11,6 +11,7 @@ from groundstation.messages import (
     DetectionStatus,
     Epoch,
     Event,
+    Frame,
     InitialState,
     Miss,
     MissReason,
@@ -21,6 +22,7 @@ from groundstation.messages import (
     TrackStatus,
     TriangulationStatus,
 )
+from groundstation.picture import BgrPicture
 from groundstation.rig.rig import Rig
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
@@ -275,6 +277,22 @@ def test_a_labelled_target_is_confirmed_without_motion() -> None:
     rig = make_rig()
     flown = Flown(flight_events(rig, slow, np.random.default_rng(11), duration_s=8.0), rig=rig)
     assert flown.statuses(1.5, 8.0) == {TrackStatus.TRACKING}
+
+
+def test_labels_start_a_target_next_to_a_camera_with_pictures(flight: list[Event], clean: Flown) -> None:
+    """Expected: pictures of one camera, which alone are no pair, do not hold up what labels show."""
+    w, h = make_rig()["left"].lens.image_size_px
+    black = BgrPicture(np.zeros((h, w, 3), np.uint8))
+    mixed: list[Event] = []
+    for event in flight:
+        if is_camera(event, "left") and event.t_s < 0.4:
+            assert isinstance(event, PixelMeasurement)
+            mixed.append(Frame(t_s=event.t_s, station="left", epoch=event.epoch, image=black))
+        else:
+            mixed.append(event)
+    flown = Flown(mixed)
+    assert flown.statuses(2.0, 12.0) == {TrackStatus.TRACKING}
+    assert np.all(flown.rmse(4.0) < 1.2 * clean.rmse(4.0) + 0.01)
 
 
 def test_arrivals_out_of_order_change_nothing(flight: list[Event], clean: Flown) -> None:
