@@ -100,8 +100,8 @@ def calibrate_flight(
     found = find_solution(start.problem, start.change, step=steps)
     if doubts:
         surveyed = all("position" in s.known for s in session.rig.stations)
-        sharp = surveyed and not found.joint.has_lasting_error
-        for doubted in _DOUBTED if sharp else _DOUBTED[:1]:
+        lens_shows = surveyed and not found.joint.has_lasting_error
+        for doubted in _DOUBTED if lens_shows else _DOUBTED[:1]:
             found, note = _doubted(session, start, found, (*words, *doubted), steps)
             notes += note
     steps.skip_to_last()

@@ -102,17 +102,14 @@ def joined(before: LastingError, at: int, after: LastingError, then: int, count:
     """
     d = len(after.sigma_m)
     kept = float(np.exp(-(after.knots_s[0] - before.knots_s[-1]) / CORRELATION_S))
-    rows = np.zeros((2 * d, 4))
-    columns = np.zeros((2 * d, 4), np.int64)
+    values, columns = [], []
     for axis in range(d):
         own, next_ = at + axis * before.each, then + axis * after.each
         _, process_m = after.sigmas_m(axis)
         step = 1.0 / (process_m * max(np.sqrt(1.0 - kept**2), 1e-3))
-        rows[2 * axis, :2], columns[2 * axis, :2] = (-1.0 / _NOTHING_M, 1.0 / _NOTHING_M), (own, next_)
-        columns[2 * axis + 1, :2] = own + before.each - 1, next_ + 1
-        rows[2 * axis + 1, :2] = -kept * step, step
-    places = np.repeat(np.arange(2 * d), 2)
-    return csr_matrix((rows[:, :2].ravel(), (places, columns[:, :2].ravel())), shape=(2 * d, count))
+        values += [-1.0 / _NOTHING_M, 1.0 / _NOTHING_M, -kept * step, step]
+        columns += [own, next_, own + before.each - 1, next_ + 1]
+    return csr_matrix((values, (np.repeat(np.arange(2 * d), 2), columns)), shape=(2 * d, count))
 
 
 def mean_sigma(sigma_m: FloatArray, span_s: float) -> FloatArray:

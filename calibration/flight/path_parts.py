@@ -137,13 +137,17 @@ def _head_step_s(readings_s: FloatArray) -> float:
 def path_parts(problem: FlightProblem, known: Sequence[PathPart] = ()) -> tuple[PathPart, ...]:
     """Return the paths of a flight, as smooth as their samples; ``known`` ones of the same samples are reused."""
     samples = path_samples(problem)
-    if len(known) == len(samples) and all(own.same_as(part) for own, part in zip(samples, known, strict=True)):
-        return tuple(known)
+    reused = [next((part for part in known if own.same_as(part)), None) for own in samples]
     bases = [path_basis(float(own.t_s[0]), float(own.t_s[-1]), own.step_s) for own in samples]
-    noise = _reference_noise(samples, bases)
+    new = [own if before is None else None for own, before in zip(samples, reused, strict=True)]
+    noise = _reference_noise(new, bases)
     parts: list[PathPart] = []
     first = 0
-    for own, basis, free in zip(samples, bases, noise.free, strict=True):
+    for own, basis, free, found in zip(samples, bases, noise.free, reused, strict=True):
+        if found is not None:
+            parts.append(replace(found, first=first))
+            first += found.size
+            continue
         lasting = None
         if own.station is None and noise.lasts:
             before = any(part.lasting is not None for part in parts)
@@ -182,15 +186,16 @@ class _ReferenceNoise:
         return bool(np.any(self.sigma_m > 0.0))
 
 
-def _reference_noise(samples: list[PathSamples], bases: list[PathBasis]) -> _ReferenceNoise:
-    fixes = [own for own in samples if own.station is None]
+def _reference_noise(samples: list[PathSamples | None], bases: list[PathBasis]) -> _ReferenceNoise:
+    """Return what the fixes of all stretches show; None among the samples is a path that is known."""
+    fixes = [own for own in samples if own is not None and own.station is None]
     free: list[list[Smoothness]] = [[] for _ in samples]
     usual = np.median(np.concatenate([own.sigma for own in fixes]), axis=0) if fixes else np.zeros(3)
     if not fixes or not may_last(usual):
         return _ReferenceNoise(usual_m=usual, white_m=usual, sigma_m=np.zeros(len(usual)), free=free)
     squares, freedom = np.zeros(len(usual)), 0
     for k, (own, basis) in enumerate(zip(samples, bases, strict=True)):
-        if own.station is not None:
+        if own is None or own.station is not None:
             continue
         # by the noise that neighbouring fixes show, whatever is stated; such fixes do not tell the orders apart, and
         # the smoother one leaves the pixels no path that fits
