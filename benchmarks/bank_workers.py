@@ -1,9 +1,11 @@
 """The bank on one and on two workers: the same rows, how many times as fast, and the same after a kill -9.
 
-usage: python benchmarks/bank_workers.py [--worlds N] [--duration S] [--killed]
+usage: python benchmarks/bank_workers.py [--worlds N] [--duration S] [--killed] [--unbound]
 
-Worlds of the train set, short, without the baseline. --killed also runs the bank in a separate process, kills one
-of its workers and then the process itself midway, and continues it.
+Worlds of the train set, short, without the baseline. One worker with its encoder and decoders is bound to one core,
+two to two; --unbound also times one worker that may use both: encoders and decoders then take a part of the second.
+--killed also runs the bank in a separate process, kills one of its workers and then the process itself midway, and
+continues it.
 """
 
 import argparse
@@ -27,10 +29,17 @@ def settings_of(worlds: int, duration_s: float) -> BankSettings:
     return BankSettings(world_set=WorldSet.TRAIN, sessions=worlds, first=500_000, duration_s=duration_s)
 
 
-def timed(settings: BankSettings, out: Path, workers: int) -> tuple[str, float]:
-    """Return the hash of the rows and the time in s of a bank."""
+def timed(settings: BankSettings, out: Path, workers: int, cores: int) -> tuple[str, float]:
+    """Return the hash of the rows and the time in s of a bank whose processes share the first so many cores."""
+    every = os.sched_getaffinity(0)
+    if len(every) < cores:
+        raise SystemExit(f"cores: got {len(every)}, wanted {cores}")
+    os.sched_setaffinity(0, sorted(every)[:cores])
     began = time.perf_counter()
-    outcome = run_bank(BankRequest(settings=settings, out=out, workers=workers), "")
+    try:
+        outcome = run_bank(BankRequest(settings=settings, out=out, workers=workers), "")
+    finally:
+        os.sched_setaffinity(0, every)
     if outcome.result.failures:
         raise SystemExit(f"{outcome.result.failures[0].name}: {outcome.result.failures[0].reason}")
     return outcome.digest, time.perf_counter() - began
@@ -75,24 +84,27 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=40)
     parser.add_argument("--duration", type=float, default=4.0)
     parser.add_argument("--killed", action="store_true")
+    parser.add_argument("--unbound", action="store_true")
     parser.add_argument("--part", nargs=3, metavar=("OUT", "WORLDS", "DURATION"), help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.part is not None:
         out, worlds, duration = options.part
-        timed(settings_of(int(worlds), float(duration)), Path(out), 2)
+        timed(settings_of(int(worlds), float(duration)), Path(out), workers=2, cores=2)
         return
     settings = settings_of(options.worlds, options.duration)
     with tempfile.TemporaryDirectory(prefix="bank-workers-") as name:
         folder = Path(name)
-        one, one_s = timed(settings, folder / "one", 1)
-        two, two_s = timed(settings, folder / "two", 2)
+        one, one_s = timed(settings, folder / "one", workers=1, cores=1)
+        two, two_s = timed(settings, folder / "two", workers=2, cores=2)
+        same = "the same" if one == two else "differ"
         print(
-            f"{options.worlds} worlds of {options.duration:g} s: 1 worker {one_s:.0f} s, 2 workers {two_s:.0f} s,",
-            end=" ",
+            f"{options.worlds} worlds of {options.duration:g} s: 1 worker {one_s:.0f} s, 2 workers {two_s:.0f} s",
+            end="",
         )
-        print(
-            f"{one_s / two_s:.2f} times as fast; rows {'the same' if one == two else 'differ'} ({one[:12]}, {two[:12]})"
-        )
+        print(f", {one_s / two_s:.2f} times as fast; rows {same} ({one[:12]}, {two[:12]})", flush=True)
+        if options.unbound:
+            _, unbound_s = timed(settings, folder / "unbound", workers=1, cores=2)
+            print(f"1 worker that may use both cores: {unbound_s:.0f} s, {unbound_s / two_s:.2f} times", flush=True)
         if options.killed:
             digest, reused = killed_and_resumed(settings, folder / "killed")
             print(

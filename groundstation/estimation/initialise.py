@@ -27,6 +27,9 @@ from groundstation.messages import Kinematics
 # a target's depth is its distance but for the angle off the optical axis
 _SIZE_SLACK = 1.2
 _LINK_GATE = 16.27
+# log odds of aircraft beyond which a fix is no more likely to be that of a track: those of the channel are no true
+# probabilities, and a young track, whose velocity is unknown, would reach out for them
+_LINK_ODDS = 1.0
 _MAX_TRACKS = 40
 # an age of three frame intervals is one of three frames, whatever their stamps' last digit
 _ROUNDING_S = 1e-3
@@ -271,13 +274,20 @@ class TrackInitiator:
         return F, np.kron(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), np.eye(3)) * q
 
     def _link(self, fixes: list[Fix], t_s: float) -> None:
-        """Associate each track with its nearest fix, most hits first; the other fixes start new tracks."""
+        """Associate each track with its most likely fix, most hits first; the other fixes start new tracks.
+
+        Of fixes that are about as near the one counts that the channel takes for an aircraft: features of the ground
+        next to an aircraft are as near to its track as the aircraft.
+        """
         free = list(fixes)
         for track in sorted(self._tracks, key=lambda t: -t.hits):
-            distances = [track.distance(f.position_m, f.covariance_m2) for f in free]
-            if distances and min(distances) < _LINK_GATE:
-                track.squares += min(distances)
-                fix = free.pop(int(np.argmin(distances)))
+            squares = np.array([track.distance(f.position_m, f.covariance_m2) for f in free])
+            costs = squares - 2.0 * np.clip([f.odds or 0.0 for f in free], -_LINK_ODDS, _LINK_ODDS)
+            costs[squares >= _LINK_GATE] = np.inf
+            if np.isfinite(costs).any():
+                best = int(np.argmin(costs))
+                track.squares += float(squares[best])
+                fix = free.pop(best)
                 track.update(fix.position_m, fix.covariance_m2, fix.score, labelled=fix.labelled)
                 track.add_odds(fix.odds, self._config.hits)
             else:

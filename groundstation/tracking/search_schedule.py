@@ -1,15 +1,16 @@
 """Which frames are searched as a whole, and which searches of two cameras belong together.
 
 Without a target each frame is searched. A search takes as long as many detections: next to a target that is followed,
-all cameras search at about the same time, and then not for a while, so that pairs do not get lost for it.
+all cameras search their frames of the same epoch, or those of about the same time, and then none for a while, so that
+pairs do not get lost for it.
 
-Where a pair loses one of its frames the other one's candidates wait for the next search of another camera; what only
-one camera has searched is no evidence against a tentative track.
+Candidates are combined within an epoch. Where one loses all but one of its frames, that camera's candidates wait for
+the next search of another camera; what only one camera has searched is no evidence against a tentative track.
 """
 
 from groundstation.estimation.initialise import CameraCandidate
 
-# between the beginnings of searches next to a target, and how long each camera may take its part in one
+# between the beginnings of searches next to a target, and how long frames of other epochs may take part in one
 _EVERY_S, _TOGETHER_S = 0.15, 0.05
 # candidates of frames so far apart, at most, are combined: of the same pair, and of two pairs that lost a frame each
 _PAIR_S, _APART_S = 0.5, 0.1
@@ -20,22 +21,26 @@ class SearchSchedule:
 
     def __init__(self) -> None:
         self._began_s = float("-inf")
+        self._searched_epoch: int | None = None
+        self._newest_epoch: int | None = None
         self._taken: set[str] = set()
         # by station: time, candidates, whether its pair is over
         self._searches: dict[str, tuple[float, list[CameraCandidate], bool]] = {}
         self._is_used = False
 
-    def is_due(self, station: str, t_s: float, *, has_target: bool) -> bool:
-        """Return whether a station's frame at ``t_s`` is searched."""
+    def is_due(self, station: str, t_s: float, *, epoch: int, has_target: bool) -> bool:
+        """Return whether a station's frame of an epoch, at ``t_s``, is searched."""
         if not has_target:
             return True
-        if not 0.0 <= t_s - self._began_s < _EVERY_S:
-            if -_TOGETHER_S <= t_s - self._began_s < 0.0:
-                # another camera's frame was a little later
-                return self._take(station)
-            self._began_s = t_s
-            self._taken.clear()
-        return t_s - self._began_s <= _TOGETHER_S and self._take(station)
+        age_s = t_s - self._began_s
+        if epoch != self._newest_epoch:
+            # the first frame of an epoch decides for all of them
+            self._newest_epoch = epoch
+            if abs(age_s) > _TOGETHER_S and not 0.0 <= age_s < _EVERY_S:
+                self._began_s, self._searched_epoch, age_s = t_s, epoch, 0.0
+                self._taken.clear()
+        together = abs(age_s) <= (_PAIR_S if epoch == self._searched_epoch else _TOGETHER_S)
+        return together and self._take(station)
 
     def _take(self, station: str) -> bool:
         new = station not in self._taken
@@ -54,16 +59,18 @@ class SearchSchedule:
         """
         if not self._is_used:
             return []
+        before = self._searches
         self._searches = {
             name: (at_s, found, True)
-            for name, (at_s, found, waited) in self._searches.items()
+            for name, (at_s, found, waited) in before.items()
             if t_s - at_s <= (_APART_S if waited else _PAIR_S)
         }
         if len(self._searches) < 2:
             return None
-        together = [c for _, found, _ in self._searches.values() for c in found]
+        fresh = [found for _, found, waited in before.values() if not waited]
+        together = fresh if len(fresh) >= 2 else [found for _, found, _ in self._searches.values()]
         self._searches.clear()
-        return together
+        return [c for found in together for c in found]
 
     def clear(self) -> None:
         """Forget what was found."""

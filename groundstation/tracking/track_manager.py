@@ -75,9 +75,10 @@ class TrackManager:
             return False
         return not self._ekf.has_target or self.state_machine.needs_search(t_s)
 
-    def searches(self, station: str, t_s: float) -> bool:
-        """Return whether a station's frame at ``t_s`` is searched as a whole."""
-        return self.needs_search(t_s) and self._schedule.is_due(station, t_s, has_target=self._ekf.has_target)
+    def searches(self, station: str, t_s: float, epoch: int) -> bool:
+        """Return whether a station's frame of an epoch, at ``t_s``, is searched as a whole."""
+        has_target = self._ekf.has_target
+        return self.needs_search(t_s) and self._schedule.is_due(station, t_s, epoch=epoch, has_target=has_target)
 
     def add_search(self, station: str, t_s: float, candidates: list[CameraCandidate]) -> None:
         """Add the candidates of a frame for the next epoch."""
@@ -225,7 +226,8 @@ class TrackManager:
         """Return whether a found target is followed from now on, instead of the one that there may be."""
         if not self._ekf.has_target or (found.moving and self.state_machine.is_doubtful(t_s)):
             return True
-        return self.state_machine.yields_to(recognised=found.recognised, moving_s=found.age_s if found.moving else None)
+        moving_s = found.age_s if found.moving else None
+        return self.state_machine.yields_to(recognised=found.recognised, moving_s=moving_s, odds=found.odds)
 
     def _start_track(self, t_s: float, start: Kinematics, how: str, found: InitiatedTarget | None = None) -> None:
         """Start the filter from a state at ``t_s``; only targets ``found`` among candidates need confirmation."""

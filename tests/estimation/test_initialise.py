@@ -313,6 +313,18 @@ def test_one_camera_that_recognises_it_is_not_sufficient(rng: np.random.Generato
         assert scene.initiator.step(k * 0.1, seen) == ()
 
 
+def test_ground_next_to_an_aircraft_does_not_speak_against_it(rng: np.random.Generator) -> None:
+    """Expected: of two features as near to the track, the one that the channel recognises is the aircraft's."""
+
+    def next_to_it(t: float) -> np.ndarray:
+        return standing(t) + [0.1, 0.3, 0.0]
+
+    found = of_several(Scene(rng), [(standing, 10.0, 4.0), (next_to_it, 10.0, -np.inf)], None)
+    assert len(found) == 1
+    assert found[0].recognised
+    assert found[0].odds == pytest.approx(4.0)
+
+
 def test_what_is_taken_for_something_else_must_move_for_longer(rng: np.random.Generator) -> None:
     """Expected: a bird is not found at once, and an aircraft unlike those of the training is found all the same."""
     at_once, later = (first_found(Scene(rng), glide, odds) for odds in (0.0, -8.0))

@@ -22,32 +22,52 @@ def candidate(station: str, t_s: float) -> CameraCandidate:
 
 def test_without_a_target_each_frame_is_searched() -> None:
     schedule = SearchSchedule()
-    assert all(schedule.is_due("left", 0.01 * k, has_target=False) for k in range(50))
+    assert all(schedule.is_due("left", 0.01 * k, epoch=k, has_target=False) for k in range(50))
 
 
 @pytest.mark.parametrize(
-    ("rate_hz", "later_s", "share"), [(10, 0.0, 0.5), (30, 0.0, 0.2), (30, 0.012, 0.2), (10, 0.04, 0.5)]
+    ("rate_hz", "offsets_s", "share"),
+    [
+        (10, (0.0, 0.0), 0.5),
+        (30, (0.0, 0.0), 0.2),
+        (30, (0.0, 0.012), 0.2),
+        (10, (0.0, 0.04), 0.5),
+        # as far apart as the searches of different epochs are from each other: all frames of an epoch, or none
+        (10, (0.0, 0.033, 0.052), 0.5),
+        (10, (0.0, 0.07), 0.5),
+    ],
 )
 def test_next_to_a_target_cameras_search_together_and_then_not_for_a_while(
-    rate_hz: int, later_s: float, share: float
+    rate_hz: int, offsets_s: tuple[float, ...], share: float
 ) -> None:
     schedule = SearchSchedule()
-    done: dict[str, list[int]] = {"left": [], "right": []}
+    done: list[list[int]] = [[] for _ in offsets_s]
     for k in range(10 * rate_hz):
-        for station, at_s in (("left", k / rate_hz), ("right", k / rate_hz + later_s)):
-            if schedule.is_due(station, at_s, has_target=True):
+        for station, later_s in enumerate(offsets_s):
+            if schedule.is_due(str(station), k / rate_hz + later_s, epoch=k, has_target=True):
                 done[station].append(k)
-    assert done["left"] == done["right"]
-    assert len(done["left"]) == pytest.approx(share * 10 * rate_hz, rel=0.05)
+    assert all(epochs == done[0] for epochs in done)
+    assert len(done[0]) == pytest.approx(share * 10 * rate_hz, rel=0.05)
+
+
+def test_labels_of_about_the_same_time_are_taken_together() -> None:
+    """Each has an epoch of its own: cameras that are not synchronised, labelled one by one."""
+    schedule = SearchSchedule()
+    done: dict[str, list[int]] = {"left": [], "right": []}
+    for k in range(200):
+        for n, (station, at_s) in enumerate((("left", 0.04 * k), ("right", 0.04 * k + 0.013))):
+            if schedule.is_due(station, at_s, epoch=2 * k + n, has_target=True):
+                done[station].append(k)
+    assert done["left"] == done["right"] == list(range(0, 200, 4))
 
 
 def test_frames_that_arrive_out_of_order_take_part_once() -> None:
     schedule = SearchSchedule()
-    assert schedule.is_due("right", 1.02, has_target=True)
-    assert schedule.is_due("left", 1.0, has_target=True)
-    assert not schedule.is_due("left", 1.01, has_target=True)
+    assert schedule.is_due("right", 1.02, epoch=10, has_target=True)
+    assert schedule.is_due("left", 1.0, epoch=10, has_target=True)
+    assert not schedule.is_due("left", 1.01, epoch=10, has_target=True)
     # a clock that was set back does not stop it
-    assert schedule.is_due("left", 0.2, has_target=True)
+    assert schedule.is_due("left", 0.2, epoch=11, has_target=True)
 
 
 def test_one_camera_s_candidates_wait_for_another_camera() -> None:
@@ -71,3 +91,14 @@ def test_a_search_that_finds_nothing_is_evidence() -> None:
     schedule.add("left", 1.0, [])
     schedule.add("right", 1.0, [])
     assert schedule.combined(1.0) == []
+
+
+def test_what_waited_is_not_mixed_with_a_whole_epoch() -> None:
+    """Expected: a frame that is a tenth of a second older than the others shows another place."""
+    schedule = SearchSchedule()
+    schedule.add("third", 1.0, [candidate("third", 1.0)])
+    assert schedule.combined(1.0) is None
+    left, right = candidate("left", 1.08), candidate("right", 1.1)
+    schedule.add("left", 1.08, [left])
+    schedule.add("right", 1.1, [right])
+    assert schedule.combined(1.09) == [left, right]

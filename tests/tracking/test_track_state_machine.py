@@ -231,6 +231,20 @@ def test_what_moves_yields_to_what_moves_and_is_recognised_only() -> None:
         assert life.yields_to(recognised=True, moving_s=0.6) is (odds < 1.5)
 
 
+def test_what_moves_yields_to_what_moves_and_is_far_more_like_an_aircraft() -> None:
+    """Expected: a bird of log odds 0.5 yields to an aircraft of 2, never to another bird, and no aircraft yields."""
+    for odds, other, yields in ((0.5, 2.0, True), (0.5, 1.4, False), (1.2, 2.0, False), (1.2, 2.3, True)):
+        life, ekf = stood(odds)
+        move(ekf, -15.0)
+        assert not life.confirmation.is_false_track(9.9, ekf)
+        assert life.yields_to(recognised=False, moving_s=0.6, odds=other) is yields
+        assert not life.yields_to(recognised=False, moving_s=None, odds=other)
+    life, ekf = stood(4.0)
+    move(ekf, -15.0)
+    assert not life.confirmation.is_false_track(9.9, ekf)
+    assert not life.yields_to(recognised=False, moving_s=0.6, odds=9.0)
+
+
 def test_what_stands_and_is_not_recognised_yields_to_each() -> None:
     life, _ = stood(0.5)
     assert life.yields_to(recognised=True, moving_s=None)
