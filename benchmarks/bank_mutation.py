@@ -1,23 +1,22 @@
 """Does the bank see a detector that was made worse by hand? The same worlds with every fifth detection withheld.
 
-    python benchmarks/bank_mutation.py [--sessions N] [--duration S] [--workers N] [--out DIR]
+    python benchmarks/bank_mutation.py [--sessions N] [--duration S] [--workers N] [--out DIR] [--sessions-of BANK]
 
-The program is copied, one line of the copy is changed so that every fifth detection is reported as a miss, and the copy
-draws, renders, replays and scores the first N worlds of the validate set; so does the program. Printed are the pooled
-figures of both with their 95 % intervals, and the difference of each pair of sessions with its own interval. Exit code
-1 if the hits of the worse detector are inside the interval of the program's.
+The program is copied, one line of the copy is changed so that every fifth detection is reported as a miss, and both
+draw, render, replay and score the first N worlds of the validate set. Printed are the pooled figures of both with their
+95 % intervals, and their difference with the interval of a bootstrap over pairs of sessions. Exit code 1 if the hits of
+the worse detector are inside the interval of the program's, 2 where it could not be tried.
 
-DIR keeps both banks, so that a stopped run goes on; a finished bank of the program (`groundstation bank
-benchmarks/bank/validate.toml --out DIR/program`) with as many or more sessions is taken as it is.
+DIR keeps both banks, so that a stopped run goes on. BANK is the output of another bank, whose finished sessions are
+used where they are of this program and of these settings.
 """
 
 import argparse
-import json
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -45,7 +44,8 @@ def made_worse(folder: Path) -> Path:
     detector = folder / DETECTOR
     source = detector.read_text(encoding="utf-8")
     if source.count(LINE) != 1:
-        raise SystemExit(f"{DETECTOR}: got {source.count(LINE)} times {LINE.strip()!r}, wanted once")
+        print(f"{DETECTOR}: got {source.count(LINE)} times {LINE.strip()!r}, wanted once", file=sys.stderr)
+        raise SystemExit(2)
     detector.write_text(source.replace(LINE, WITHHELD + LINE), encoding="utf-8")
     return folder
 
@@ -60,30 +60,23 @@ def bank_of(program: Path, out: Path, options: argparse.Namespace) -> list[Row]:
     command = [sys.executable, "-m", "groundstation", "bank", str(settings), "--out", str(out)]
     environment = os.environ | {"PYTHONPATH": str(program)}
     command += ["--workers", str(options.workers)]
-    subprocess.run(command, cwd=program, env=environment, check=True, stdout=subprocess.DEVNULL)
-    return rows_of(out)
+    # 1: a session failed, which is left out of both
+    ended = subprocess.run(command, cwd=program, env=environment, check=False, stdout=subprocess.DEVNULL)
+    if ended.returncode not in (0, 1):
+        raise SystemExit(2)
+    rows: list[Row] = pq.read_table(out / "rows.parquet").to_pylist()
+    return rows
 
 
-def rows_of(out: Path) -> list[Row]:
-    return pq.read_table(out / "rows.parquet").to_pylist()
-
-
-def finished(out: Path, options: argparse.Namespace) -> list[Row] | None:
-    """Return the first rows of a finished bank of enough sessions of the same duration, or None."""
-    summary = out / "bank.json"
-    if not summary.is_file():
-        return None
-    settings = json.loads(summary.read_text(encoding="utf-8"))["settings"]
-    same = settings["world_set"] == "validate" and settings["first"] == 0
-    if not same or settings["duration_s"] != options.duration or settings["sessions"] < options.sessions:
-        return None
-    return rows_of(out)[: options.sessions]
+def copy_sessions(bank: Path, out: Path) -> None:
+    """Copy the finished sessions of another bank; those of another program or of other settings are run again."""
+    shutil.copytree(bank / "sessions", out / "sessions", dirs_exist_ok=True)
 
 
 def difference(ours: Sequence[Row], worse: Sequence[Row], ratio: Ratio) -> tuple[float, float, float]:
     """Return worse less ours of a ratio over the same sessions, with its 95 % interval."""
 
-    def of(rows: Sequence[Row], drawn: Sequence[int]) -> float:
+    def of(rows: Sequence[Row], drawn: Iterable[int]) -> float:
         above = sum(float(rows[k][ratio.above] or 0.0) for k in drawn)
         return above / sum(float(rows[k][ratio.below] or 0.0) for k in drawn)
 
@@ -102,21 +95,23 @@ def main() -> int:
     parser.add_argument("--sessions", type=int, default=40)
     parser.add_argument("--duration", type=float, default=10.0)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--sessions-of", type=Path, metavar="BANK")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "bank-mutation")
     options = parser.parse_args()
     out = options.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
-    ours = finished(out / "program", options) or bank_of(ROOT, out / "program", options)
-    worse = bank_of(made_worse(out / "copy"), out / "worse", options)
-    if [row["seed"] for row in ours] != [row["seed"] for row in worse]:
-        raise SystemExit("bank: a session failed in one of the two, and their worlds are not the same")
+    if options.sessions_of is not None:
+        copy_sessions(options.sessions_of, out / "program")
+    ours = {row["seed"]: row for row in bank_of(ROOT, out / "program", options)}
+    other = {row["seed"]: row for row in bank_of(made_worse(out / "copy"), out / "worse", options)}
+    both = sorted(ours.keys() & other.keys())
+    ours_rows, worse_rows = [ours[seed] for seed in both], [other[seed] for seed in both]
     for ratio in (HIT, WRONG):
-        change, low, high = difference(ours, worse, ratio)
-        print(
-            f"{ratio.title}: {text_of(pooled(ours, ratio))}, worse detector {text_of(pooled(worse, ratio))};", end=" "
-        )
+        change, low, high = difference(ours_rows, worse_rows, ratio)
+        theirs = text_of(pooled(worse_rows, ratio))
+        print(f"{ratio.title}: {text_of(pooled(ours_rows, ratio))}, worse detector {theirs};", end=" ")
         print(f"difference {100 * change:+.1f} points ({100 * low:+.1f} … {100 * high:+.1f})")
-    before, after = pooled(ours, HIT).low, pooled(worse, HIT).value
+    before, after = pooled(ours_rows, HIT).low, pooled(worse_rows, HIT).value
     return 0 if before is not None and after is not None and after < before else 1
 
 

@@ -4,17 +4,27 @@
 
 Without --from, the pages are written from `benchmarks/bank/validate.json`; with it, that file is replaced first.
 docs/notes/bank.md is written whole, in docs/results.md what stands between the two marks.
+
+The baseline takes as long as all the rest and does not depend on the program: what it gave on the worlds of
+`benchmarks/bank/baseline.json` stands next to what the program gives on the same worlds (rows.parquet next to --from).
 """
 
 import argparse
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
+
 from groundstation.bank.bank_page import interval_text, share_text
+from groundstation.bank.pooled_figures import distributions
+from groundstation.bank.result_table import Row
+from groundstation.simulation.world.world_sets import WorldSet, seed_of
 
 ROOT = Path(__file__).resolve().parents[1]
 SUMMARY = ROOT / "benchmarks" / "bank" / "validate.json"
+BASELINE = ROOT / "benchmarks" / "bank" / "baseline.json"
 NOTES = ROOT / "docs" / "notes" / "bank.md"
 RESULTS = ROOT / "docs" / "results.md"
 BEGIN, END = "<!-- bank: written by benchmarks/bank_notes.py -->", "<!-- bank: end -->"
@@ -47,6 +57,28 @@ def distribution_table(summary: dict[str, Any]) -> str:
     return "\n".join(head + rows)
 
 
+def same_worlds(rows: list[Row], baseline: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the program's distributions on the worlds of the baseline; ``rows`` are a bank's, by seed."""
+    settings = baseline["settings"]
+    seeds = {seed_of(WorldSet(settings["world_set"]), settings["first"] + k) for k in range(settings["sessions"])}
+    same = [row for row in rows if int(row["seed"]) in seeds]
+    if len(same) != len(seeds):
+        raise SystemExit(f"rows: got {len(same)} of the {len(seeds)} worlds of the baseline, wanted all")
+    return [asdict(found) for found in distributions(same)]
+
+
+def baseline_table(baseline: dict[str, Any], ours: list[dict[str, Any]]) -> str:
+    """Return figures of the baseline, and below each the program's on the same worlds."""
+    known = {found["column"]: found for found in ours}
+    lines = ["| over sessions | of | 5 % | 25 % | 50 % | 75 % | 95 % | sessions |", "|---|---|---|---|---|---|---|---|"]
+    for theirs in baseline["distributions"]:
+        own = known[theirs["column"].removeprefix("baseline_")]
+        for name, found in (("baseline", theirs), ("program", own)):
+            quantiles = " | ".join(f"{value:.3g}" for value in found["quantiles"])
+            lines.append(f"| {own['title']} | {name} | {quantiles} | {found['count']} |")
+    return "\n".join(lines)
+
+
 def factor_table(summary: dict[str, Any]) -> str:
     """Return the classes of enough sessions that cost most hits."""
     head = [
@@ -74,23 +106,33 @@ def worlds_text(summary: dict[str, Any]) -> str:
     )
 
 
-def notes_page(summary: dict[str, Any]) -> str:
+def notes_page(summary: dict[str, Any], baseline: dict[str, Any]) -> str:
     """Return docs/notes/bank.md."""
+    those = baseline["settings"]
+    last = those["first"] + those["sessions"] - 1
     worst = ", ".join(str(seed) for seed in summary["worst"])
     failed = len(summary["failed"])
     return f"""# Drawn worlds
 
 How the program does on worlds that it was not made for: [the bank](../bank.md) draws, renders, replays and scores them;
-definitions are on its page. This page is written by `benchmarks/bank_notes.py` from `benchmarks/bank/validate.json`.
+definitions are on its page. This page is written by `benchmarks/bank_notes.py` from the files in `benchmarks/bank`.
 
 ## Validate set
 
-{worlds_text(summary)} {failed} sessions failed. Command: `groundstation bank benchmarks/bank/validate.toml --out DIR
---csrt-python FILE`. SHA-256 of the rows: `{summary["sha256"][:16]}`.
+{worlds_text(summary)} {failed} sessions failed. Command:
+`groundstation bank benchmarks/bank/validate.toml --out DIR`. SHA-256 of the rows: `{summary["sha256"][:16]}`.
 
 {pooled_table(summary)}
 
 {distribution_table(summary)}
+
+## The baseline
+
+[What a user would set up in an afternoon](../bank.md#the-baseline): {baseline["words"]},
+midpoint triangulation, a Kalman filter; worlds {those["first"]} to {last}, {those["duration_s"]:g} s. The program found
+the aircraft by itself.
+
+{baseline_table(baseline, summary["baseline_worlds"])}
 
 ## Conditions by harm
 
@@ -116,6 +158,11 @@ def with_part(page: str, part: str) -> str:
     return before + part + rest.partition(END)[2]
 
 
+def read(path: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return document
+
+
 def main() -> None:
     """Write both pages."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -123,10 +170,12 @@ def main() -> None:
     parser.add_argument("--words", default="", help="what ran it: commit, machine")
     options = parser.parse_args()
     if options.source is not None:
-        found = json.loads(options.source.read_text(encoding="utf-8")) | {"words": options.words}
+        rows = pq.read_table(options.source.with_name("rows.parquet")).to_pylist()
+        found = json.loads(options.source.read_text(encoding="utf-8"))
+        found |= {"words": options.words, "baseline_worlds": same_worlds(rows, read(BASELINE))}
         SUMMARY.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    summary = json.loads(SUMMARY.read_text(encoding="utf-8"))
-    NOTES.write_text(notes_page(summary), encoding="utf-8")
+    summary = read(SUMMARY)
+    NOTES.write_text(notes_page(summary, read(BASELINE)), encoding="utf-8")
     RESULTS.write_text(with_part(RESULTS.read_text(encoding="utf-8"), results_part(summary)), encoding="utf-8")
     print(f"wrote {NOTES.relative_to(ROOT)} and {RESULTS.relative_to(ROOT)}")
 

@@ -2,10 +2,10 @@
 
 usage: python benchmarks/bank_workers.py [--worlds N] [--duration S] [--killed] [--unbound]
 
-Worlds of the train set, short, without the baseline. One worker with its encoder and decoders is bound to one core,
-two to two; --unbound also times one worker that may use both: encoders and decoders then take a part of the second.
---killed also runs the bank in a separate process, kills one of its workers and then the process itself midway, and
-continues it.
+Worlds of the train set, short, without the baseline, on Linux. One worker with its encoder and decoders is bound to the
+first core, two to the first two (numbers as `taskset` has them: not two threads of one core); --unbound also times one
+worker that may use both: encoders and decoders then take a part of the second. --killed also runs the bank in a
+separate process, kills one of its workers and then the process itself midway, and continues it.
 """
 
 import argparse
@@ -29,11 +29,15 @@ def settings_of(worlds: int, duration_s: float) -> BankSettings:
     return BankSettings(world_set=WorldSet.TRAIN, sessions=worlds, first=500_000, duration_s=duration_s)
 
 
+def require_cores(cores: int) -> None:
+    count = len(os.sched_getaffinity(0))
+    if count < cores:
+        raise SystemExit(f"cores: got {count}, wanted {cores} or more")
+
+
 def timed(settings: BankSettings, out: Path, workers: int, cores: int) -> tuple[str, float]:
     """Return the hash of the rows and the time in s of a bank whose processes share the first so many cores."""
     every = os.sched_getaffinity(0)
-    if len(every) < cores:
-        raise SystemExit(f"cores: got {len(every)}, wanted {cores}")
     os.sched_setaffinity(0, sorted(every)[:cores])
     began = time.perf_counter()
     try:
@@ -92,6 +96,7 @@ def main() -> None:
         timed(settings_of(int(worlds), float(duration)), Path(out), workers=2, cores=2)
         return
     settings = settings_of(options.worlds, options.duration)
+    require_cores(2)
     with tempfile.TemporaryDirectory(prefix="bank-workers-") as name:
         folder = Path(name)
         one, one_s = timed(settings, folder / "one", workers=1, cores=1)

@@ -23,9 +23,9 @@ from groundstation.estimation.triangulation import TriangulationView, triangulat
 from groundstation.geometry.station import LensError, StationGeometry
 from groundstation.messages import Kinematics
 
-# 0.999 quantile of chi-square with 3 degrees of freedom: the gate that links a fix to a track
 # a target's depth is its distance but for the angle off the optical axis
 _SIZE_SLACK = 1.2
+# 0.999 quantile of chi-square with 3 degrees of freedom: the gate that links a fix to a track
 _LINK_GATE = 16.27
 # log odds of aircraft beyond which a fix is no more likely to be that of a track: those of the channel are no true
 # probabilities, and a young track, whose velocity is unknown, would reach out for them
@@ -283,7 +283,7 @@ class TrackInitiator:
         for track in sorted(self._tracks, key=lambda t: -t.hits):
             squares = np.array([track.distance(f.position_m, f.covariance_m2) for f in free])
             costs = squares - 2.0 * np.clip([f.odds or 0.0 for f in free], -_LINK_ODDS, _LINK_ODDS)
-            costs[squares >= _LINK_GATE] = np.inf
+            costs = np.where(squares < _LINK_GATE, costs, np.inf)
             if np.isfinite(costs).any():
                 best = int(np.argmin(costs))
                 track.squares += float(squares[best])

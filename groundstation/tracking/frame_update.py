@@ -132,7 +132,7 @@ class FrameUpdate:
             fault = ready.angles.value if isinstance(ready.angles, AngleFault) else "PTU readings do not change"
             return self._report(record, None, _missed(MissReason.NO_PTU_ANGLE, fault))
         started = self._stopwatch()
-        searches = not ready.revisited and self._track_manager.searches(record.station, record.t_s, record.epoch)
+        searches = not ready.revisited and self._track_manager.searches(record)
         found = self._search(record, angles) if searches else []
         if not self._ekf.has_target:
             partial = searches and isinstance(record, Frame) and not as_picture(record.image).has_all

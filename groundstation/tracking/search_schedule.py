@@ -1,19 +1,24 @@
 """Which frames are searched as a whole, and which searches of two cameras belong together.
 
 Without a target each frame is searched. A search takes as long as many detections: next to a target that is followed,
-all cameras search their frames of the same epoch, or those of about the same time, and then none for a while, so that
-pairs do not get lost for it.
+all cameras search their frames of the same epoch, and then none for a while, so that pairs do not get lost for it.
 
 Candidates are combined within an epoch. Where one loses all but one of its frames, that camera's candidates wait for
 the next search of another camera; what only one camera has searched is no evidence against a tentative track.
 """
 
+from collections import deque
+
 from groundstation.estimation.initialise import CameraCandidate
 
-# between the beginnings of searches next to a target, and how long frames of other epochs may take part in one
-_EVERY_S, _TOGETHER_S = 0.15, 0.05
+# between the beginnings of searches next to a target
+_EVERY_S = 0.15
 # candidates of frames so far apart, at most, are combined: of the same pair, and of two pairs that lost a frame each
-_PAIR_S, _APART_S = 0.5, 0.1
+_PAIR_S, _APART_S = 0.5, 0.09
+# a time of three frame intervals is one of three frames, whatever their stamps' last digit
+_ROUNDING_S = 1e-3
+# epochs whose frames may still arrive
+_EPOCHS = 8
 
 
 class SearchSchedule:
@@ -22,7 +27,10 @@ class SearchSchedule:
     def __init__(self) -> None:
         self._began_s = float("-inf")
         self._searched_epoch: int | None = None
-        self._newest_epoch: int | None = None
+        self._decided: deque[int] = deque(maxlen=_EPOCHS)
+        # newest frame of each station
+        self._delivered: dict[str, float] = {}
+        self._is_repeated = False
         self._taken: set[str] = set()
         # by station: time, candidates, whether its pair is over
         self._searches: dict[str, tuple[float, list[CameraCandidate], bool]] = {}
@@ -33,14 +41,21 @@ class SearchSchedule:
         if not has_target:
             return True
         age_s = t_s - self._began_s
-        if epoch != self._newest_epoch:
+        self._delivered[station] = t_s
+        if epoch not in self._decided:
             # the first frame of an epoch decides for all of them
-            self._newest_epoch = epoch
-            if abs(age_s) > _TOGETHER_S and not 0.0 <= age_s < _EVERY_S:
-                self._began_s, self._searched_epoch, age_s = t_s, epoch, 0.0
+            self._decided.append(epoch)
+            early = -_PAIR_S < age_s < _EVERY_S - _ROUNDING_S
+            repeats = age_s > 0.0 and early and self._needs_another(t_s)
+            if repeats or not early:
+                self._began_s, self._searched_epoch, self._is_repeated = t_s, epoch, repeats
                 self._taken.clear()
-        together = abs(age_s) <= (_PAIR_S if epoch == self._searched_epoch else _TOGETHER_S)
-        return together and self._take(station)
+        return epoch == self._searched_epoch and abs(t_s - self._began_s) <= _PAIR_S and self._take(station)
+
+    def _needs_another(self, t_s: float) -> bool:
+        """Return whether the last search stayed with one camera, though others deliver: one may have half the rate."""
+        others = sum(abs(t_s - at_s) <= _PAIR_S for name, at_s in self._delivered.items() if name not in self._taken)
+        return len(self._taken) == 1 and others > 0 and not self._is_repeated
 
     def _take(self, station: str) -> bool:
         new = station not in self._taken
@@ -67,7 +82,7 @@ class SearchSchedule:
         }
         if len(self._searches) < 2:
             return None
-        fresh = [found for _, found, waited in before.values() if not waited]
+        fresh = [found for name, (_, found, _) in self._searches.items() if not before[name][2]]
         together = fresh if len(fresh) >= 2 else [found for _, found, _ in self._searches.values()]
         self._searches.clear()
         return [c for found in together for c in found]

@@ -14,7 +14,16 @@ from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.target_point import with_point_error
 from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
-from groundstation.messages import Epoch, InitialState, Kinematics, TrackEvent, TrackState, TrackStatus
+from groundstation.messages import (
+    Epoch,
+    Frame,
+    InitialState,
+    Kinematics,
+    PixelMeasurement,
+    TrackEvent,
+    TrackState,
+    TrackStatus,
+)
 from groundstation.tracking.alternative_track import AlternativeTrack
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
@@ -75,10 +84,12 @@ class TrackManager:
             return False
         return not self._ekf.has_target or self.state_machine.needs_search(t_s)
 
-    def searches(self, station: str, t_s: float, epoch: int) -> bool:
-        """Return whether a station's frame of an epoch, at ``t_s``, is searched as a whole."""
+    def searches(self, record: Frame | PixelMeasurement) -> bool:
+        """Return whether a station's frame is searched as a whole, or its labelled pixel taken, which costs nothing."""
+        if not self.needs_search(record.t_s) or isinstance(record, PixelMeasurement):
+            return self.needs_search(record.t_s)
         has_target = self._ekf.has_target
-        return self.needs_search(t_s) and self._schedule.is_due(station, t_s, epoch=epoch, has_target=has_target)
+        return self._schedule.is_due(record.station, record.t_s, epoch=record.epoch, has_target=has_target)
 
     def add_search(self, station: str, t_s: float, candidates: list[CameraCandidate]) -> None:
         """Add the candidates of a frame for the next epoch."""
@@ -227,7 +238,7 @@ class TrackManager:
         if not self._ekf.has_target or (found.moving and self.state_machine.is_doubtful(t_s)):
             return True
         moving_s = found.age_s if found.moving else None
-        return self.state_machine.yields_to(recognised=found.recognised, moving_s=moving_s, odds=found.odds)
+        return self.state_machine.yields_to(t_s, recognised=found.recognised, moving_s=moving_s, odds=found.odds)
 
     def _start_track(self, t_s: float, start: Kinematics, how: str, found: InitiatedTarget | None = None) -> None:
         """Start the filter from a state at ``t_s``; only targets ``found`` among candidates need confirmation."""

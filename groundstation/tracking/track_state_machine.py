@@ -112,17 +112,20 @@ class TrackStateMachine:
         doubtful = self.existence.probability < self._config.doubtful_existence
         return doubtful or t_s - self._newest_fix_s > self._config.search_again_s
 
-    def yields_to(self, *, recognised: bool, moving_s: float | None, odds: float | None = None) -> bool:
+    def yields_to(self, t_s: float, *, recognised: bool, moving_s: float | None, odds: float | None = None) -> bool:
         """Return whether the target is given up for another one that is recognised, or has moved for ``moving_s``.
 
-        One that moves yields to another that moves and is recognised, or is by its mean log ``odds`` of aircraft far
-        more likely to be one, if it is not recognised itself. One that stands yields to each that moves and is
-        recognised; one that stands and is not recognised, to each; one that stands and is, to what has moved for as
-        long as a found target has to move.
+        One that moves yields to another that moves and is recognised, if it is not itself; while it is younger than a
+        found target has to move, also to one that is by its mean log ``odds`` of aircraft far more likely to be one:
+        what has been followed for long may be an aircraft unlike those of the channel's training. One that stands
+        yields to each that moves and is recognised; one that stands and is not recognised, to each; one that stands and
+        is, to what has moved for as long as a found target has to move.
         """
         known = self.recognition.is_recognised
         if not self.confirmation.is_standing:
-            return moving_s is not None and not known and (recognised or self.recognition.is_outdone_by(odds))
+            young = t_s - self._started_s <= self._config.false_target_s
+            better = recognised or (young and self.recognition.is_outdone_by(odds))
+            return moving_s is not None and not known and better
         if moving_s is None:
             return recognised and not known
         return recognised or not known or moving_s > self._config.false_target_s

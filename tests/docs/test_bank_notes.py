@@ -1,7 +1,5 @@
 """The pages' tables on drawn worlds are those of the committed summary."""
 
-import json
-
 import bank_notes
 import pytest
 
@@ -10,8 +8,8 @@ from tests.docs.pages import text_of
 
 def test_the_pages_hold_what_the_committed_summary_gives() -> None:
     """Expected: `python benchmarks/bank_notes.py` changes nothing."""
-    summary = json.loads(bank_notes.SUMMARY.read_text(encoding="utf-8"))
-    assert text_of(bank_notes.NOTES) == bank_notes.notes_page(summary)
+    summary, baseline = bank_notes.read(bank_notes.SUMMARY), bank_notes.read(bank_notes.BASELINE)
+    assert text_of(bank_notes.NOTES) == bank_notes.notes_page(summary, baseline)
     page = text_of(bank_notes.RESULTS)
     assert bank_notes.results_part(summary) in page
     assert bank_notes.with_part(page, bank_notes.results_part(summary)) == page
@@ -34,3 +32,20 @@ def test_shares_are_in_per_cent_and_statistics_are_not(title: str, shown: str) -
     assert row.startswith(f"| {title}")
     assert f" | {shown}" in row
     assert ("NIS" in row) == title.startswith("ANEES")
+
+
+def test_the_program_is_shown_on_the_worlds_of_the_baseline_alone() -> None:
+    """Expected: of worlds 0 to 2, the two that the baseline was run on; none missing."""
+    baseline = {
+        "settings": {"world_set": "validate", "first": 1, "sessions": 2},
+        "distributions": [{"column": "baseline_coverage", "quantiles": [0.1] * 5, "count": 2}],
+    }
+    rows = [{"seed": 1_000_000 + k, "coverage": 0.1 * k} for k in range(3)]
+    table = bank_notes.baseline_table(baseline, bank_notes.same_worlds(rows, baseline))
+    title = "share of epochs with an estimate after that"
+    assert table.splitlines()[2:] == [
+        f"| {title} | baseline | 0.1 | 0.1 | 0.1 | 0.1 | 0.1 | 2 |",
+        f"| {title} | program | 0.105 | 0.125 | 0.15 | 0.175 | 0.195 | 2 |",
+    ]
+    with pytest.raises(SystemExit, match="got 1 of the 2 worlds of the baseline"):
+        bank_notes.same_worlds(rows[:2], baseline)

@@ -183,3 +183,14 @@ def test_coasting_on_one_camera_is_honest() -> None:
     assert len(squares) > 600
     # ten gaps are some twenty independent values: the mean of as many χ² of 3 degrees of freedom
     assert 0.5 < np.mean(squares) < 2.0, np.mean(squares)
+
+
+def test_each_label_is_taken_next_to_a_doubtful_target() -> None:
+    """Expected: three labels of one camera in an epoch of the other are three candidates; they cost no search."""
+    flown = Flown(3, [("left", 20.0, 30.0), ("right", 20.0, 30.0)])
+    manager, t = flown.pipeline._track_manager, float(flown.path[-1, 0])
+    assert manager.needs_search(t)
+    labels = [
+        PixelMeasurement(t_s=t - 0.033 * n, station="right", epoch=999, u_px=600.0, v_px=400.0) for n in (2, 1, 0)
+    ]
+    assert all(manager.searches(label) for label in labels)

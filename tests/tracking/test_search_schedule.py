@@ -50,15 +50,34 @@ def test_next_to_a_target_cameras_search_together_and_then_not_for_a_while(
     assert len(done[0]) == pytest.approx(share * 10 * rate_hz, rel=0.05)
 
 
-def test_labels_of_about_the_same_time_are_taken_together() -> None:
-    """Each has an epoch of its own: cameras that are not synchronised, labelled one by one."""
+def test_a_camera_of_half_the_rate_takes_part() -> None:
+    """Expected: a search that stayed with one camera does not count; no camera that delivers nothing is waited for."""
+    for right_every, searched, together in ((2, (40, 60), 40), (10**9, (49, 51), 0)):
+        schedule = SearchSchedule()
+        done: dict[str, list[int]] = {"left": [], "right": []}
+        for k in range(1, 101):
+            for station in ("left", "right")[: 1 + (k % right_every == 0)]:
+                if schedule.is_due(station, 0.1 * k, epoch=k, has_target=True):
+                    done[station].append(k)
+        assert searched[0] <= len(done["left"]) <= searched[1]
+        assert len(set(done["left"]) & set(done["right"])) >= together
+
+
+def test_epochs_that_interleave_are_decided_once() -> None:
+    """Expected: no search that begins with the last camera of an epoch, whatever frame of another comes between."""
     schedule = SearchSchedule()
-    done: dict[str, list[int]] = {"left": [], "right": []}
-    for k in range(200):
-        for n, (station, at_s) in enumerate((("left", 0.04 * k), ("right", 0.04 * k + 0.013))):
-            if schedule.is_due(station, at_s, epoch=2 * k + n, has_target=True):
-                done[station].append(k)
-    assert done["left"] == done["right"] == list(range(0, 200, 4))
+    done: list[tuple[int, str]] = []
+    frames = sorted(
+        (0.1 * k + later_s, k, station)
+        for k in range(40)
+        for station, later_s in (("a", 0.0), ("b", 0.06), ("c", 0.11))
+    )
+    for t_s, k, station in frames:
+        if schedule.is_due(station, t_s, epoch=k, has_target=True):
+            done.append((k, station))
+    searched = {k for k, _ in done}
+    assert len(searched) >= 18
+    assert {(k, station) for k in searched if k < 39 for station in "abc"} <= set(done)
 
 
 def test_frames_that_arrive_out_of_order_take_part_once() -> None:

@@ -212,10 +212,10 @@ def test_a_recognised_aircraft_that_stands_yields_to_what_moves() -> None:
     """Expected: at once to what is recognised, else after the time that a found target has to move, 4 s."""
     life, _ = stood(4.0)
     assert life.needs_search(9.9)
-    assert life.yields_to(recognised=True, moving_s=0.6)
-    assert not life.yields_to(recognised=True, moving_s=None)
-    assert not life.yields_to(recognised=False, moving_s=3.9)
-    assert life.yields_to(recognised=False, moving_s=4.1)
+    assert life.yields_to(9.9, recognised=True, moving_s=0.6)
+    assert not life.yields_to(9.9, recognised=True, moving_s=None)
+    assert not life.yields_to(9.9, recognised=False, moving_s=3.9)
+    assert life.yields_to(9.9, recognised=False, moving_s=4.1)
 
 
 def test_what_moves_yields_to_what_moves_and_is_recognised_only() -> None:
@@ -226,29 +226,33 @@ def test_what_moves_yields_to_what_moves_and_is_recognised_only() -> None:
         assert not life.confirmation.is_false_track(9.9, ekf)
         assert life.update(True, ekf) is TrackStatus.TRACKING
         assert life.needs_search(9.9) is (odds < 1.5)
-        assert not life.yields_to(recognised=True, moving_s=None)
-        assert not life.yields_to(recognised=False, moving_s=9.0)
-        assert life.yields_to(recognised=True, moving_s=0.6) is (odds < 1.5)
+        assert not life.yields_to(9.9, recognised=True, moving_s=None)
+        assert not life.yields_to(9.9, recognised=False, moving_s=9.0)
+        assert life.yields_to(9.9, recognised=True, moving_s=0.6) is (odds < 1.5)
 
 
 def test_what_moves_yields_to_what_moves_and_is_far_more_like_an_aircraft() -> None:
-    """Expected: a bird of log odds 0.5 yields to an aircraft of 2, never to another bird, and no aircraft yields."""
+    """Expected: a bird of log odds 0.5 yields to an aircraft of 2, never to another bird, and no aircraft yields.
+
+    What has been followed for more than 4 s does not: it may be an aircraft that the channel does not know.
+    """
     for odds, other, yields in ((0.5, 2.0, True), (0.5, 1.4, False), (1.2, 2.0, False), (1.2, 2.3, True)):
         life, ekf = stood(odds)
         move(ekf, -15.0)
         assert not life.confirmation.is_false_track(9.9, ekf)
-        assert life.yields_to(recognised=False, moving_s=0.6, odds=other) is yields
-        assert not life.yields_to(recognised=False, moving_s=None, odds=other)
+        assert life.yields_to(3.9, recognised=False, moving_s=0.6, odds=other) is yields
+        assert not life.yields_to(4.1, recognised=False, moving_s=0.6, odds=other)
+        assert not life.yields_to(3.9, recognised=False, moving_s=None, odds=other)
     life, ekf = stood(4.0)
     move(ekf, -15.0)
     assert not life.confirmation.is_false_track(9.9, ekf)
-    assert not life.yields_to(recognised=False, moving_s=0.6, odds=9.0)
+    assert not life.yields_to(3.9, recognised=False, moving_s=0.6, odds=9.0)
 
 
 def test_what_stands_and_is_not_recognised_yields_to_each() -> None:
     life, _ = stood(0.5)
-    assert life.yields_to(recognised=True, moving_s=None)
-    assert life.yields_to(recognised=False, moving_s=0.6)
+    assert life.yields_to(9.9, recognised=True, moving_s=None)
+    assert life.yields_to(9.9, recognised=False, moving_s=0.6)
 
 
 def test_an_aircraft_that_comes_to_stand_is_searched_past_and_no_longer_reported() -> None:
