@@ -1,25 +1,30 @@
 """The tables of the results on drawn worlds, from the bank's summary that is committed.
 
-    python benchmarks/bank_notes.py [--from out/validate/bank.json --words "commit 0123456789ab, two cores"]
+    python benchmarks/bank_notes.py [--from out/validate [DIR ...] --words "commit 0123456789ab, two cores"]
 
-Without --from, the pages are written from `benchmarks/bank/validate.json`; with it, that file is replaced first.
-docs/notes/bank.md is written whole, in docs/results.md what stands between the two marks.
+Without --from, the pages are written from `benchmarks/bank/validate.json`; with it, that file and `validate.parquet`,
+the rows, are replaced first. Banks of the same program over worlds that follow each other are pooled (of a bank of 200
+worlds in two parts, `first = 0`, `sessions = 120` and `first = 120`, `sessions = 80`). docs/notes/bank.md is written
+whole, in docs/results.md what stands between the two marks.
 
 The baseline takes as long as all the rest and does not depend on the program: what it gave on the worlds of
-`benchmarks/bank/baseline.json` stands next to what the program gives on the same worlds (rows.parquet next to --from).
+`benchmarks/bank/baseline.json` stands next to what the program gives on the same worlds.
 """
 
 import argparse
 import json
 from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
 
 from groundstation.bank.bank_page import interval_text, share_text
+from groundstation.bank.bank_settings import BankSettings
+from groundstation.bank.bank_summary import bank_summary
 from groundstation.bank.pooled_figures import distributions
-from groundstation.bank.result_table import Row
+from groundstation.bank.result_table import Row, table_hash, write_table
 from groundstation.simulation.world.world_sets import WorldSet, seed_of
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -55,6 +60,26 @@ def distribution_table(summary: dict[str, Any]) -> str:
         for found in summary["distributions"]
     ]
     return "\n".join(head + rows)
+
+
+def pooled_banks(banks: list[Path]) -> tuple[dict[str, Any], list[Row]]:
+    """Return the summary of one bank, or of several over worlds that follow each other, and their rows by seed."""
+    parts = [read(bank / "bank.json") for bank in banks]
+    parts, banks = zip(*sorted(zip(parts, banks, strict=True), key=lambda p: p[0]["settings"]["first"]), strict=True)
+    rows: list[Row] = [row for bank in banks for row in pq.read_table(bank / "rows.parquet").to_pylist()]
+    if len(parts) == 1:
+        return parts[0], rows
+    settings = [part["settings"] for part in parts]
+    for before, after in pairwise(settings):
+        same = all(before[name] == after[name] for name in ("world_set", "duration_s", "frame_hz"))
+        if not same or after["first"] != before["first"] + before["sessions"]:
+            raise SystemExit(f"banks: got {before}, then {after}; wanted worlds that follow each other")
+    whole = settings[0] | {
+        "sessions": sum(s["sessions"] for s in settings),
+        "world_set": WorldSet(settings[0]["world_set"]),
+    }
+    summary = bank_summary(BankSettings(**whole), rows, (), table_hash(rows))
+    return summary | {"failed": [failure for part in parts for failure in part["failed"]]}, rows
 
 
 def same_worlds(rows: list[Row], baseline: dict[str, Any]) -> list[dict[str, Any]]:
@@ -166,14 +191,14 @@ def read(path: Path) -> dict[str, Any]:
 def main() -> None:
     """Write both pages."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--from", dest="source", type=Path, metavar="FILE")
+    parser.add_argument("--from", dest="banks", type=Path, nargs="+", metavar="DIR", help="outputs of banks")
     parser.add_argument("--words", default="", help="what ran it: commit, machine")
     options = parser.parse_args()
-    if options.source is not None:
-        rows = pq.read_table(options.source.with_name("rows.parquet")).to_pylist()
-        found = json.loads(options.source.read_text(encoding="utf-8"))
+    if options.banks is not None:
+        found, rows = pooled_banks(options.banks)
         found |= {"words": options.words, "baseline_worlds": same_worlds(rows, read(BASELINE))}
         SUMMARY.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        write_table(SUMMARY.with_suffix(".parquet"), rows)
     summary = read(SUMMARY)
     NOTES.write_text(notes_page(summary, read(BASELINE)), encoding="utf-8")
     RESULTS.write_text(with_part(RESULTS.read_text(encoding="utf-8"), results_part(summary)), encoding="utf-8")

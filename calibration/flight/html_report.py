@@ -6,7 +6,7 @@ from pathlib import Path
 
 from calibration.flight.fit import FlightFit
 from calibration.flight.report_pictures import flight_pictures
-from calibration.flight.text_report import gross_times, parameter_row
+from calibration.flight.text_report import gross_times, lasting_lines, parameter_row
 from calibration.flight.verdict import FlightVerdict
 from calibration.report.picture import ReportPicture, write_page
 from groundstation.arrays import FloatArray
@@ -62,7 +62,7 @@ def flight_page(content: FlightPage, pictures: Sequence[ReportPicture]) -> str:
     parts += [
         "<h2>What to do next</h2>" + bullet_list(verdict.next_steps),
         _ranges(verdict),
-        "<h2>Notes</h2>" + bullet_list([*content.notes, *verdict.notes]),
+        "<h2>Notes</h2>" + bullet_list([*content.notes, *lasting_lines(fit), *verdict.notes]),
         "<h2>Pictures</h2>" + picture_grid(shown),
         "<h2>What was found</h2>" + _parameters(content),
         "<h2>How the pixels fit</h2>" + _stations(fit),

@@ -14,6 +14,11 @@ from groundstation.rig.rig import ClockModel, Rig
 _MOST_SPANS = 12
 
 
+def lasting_lines(fit: FlightFit) -> list[str]:
+    """Return a line on the error of the fixes that lasts; none where the fixes have no such error."""
+    return [part.lasting.text for part in fit.parts if part.lasting is not None][:1]
+
+
 def format_flight_report(
     before: Rig,
     after: Rig,
@@ -34,7 +39,7 @@ def format_flight_report(
             f"{name}: {station.rms_px:.2f} px rms over {kept} pixels; {usable - kept} gross, "
             f"{count - usable} without angle or DGPS{gross_times(fit, name)}"
         )
-    lines += [part.lasting.text for part in fit.parts if part.lasting is not None][:1]
+    lines += lasting_lines(fit)
     if fit.point_sigma_m > 0.0:
         lines.append(
             f"in the sigmas: the point seen may lie {fit.point_sigma_m:g} m along the body from where it is taken to be"

@@ -3,23 +3,20 @@
 import base64
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from groundstation.bank.bank_page import BankResult, bank_page, worst_rows
+from groundstation.bank.bank_page import BankResult, bank_page
 from groundstation.bank.bank_settings import BankSettings
+from groundstation.bank.bank_summary import bank_summary
 from groundstation.bank.csrt_process import require_csrt
-from groundstation.bank.factor_figures import factor_figures
 from groundstation.bank.map_resumable import map_resumable
-from groundstation.bank.pooled_figures import POOLED, distributions, pooled
 from groundstation.bank.result_store import write_whole
 from groundstation.bank.result_table import table_hash, write_table
 from groundstation.bank.score_world import WorldJob, score_world
 from groundstation.errors import InputError
 from groundstation.tracking.config import load_config
 
-SUMMARY_FORMAT = "groundstation-bank-summary/1"
 ROWS, PAGE, SUMMARY = "rows.parquet", "bank.html", "bank.json"
 _SESSIONS = "sessions"
 
@@ -103,28 +100,9 @@ def _write(out: Path, result: BankResult, words: str, digest: str) -> tuple[Path
     """Write table, summary and page; returns their paths."""
     rows, summary, page = out / ROWS, out / SUMMARY, out / PAGE
     write_table(rows, result.rows)
-    text = json.dumps(_summary(result, digest), indent=1, ensure_ascii=False) + "\n"
+    found = bank_summary(result.settings, result.rows, result.failures, digest)
+    text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
     write_whole(summary, lambda draft: draft.write_text(text, encoding="utf-8"))
     html = bank_page(result, words)
     write_whole(page, lambda draft: draft.write_text(html, encoding="utf-8"))
     return rows, summary, page
-
-
-def _summary(result: BankResult, digest: str) -> dict[str, Any]:
-    """Return what bank.json holds: settings, pooled figures, distributions, factors and the worst seeds."""
-    rows = result.rows
-    figures = [pooled(rows, ratio) for ratio in POOLED]
-    return {
-        "format": SUMMARY_FORMAT,
-        "settings": {**asdict(result.settings), "world_set": result.settings.world_set.value},
-        "sessions": len(rows),
-        "failed": [{"name": f.name, "kind": f.kind.value, "reason": f.reason} for f in result.failures],
-        "sha256": digest,
-        "pooled": [
-            {"title": f.ratio.title, "value": f.value, "low": f.low, "high": f.high, "sessions": f.sessions}
-            for f in figures
-        ],
-        "distributions": [asdict(found) for found in distributions(rows)],
-        "factors": [asdict(figures) for figures in factor_figures(rows)],
-        "worst": [int(row["seed"]) for row in worst_rows(rows, result.settings.worst)],
-    }

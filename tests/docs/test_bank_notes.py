@@ -1,8 +1,16 @@
 """The pages' tables on drawn worlds are those of the committed summary."""
 
+import json
+from pathlib import Path
+
 import bank_notes
 import pytest
 
+from groundstation.bank.bank_settings import BankSettings
+from groundstation.bank.bank_summary import bank_summary
+from groundstation.bank.result_table import table_hash, write_table
+from groundstation.simulation.world.world_sets import WorldSet
+from tests.bank.drawn_rows import drawn_row
 from tests.docs.pages import text_of
 
 
@@ -49,3 +57,26 @@ def test_the_program_is_shown_on_the_worlds_of_the_baseline_alone() -> None:
     ]
     with pytest.raises(SystemExit, match="got 1 of the 2 worlds of the baseline"):
         bank_notes.same_worlds(rows[:2], baseline)
+
+
+def bank_of(folder: Path, first: int, count: int) -> Path:
+    """Write what a bank of drawn rows leaves."""
+    folder.mkdir()
+    rows = [drawn_row(number, hit=60 + 5 * number) for number in range(first, first + count)]
+    settings = BankSettings(world_set=WorldSet.VALIDATE, sessions=count, first=first, duration_s=10.0)
+    write_table(folder / "rows.parquet", rows)
+    (folder / "bank.json").write_text(json.dumps(bank_summary(settings, rows, (), table_hash(rows))))
+    return folder
+
+
+def test_two_parts_of_a_bank_are_pooled_as_one(tmp_path: Path) -> None:
+    """Expected: in whatever order they are named; not with a world that is missing or counted twice."""
+    whole, first = bank_of(tmp_path / "whole", 0, 6), bank_of(tmp_path / "first", 0, 4)
+    second = bank_of(tmp_path / "second", 4, 2)
+    expected, rows = bank_notes.pooled_banks([whole])
+    found, pooled = bank_notes.pooled_banks([second, first])
+    assert pooled == rows
+    assert json.loads(json.dumps(found)) | {"sha256": ""} == expected | {"sha256": ""}
+    for other in (bank_of(tmp_path / "gap", 5, 2), bank_of(tmp_path / "twice", 3, 2)):
+        with pytest.raises(SystemExit, match="wanted worlds that follow each other"):
+            bank_notes.pooled_banks([first, other])

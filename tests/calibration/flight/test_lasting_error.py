@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,13 @@ from scipy.stats import chi2
 
 from calibration.flight.calibrate import FlightCalibration, FlightRequest, calibrate_flight
 from calibration.flight.fit import FlightFitError
+from calibration.flight.html_report import FlightPage, flight_page
 from calibration.flight.lasting_error import LastingError, joined, lasting_error, lasting_sigma, mean_sigma
 from calibration.flight.path_parts import path_parts
 from calibration.flight.problem import FlightProblem
 from calibration.flight.reference_track import ReferenceTrack
+from calibration.flight.text_report import lasting_lines
+from calibration.flight.verdict import judge_flight
 from groundstation.evaluation.position_series import ReferenceSeries
 from groundstation.simulation import Scenario, case_b, simulate
 from groundstation.simulation.dgps import DgpsModel
@@ -138,6 +142,22 @@ def test_a_rig_by_a_receiver_without_corrections_is_within_its_sigmas(whole: Fli
     left, right = (error[names.index(f"{name}.runway_from_base.z")] for name in ("left", "right"))
     assert abs(np.degrees(left - right)) < 0.01
     assert "an error of 0.9" in whole.report
+
+
+def test_the_page_says_what_lasts_as_the_terminal_does(whole: FlightCalibration) -> None:
+    (line,) = lasting_lines(whole.fit)
+    assert line in whole.report
+    content = FlightPage(
+        session="gnss",
+        before=drawn_rig()[0].rig,
+        after=whole.rig,
+        fit=whole.fit,
+        verdict=judge_flight(whole.rig, whole.fit),
+        notes=[],
+        excluded=[],
+        antenna_m=None,
+    )
+    assert line in unescape(flight_page(content, []))
 
 
 def test_no_pixel_of_a_clean_flight_is_left_out(whole: FlightCalibration) -> None:
