@@ -44,8 +44,7 @@ def made_worse(folder: Path) -> Path:
     detector = folder / DETECTOR
     source = detector.read_text(encoding="utf-8")
     if source.count(LINE) != 1:
-        print(f"{DETECTOR}: got {source.count(LINE)} times {LINE.strip()!r}, wanted once", file=sys.stderr)
-        raise SystemExit(2)
+        raise untried(f"{DETECTOR}: got {source.count(LINE)} times {LINE.strip()!r}, wanted once")
     detector.write_text(source.replace(LINE, WITHHELD + LINE), encoding="utf-8")
     return folder
 
@@ -60,17 +59,28 @@ def bank_of(program: Path, out: Path, options: argparse.Namespace) -> list[Row]:
     command = [sys.executable, "-m", "groundstation", "bank", str(settings), "--out", str(out)]
     environment = os.environ | {"PYTHONPATH": str(program)}
     command += ["--workers", str(options.workers)]
-    # 1: a session failed, which is left out of both
-    ended = subprocess.run(command, cwd=program, env=environment, check=False, stdout=subprocess.DEVNULL)
-    if ended.returncode not in (0, 1):
-        raise SystemExit(2)
-    rows: list[Row] = pq.read_table(out / "rows.parquet").to_pylist()
+    table = out / "rows.parquet"
+    # of an earlier run, of other worlds or of another program
+    table.unlink(missing_ok=True)
+    # exit code 1 where a session failed, which is then left out of both
+    subprocess.run(command, cwd=program, env=environment, check=False, stdout=subprocess.DEVNULL)
+    if not table.is_file():
+        raise untried(f"{out}: the bank left no rows")
+    rows: list[Row] = pq.read_table(table).to_pylist()
     return rows
+
+
+def untried(reason: str) -> SystemExit:
+    print(reason, file=sys.stderr)
+    return SystemExit(2)
 
 
 def copy_sessions(bank: Path, out: Path) -> None:
     """Copy the finished sessions of another bank; those of another program or of other settings are run again."""
-    shutil.copytree(bank / "sessions", out / "sessions", dirs_exist_ok=True)
+    if not (bank / "sessions").is_dir():
+        raise untried(f"--sessions-of: got {bank}, wanted the output of a bank")
+    if bank.resolve() != out.resolve():
+        shutil.copytree(bank / "sessions", out / "sessions", dirs_exist_ok=True)
 
 
 def difference(ours: Sequence[Row], worse: Sequence[Row], ratio: Ratio) -> tuple[float, float, float]:
@@ -104,7 +114,9 @@ def main() -> int:
         copy_sessions(options.sessions_of, out / "program")
     ours = {row["seed"]: row for row in bank_of(ROOT, out / "program", options)}
     other = {row["seed"]: row for row in bank_of(made_worse(out / "copy"), out / "worse", options)}
-    both = sorted(ours.keys() & other.keys())
+    both = sorted(seed for seed in ours.keys() & other.keys() if ours[seed][HIT.below] and other[seed][HIT.below])
+    if len(both) < 2:
+        raise untried(f"bank: got {len(both)} sessions that both have scored, wanted 2 or more")
     ours_rows, worse_rows = [ours[seed] for seed in both], [other[seed] for seed in both]
     for ratio in (HIT, WRONG):
         change, low, high = difference(ours_rows, worse_rows, ratio)

@@ -7,8 +7,9 @@ the rows, are replaced first. Banks of the same program over worlds that follow 
 worlds in two parts, `first = 0`, `sessions = 120` and `first = 120`, `sessions = 80`). docs/notes/bank.md is written
 whole, in docs/results.md what stands between the two marks.
 
-The baseline takes as long as all the rest and does not depend on the program: what it gave on the worlds of
-`benchmarks/bank/baseline.json` stands next to what the program gives on the same worlds.
+The baseline (`groundstation bank --csrt-python FILE`) takes as long as all the rest and does not depend on the program:
+what it gave on the worlds of `benchmarks/bank/baseline.json` (the distributions of its columns in bank.json) stands
+next to what the program gives on the same worlds.
 """
 
 import argparse
@@ -36,6 +37,8 @@ BEGIN, END = "<!-- bank: written by benchmarks/bank_notes.py -->", "<!-- bank: e
 # of the pooled figures, those that are no shares
 _PLAIN = ("ANEES", "NIS")
 _MOST_CLASSES = 25
+# settings of sessions that are compared or pooled
+_SAME = ("world_set", "duration_s", "frame_hz")
 _FEWEST_SESSIONS = 5
 
 
@@ -69,23 +72,27 @@ def pooled_banks(banks: list[Path]) -> tuple[dict[str, Any], list[Row]]:
     rows: list[Row] = [row for bank in banks for row in pq.read_table(bank / "rows.parquet").to_pylist()]
     if len(parts) == 1:
         return parts[0], rows
+    if len({part.get("program") for part in parts}) > 1:
+        raise SystemExit(f"banks: got programs {[part.get('program') for part in parts]}, wanted the same")
     settings = [part["settings"] for part in parts]
     for before, after in pairwise(settings):
-        same = all(before[name] == after[name] for name in ("world_set", "duration_s", "frame_hz"))
+        same = all(before[name] == after[name] for name in _SAME)
         if not same or after["first"] != before["first"] + before["sessions"]:
             raise SystemExit(f"banks: got {before}, then {after}; wanted worlds that follow each other")
     whole = settings[0] | {
         "sessions": sum(s["sessions"] for s in settings),
         "world_set": WorldSet(settings[0]["world_set"]),
     }
-    summary = bank_summary(BankSettings(**whole), rows, (), table_hash(rows))
+    summary = bank_summary(BankSettings(**whole), rows, (), table_hash(rows), program=parts[0].get("program"))
     return summary | {"failed": [failure for part in parts for failure in part["failed"]]}, rows
 
 
-def same_worlds(rows: list[Row], baseline: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the program's distributions on the worlds of the baseline; ``rows`` are a bank's, by seed."""
-    settings = baseline["settings"]
-    seeds = {seed_of(WorldSet(settings["world_set"]), settings["first"] + k) for k in range(settings["sessions"])}
+def same_worlds(rows: list[Row], settings: dict[str, Any], baseline: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the program's distributions on the worlds of the baseline; ``rows`` and ``settings`` are a bank's."""
+    worlds = baseline["settings"]
+    if any(settings[name] != worlds[name] for name in _SAME):
+        raise SystemExit(f"bank: got {settings}, wanted sessions as those of the baseline, {worlds}")
+    seeds = {seed_of(WorldSet(worlds["world_set"]), worlds["first"] + k) for k in range(worlds["sessions"])}
     same = [row for row in rows if int(row["seed"]) in seeds]
     if len(same) != len(seeds):
         raise SystemExit(f"rows: got {len(same)} of the {len(seeds)} worlds of the baseline, wanted all")
@@ -196,7 +203,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.banks is not None:
         found, rows = pooled_banks(options.banks)
-        found |= {"words": options.words, "baseline_worlds": same_worlds(rows, read(BASELINE))}
+        found |= {"words": options.words, "baseline_worlds": same_worlds(rows, found["settings"], read(BASELINE))}
         SUMMARY.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         write_table(SUMMARY.with_suffix(".parquet"), rows)
     summary = read(SUMMARY)

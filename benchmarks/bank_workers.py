@@ -3,9 +3,10 @@
 usage: python benchmarks/bank_workers.py [--worlds N] [--duration S] [--killed] [--unbound]
 
 Worlds of the train set, short, without the baseline, on Linux. One worker with its encoder and decoders is bound to the
-first core, two to the first two (numbers as `taskset` has them: not two threads of one core); --unbound also times one
-worker that may use both: encoders and decoders then take a part of the second. --killed also runs the bank in a
-separate process, kills one of its workers and then the process itself midway, and continues it.
+first CPU, two to the first two; where these are two threads of one core (`lscpu --extended`), the ratio is that of the
+threads: name others with taskset. --unbound also times one worker that may use both: encoders and decoders then take
+a part of the second. --killed also runs the bank in a separate process, kills one of its workers and then the process
+itself midway, and continues it.
 """
 
 import argparse

@@ -15,13 +15,17 @@ SUMMARY_FORMAT = "groundstation-bank-summary/1"
 
 
 def bank_summary(
-    settings: BankSettings, rows: Sequence[Row], failures: Sequence[JobFailure], digest: str
+    settings: BankSettings, rows: Sequence[Row], failures: Sequence[JobFailure], digest: str, *, program: str | None
 ) -> dict[str, Any]:
-    """Return settings, pooled figures, distributions, factors and the worst seeds; ``digest`` is of the rows."""
+    """Return settings, pooled figures, distributions, factors and the worst seeds.
+
+    ``digest`` is of the rows, ``program`` of the program and its tuning, None where that is not known.
+    """
     figures = [pooled(rows, ratio) for ratio in POOLED]
     return {
         "format": SUMMARY_FORMAT,
         "settings": {**asdict(settings), "world_set": settings.world_set.value},
+        "program": program,
         "sessions": len(rows),
         "failed": [{"name": f.name, "kind": f.kind.value, "reason": f.reason} for f in failures],
         "sha256": digest,

@@ -5,12 +5,14 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from groundstation.bank.bank_page import BankResult, bank_page
 from groundstation.bank.bank_settings import BankSettings
 from groundstation.bank.bank_summary import bank_summary
 from groundstation.bank.csrt_process import require_csrt
 from groundstation.bank.map_resumable import map_resumable
+from groundstation.bank.program_version import identity_of
 from groundstation.bank.result_store import write_whole
 from groundstation.bank.result_table import table_hash, write_table
 from groundstation.bank.score_world import WorldJob, score_world
@@ -70,13 +72,14 @@ def run_bank(
         )
         for seed in settings.seeds
     }
+    how = json.dumps([settings.duration_s, settings.frame_hz, tuning, request.csrt_python is not None])
     outcome = map_resumable(
         score_world,
         jobs,
         request.out / _SESSIONS,
         request.workers,
         request.scheduler,
-        settings=json.dumps([settings.duration_s, settings.frame_hz, tuning, request.csrt_python is not None]),
+        settings=how,
         limit_s=settings.limit_s,
         progress=progress,
     )
@@ -91,18 +94,16 @@ def run_bank(
         failures=outcome.failures,
     )
     digest = table_hash(rows)
-    return BankOutcome(
-        result=result, reused=outcome.reused, digest=digest, files=_write(request.out, result, words, digest)
-    )
+    summary = bank_summary(settings, rows, outcome.failures, digest, program=identity_of(score_world, how))
+    files = _write(request.out, result, words, summary)
+    return BankOutcome(result=result, reused=outcome.reused, digest=digest, files=files)
 
 
-def _write(out: Path, result: BankResult, words: str, digest: str) -> tuple[Path, ...]:
+def _write(out: Path, result: BankResult, words: str, summary: dict[str, Any]) -> tuple[Path, ...]:
     """Write table, summary and page; returns their paths."""
-    rows, summary, page = out / ROWS, out / SUMMARY, out / PAGE
-    write_table(rows, result.rows)
-    found = bank_summary(result.settings, result.rows, result.failures, digest)
-    text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
-    write_whole(summary, lambda draft: draft.write_text(text, encoding="utf-8"))
+    write_table(out / ROWS, result.rows)
+    text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+    write_whole(out / SUMMARY, lambda draft: draft.write_text(text, encoding="utf-8"))
     html = bank_page(result, words)
-    write_whole(page, lambda draft: draft.write_text(html, encoding="utf-8"))
-    return rows, summary, page
+    write_whole(out / PAGE, lambda draft: draft.write_text(html, encoding="utf-8"))
+    return out / ROWS, out / SUMMARY, out / PAGE

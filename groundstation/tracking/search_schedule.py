@@ -19,6 +19,10 @@ _PAIR_S, _APART_S = 0.5, 0.09
 _ROUNDING_S = 1e-3
 # epochs whose frames may still arrive
 _EPOCHS = 8
+# of a camera's last frames the smallest step from epoch to epoch is its own, and the others have lost some
+_STEPS = 4
+# a search may be repeated so often for a camera that it lacks, which may have been lost
+_REPEATS = 2
 
 
 class SearchSchedule:
@@ -28,9 +32,8 @@ class SearchSchedule:
         self._began_s = float("-inf")
         self._searched_epoch: int | None = None
         self._decided: deque[int] = deque(maxlen=_EPOCHS)
-        # newest frame of each station
-        self._delivered: dict[str, float] = {}
-        self._is_repeated = False
+        self._cameras: dict[str, _Camera] = {}
+        self._repeats = 0
         self._taken: set[str] = set()
         # by station: time, candidates, whether its pair is over
         self._searches: dict[str, tuple[float, list[CameraCandidate], bool]] = {}
@@ -41,21 +44,33 @@ class SearchSchedule:
         if not has_target:
             return True
         age_s = t_s - self._began_s
-        self._delivered[station] = t_s
         if epoch not in self._decided:
             # the first frame of an epoch decides for all of them
             self._decided.append(epoch)
             early = -_PAIR_S < age_s < _EVERY_S - _ROUNDING_S
-            repeats = age_s > 0.0 and early and self._needs_another(t_s)
+            repeats = early and age_s > 0.0 and self._repeats < _REPEATS and self._lacks_one_of(epoch, t_s)
             if repeats or not early:
-                self._began_s, self._searched_epoch, self._is_repeated = t_s, epoch, repeats
+                self._began_s, self._searched_epoch = t_s, epoch
+                self._repeats = self._repeats + 1 if repeats else 0
                 self._taken.clear()
+        camera = self._cameras.get(station)
+        if camera is None or abs(t_s - camera.t_s) > _PAIR_S:
+            camera = self._cameras[station] = _Camera()
+        camera.add(epoch, t_s)
         return epoch == self._searched_epoch and abs(t_s - self._began_s) <= _PAIR_S and self._take(station)
 
-    def _needs_another(self, t_s: float) -> bool:
-        """Return whether the last search stayed with one camera, though others deliver: one may have half the rate."""
-        others = sum(abs(t_s - at_s) <= _PAIR_S for name, at_s in self._delivered.items() if name not in self._taken)
-        return len(self._taken) == 1 and others > 0 and not self._is_repeated
+    def _lacks_one_of(self, epoch: int, t_s: float) -> bool:
+        """Return whether the last search lacks a camera that is expected in this epoch and was not in that one.
+
+        So does one of half the rate. A frame that was expected there may be under way, or is lost.
+        """
+        return any(
+            name not in self._taken
+            and t_s - camera.t_s <= _PAIR_S
+            and camera.is_expected(epoch)
+            and not camera.is_expected(self._searched_epoch)
+            for name, camera in self._cameras.items()
+        )
 
     def _take(self, station: str) -> bool:
         new = station not in self._taken
@@ -90,3 +105,22 @@ class SearchSchedule:
     def clear(self) -> None:
         """Forget what was found."""
         self._searches.clear()
+
+
+class _Camera:
+    """Newest frame of a camera, and how far its frames are apart in epochs."""
+
+    def __init__(self) -> None:
+        self.t_s = float("-inf")
+        self._epoch: int | None = None
+        self._steps: deque[int] = deque(maxlen=_STEPS)
+
+    def add(self, epoch: int, t_s: float) -> None:
+        if self._epoch is not None and epoch > self._epoch:
+            self._steps.append(epoch - self._epoch)
+        self._epoch, self.t_s = epoch, t_s
+
+    def is_expected(self, epoch: int | None) -> bool:
+        if epoch is None or self._epoch is None:
+            return False
+        return epoch - self._epoch >= min(self._steps, default=1)

@@ -213,12 +213,13 @@ class TrackManager:
     def _initiate(self, epoch: Epoch) -> None:
         """Pass the candidates of this epoch to the initiator; start the target when one is confirmed."""
         seen = self._schedule.combined(epoch.t_s)
-        if seen is None and not self._labels:
-            return
-        seen = seen or []
         # labelled pixels arrive one by one at their own times: the newest of each station are combined
         labelled = {s.station: s for s in self._labels if epoch.t_s - s.t_s <= self._window_s}
         self._labels = list(labelled.values()) if len(labelled) < 2 else []
+        if seen is None and len(labelled) < 2:
+            # what one camera alone shows is no evidence against what others have shown
+            return
+        seen = seen or []
         machine = self.state_machine
         followed = self._ekf.has_target and machine.seen_by_two(epoch.t_s) and not machine.is_doubtful(epoch.t_s)
         known = self._ekf.kinematics_at(epoch.t_s) if followed else None

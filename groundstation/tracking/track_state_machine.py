@@ -37,7 +37,7 @@ class TrackStateMachine:
         self._config = config
         self._newest_pixel_s = 0.0
         self._newest_fix_s = 0.0
-        self._started_s = 0.0
+        self._started_s = self._found_s = 0.0
         # fixes since the last gap without pixels
         self._fixes_since_gap = config.confirm_fixes
         self._was_fixed = False
@@ -64,6 +64,7 @@ class TrackStateMachine:
         self._newest_pixel_s = self._started_s = self._newest_fix_s = t_s
         self.confirmation.start(t_s, found_at_m, known=known, standing=standing)
         if not known:
+            self._found_s = t_s
             self.recognition.start(t_s, odds)
         self._fixes_since_gap = self._config.confirm_fixes
         self.existence.start()
@@ -123,7 +124,7 @@ class TrackStateMachine:
         """
         known = self.recognition.is_recognised
         if not self.confirmation.is_standing:
-            young = t_s - self._started_s <= self._config.false_target_s
+            young = t_s - self._found_s <= self._config.false_target_s
             better = recognised or (young and self.recognition.is_outdone_by(odds))
             return moving_s is not None and not known and better
         if moving_s is None:

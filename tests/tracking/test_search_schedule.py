@@ -50,17 +50,52 @@ def test_next_to_a_target_cameras_search_together_and_then_not_for_a_while(
     assert len(done[0]) == pytest.approx(share * 10 * rate_hz, rel=0.05)
 
 
-def test_a_camera_of_half_the_rate_takes_part() -> None:
-    """Expected: a search that stayed with one camera does not count; no camera that delivers nothing is waited for."""
-    for right_every, searched, together in ((2, (40, 60), 40), (10**9, (49, 51), 0)):
-        schedule = SearchSchedule()
-        done: dict[str, list[int]] = {"left": [], "right": []}
-        for k in range(1, 101):
-            for station in ("left", "right")[: 1 + (k % right_every == 0)]:
-                if schedule.is_due(station, 0.1 * k, epoch=k, has_target=True):
-                    done[station].append(k)
-        assert searched[0] <= len(done["left"]) <= searched[1]
-        assert len(set(done["left"]) & set(done["right"])) >= together
+def searched(every: dict[str, tuple[int, int]], rate_hz: float, lost: tuple[int, ...] = ()) -> dict[str, set[int]]:
+    """Return the epochs in which each camera's frame is searched in 300, of which it delivers every n-th from one on.
+
+    The last camera loses its frames of the epochs ``lost``.
+    """
+    schedule = SearchSchedule()
+    done: dict[str, set[int]] = {station: set() for station in every}
+    for k in range(1, 301):
+        for station, (step, first) in every.items():
+            delivers = k >= first and (k - first) % step == 0 and not (station == list(every)[-1] and k in lost)
+            if delivers and schedule.is_due(station, k / rate_hz, epoch=k, has_target=True):
+                done[station].add(k)
+    return done
+
+
+@pytest.mark.parametrize(("rate_hz", "step"), [(10, 2), (10, 3), (20, 4), (30, 3), (30, 5), (60, 5)])
+def test_a_camera_of_a_lower_rate_takes_part(rate_hz: int, step: int) -> None:
+    """Expected: whatever its phase and with a frame lost, in about each of its frames that is 0.15 s after the last."""
+    for first in range(1, step + 1):
+        for lost in ((), tuple(range(40, 40 + step))):
+            done = searched({"left": (1, 1), "right": (step, first)}, rate_hz, lost)
+            both = done["left"] & done["right"]
+            possible = min(300 / step, 300 / (0.15 * rate_hz + step))
+            assert len(both) > 0.8 * possible, (first, lost, len(both))
+            assert len(done["left"]) <= 2.2 * len(both)
+
+
+@pytest.mark.parametrize("step", [2, 5])
+def test_one_of_three_cameras_may_have_a_lower_rate(step: int) -> None:
+    for first in range(1, step + 1):
+        done = searched({"left": (1, 1), "right": (1, 1), "third": (step, first)}, 10.0 if step == 2 else 30.0)
+        assert done["left"] == done["right"]
+        assert len(done["left"] & done["third"]) >= 40
+
+
+def test_no_camera_that_delivers_nothing_is_waited_for() -> None:
+    assert len(searched({"left": (1, 1), "right": (1, 1000)}, 10.0)["left"]) == 150
+    schedule = SearchSchedule()
+    # the other one is lost after 10 s: two more searches, and then every 0.2 s as before
+    done = [
+        k
+        for k in range(200)
+        for station in ("left", "right")[: 2 if k < 100 else 1]
+        if schedule.is_due(station, 0.1 * k, epoch=k, has_target=True) and station == "left"
+    ]
+    assert len(done) <= 104
 
 
 def test_epochs_that_interleave_are_decided_once() -> None:
@@ -115,8 +150,8 @@ def test_a_search_that_finds_nothing_is_evidence() -> None:
 def test_what_waited_is_not_mixed_with_a_whole_epoch() -> None:
     """Expected: a frame that is a tenth of a second older than the others shows another place."""
     schedule = SearchSchedule()
-    schedule.add("third", 1.0, [candidate("third", 1.0)])
-    assert schedule.combined(1.0) is None
+    schedule.add("third", 1.02, [candidate("third", 1.02)])
+    assert schedule.combined(1.02) is None
     left, right = candidate("left", 1.08), candidate("right", 1.1)
     schedule.add("left", 1.08, [left])
     schedule.add("right", 1.1, [right])

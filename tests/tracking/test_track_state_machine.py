@@ -249,6 +249,14 @@ def test_what_moves_yields_to_what_moves_and_is_far_more_like_an_aircraft() -> N
     assert not life.yields_to(3.9, recognised=False, moving_s=0.6, odds=9.0)
 
 
+def test_a_target_that_is_corrected_is_as_old_as_before() -> None:
+    life, ekf = stood(0.5)
+    move(ekf, -15.0)
+    assert not life.confirmation.is_false_track(9.9, ekf)
+    life.start(9.9, None, known=True)
+    assert not life.yields_to(10.0, recognised=False, moving_s=0.6, odds=3.0)
+
+
 def test_what_stands_and_is_not_recognised_yields_to_each() -> None:
     life, _ = stood(0.5)
     assert life.yields_to(9.9, recognised=True, moving_s=None)
