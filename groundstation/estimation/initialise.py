@@ -28,7 +28,7 @@ _SIZE_SLACK = 1.2
 # 0.999 quantile of chi-square with 3 degrees of freedom: the gate that links a fix to a track
 _LINK_GATE = 16.27
 # log odds of aircraft beyond which a fix is no more likely to be that of a track: those of the channel are no true
-# probabilities, and a young track, whose velocity is unknown, would reach out for them
+# probabilities, and a young track, whose velocity is unknown, would reach out for them (train world 493, limit of 12)
 _LINK_ODDS = 1.0
 _MAX_TRACKS = 40
 # an age of three frame intervals is one of three frames, whatever their stamps' last digit

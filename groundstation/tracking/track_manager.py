@@ -86,8 +86,10 @@ class TrackManager:
 
     def searches(self, record: Frame | PixelMeasurement) -> bool:
         """Return whether a station's frame is searched as a whole, or its labelled pixel taken, which costs nothing."""
-        if not self.needs_search(record.t_s) or isinstance(record, PixelMeasurement):
-            return self.needs_search(record.t_s)
+        if not self.needs_search(record.t_s):
+            return False
+        if isinstance(record, PixelMeasurement):
+            return True
         has_target = self._ekf.has_target
         return self._schedule.is_due(record.station, record.t_s, epoch=record.epoch, has_target=has_target)
 
