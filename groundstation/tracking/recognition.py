@@ -14,8 +14,8 @@ _MEMORY_S = 1.0
 # mean log odds of a target that is recognised: on 41 train worlds not trained on, larger in 96 % of 3,670 epochs
 # with the aircraft as the target, and in 9 % of 67 with something else
 _RECOGNISED_ODDS = 1.5
-# log odds by which another one is far more likely to be an aircraft: in validate worlds 3 and 8 birds that were followed
-# had 0.5 to 1.5, and the aircraft 2.1 to 3; a choice, with no figure for other birds
+# log odds by which another one is far more likely to be an aircraft: in validate worlds 3 and 8 birds that were
+# followed had 0.5 to 1.5, and the aircraft 2.1 to 3; a choice, with no figure for other birds
 _FAR_MORE_ODDS = 1.0
 
 
