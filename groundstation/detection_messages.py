@@ -17,6 +17,7 @@ class DetectionStatus(StrEnum):
     """Outcome of the detection in one frame of one camera; the words of ``detections.csv``.
 
     ``late``: the frame arrived late and was used as if it had been in time, by reprocessing from its time on.
+    ``initial``: one of the pixels by which the target was found; no filter had a target then.
     """
 
     OK = "ok"
@@ -27,6 +28,7 @@ class DetectionStatus(StrEnum):
     CUT = "cut"
     LATE = "late"
     EXCLUDED = "excluded"
+    INITIAL = "initial"
 
     @property
     def used(self) -> bool:

@@ -224,6 +224,25 @@ class CameraReport:
     image: Picture | None = None
 
 
+# how long before the start of a target a pixel of its tentative track may be
+INITIAL_PIXELS_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InitialPixel:
+    """A pixel by which a target was found, in a frame that has been reported without one: it was still a candidate.
+
+    ``t_s`` and ``station`` are those of the frame's `CameraReport`; ``sigma_px`` is one sigma of u and v. At most
+    `INITIAL_PIXELS_S` older than the target.
+    """
+
+    t_s: float
+    station: str
+    u_px: float
+    v_px: float
+    sigma_px: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackEstimate:
     """The answer to one stereo pair: the state of knowledge and, if there is one, the estimate at ``t_s``.
@@ -291,15 +310,17 @@ class TrackEvent:
 class StepReport:
     """All that one `Pipeline.step` brought forth; often empty, since frames wait for their angles.
 
-    ``states`` answer heartbeats, and are newer than the ``estimates`` next to them.
+    ``states`` answer heartbeats, and are newer than the ``estimates`` next to them. ``initial_pixels`` belong to frames
+    of earlier steps: those of the tentative track that has become the target in this one.
     """
 
     cameras: tuple[CameraReport, ...] = ()
     estimates: tuple[TrackEstimate, ...] = ()
     events: tuple[TrackEvent, ...] = field(default=())
     states: tuple[TrackState, ...] = ()
+    initial_pixels: tuple[InitialPixel, ...] = ()
 
     @property
     def empty(self) -> bool:
         """Whether nothing came of the step."""
-        return not (self.cameras or self.estimates or self.events or self.states)
+        return not (self.cameras or self.estimates or self.events or self.states or self.initial_pixels)

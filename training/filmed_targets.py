@@ -6,13 +6,15 @@ a plain sky teaches little.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.bank.session_truth import LEAST_SHARE_SEEN, LEAST_SNR, LEAST_WIDTH_PX
+from groundstation.box import Box
+from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.geometry.aim import aim_at
 from groundstation.simulation.drawn_flights import build_flight
 from groundstation.simulation.rendered_camera import RenderedCamera, Shot
@@ -20,6 +22,7 @@ from groundstation.simulation.trajectory import Trajectory
 from groundstation.simulation.world.render_world import built_stations, rendered_cameras
 from groundstation.simulation.world.world import World
 from groundstation.sources.true_silhouettes import TrueSilhouette
+from training.mined_places import false_place
 from training.recorded_windows import RecordedTarget, target_in
 
 # of half the picture: where in it the target is
@@ -30,8 +33,13 @@ _CODED_SHARE = 0.6
 _MOMENTS, _LOW_SHARE, _PLACES = 4, 0.6, 6
 
 
-def filmed_targets(world: World, pictures: int, generator: np.random.Generator) -> Iterator[RecordedTarget]:
-    """Film a world at so many drawn moments; yield each visible target, and a place without one expected there."""
+def filmed_targets(
+    world: World, pictures: int, generator: np.random.Generator, channel: LearnedChannel | None = None
+) -> Iterator[RecordedTarget]:
+    """Film a world at so many drawn moments; yield each visible target, and a place without one expected there.
+
+    A ``channel`` adds, where there is one, a place that it takes for an aircraft.
+    """
     flown = build_flight(world.flight, world.seed)
     cameras = list(rendered_cameras(world, built_stations(world), flown).values())
     for _ in range(pictures):
@@ -40,7 +48,7 @@ def filmed_targets(world: World, pictures: int, generator: np.random.Generator) 
         shot = _filmed(camera, t_s, flown.position(np.array([t_s]))[0], generator)
         if shot is None or not _visible(shot):
             continue
-        yield from _targets(shot, generator)
+        yield from _targets(shot, generator, channel)
 
 
 def _moment(flown: Trajectory, camera: RenderedCamera, generator: np.random.Generator) -> float:
@@ -73,7 +81,7 @@ def _visible(shot: Shot) -> bool:
     return bool(seen) and truth.width_px >= LEAST_WIDTH_PX and shot.snr >= LEAST_SNR
 
 
-def _targets(shot: Shot, generator: np.random.Generator) -> Sequence[RecordedTarget]:
+def _targets(shot: Shot, generator: np.random.Generator, channel: LearnedChannel | None) -> Iterator[RecordedTarget]:
     truth, image = shot.truth, shot.picture.whole()
     if float(generator.uniform()) < _CODED_SHARE:
         image = _coded(image, int(generator.integers(40, 96)))
@@ -82,10 +90,14 @@ def _targets(shot: Shot, generator: np.random.Generator) -> Sequence[RecordedTar
     nose = unknown if truth.pixel_px is None else truth.pixel_px
     middle, width = silhouette.centre_px, truth.width_px
     elsewhere = _busiest(image, width, generator)
-    return (
-        target_in(image, silhouette, middle, width, nose),
-        target_in(image, silhouette, elsewhere, width, nose),
-    )
+    yield target_in(image, silhouette, middle, width, nose)
+    yield target_in(image, silhouette, elsewhere, width, nose)
+    if channel is None:
+        return
+    h, w = silhouette.mask.shape
+    box = Box(float(silhouette.x), float(silhouette.y), float(silhouette.x + w), float(silhouette.y + h))
+    if mistaken := false_place(channel, image, box, generator):
+        yield target_in(image, silhouette, *mistaken, nose)
 
 
 def _busiest(image: ImageArray, width_px: float, generator: np.random.Generator) -> FloatArray:

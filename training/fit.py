@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import torch
 
+from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from training.hard_examples import draw_shares
 from training.losses import WindowBatch, loss_of
 from training.material import Material
 from training.network import ChannelNetwork
@@ -35,6 +37,7 @@ class FitSettings:
     rate : largest learning rate; it falls to zero as a half cosine.
     recorded_share, picture_share, filmed_share : of the windows, those of recordings, of labelled pictures and of
         worlds as filmed, where there are such; the rest are drawn.
+    hard : whether filmed targets are drawn more often on which the first weights err; needs ``start``.
     every : steps between lines of the log and checkpoints.
     """
 
@@ -45,7 +48,23 @@ class FitSettings:
     recorded_share: float = 0.1
     picture_share: float = 0.25
     filmed_share: float = 0.5
+    hard: bool = False
     every: int = 50
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Source:
+    """Targets, their share of all windows, and where (n,) from 0 to 1 the part of each ends; None is uniform."""
+
+    targets: Sequence[RecordedTarget]
+    share: float
+    ends: FloatArray | None = None
+
+    def draw(self, generator: np.random.Generator) -> RecordedTarget:
+        if self.ends is None:
+            return self.targets[int(generator.integers(len(self.targets)))]
+        number = int(np.searchsorted(self.ends, float(generator.uniform()), side="right"))
+        return self.targets[min(number, len(self.targets) - 1)]
 
 
 @dataclass(slots=True)
@@ -70,21 +89,26 @@ def fit(
     """Train, or go on with what a folder's checkpoint holds; the same on one machine, interrupted or not.
 
     ``pictures`` are one's own, ``start`` has the weights to begin with, for fine-tuning. Raises `InputError` for a
-    checkpoint of other settings, recordings, pictures or first weights.
+    checkpoint of other settings, recordings, pictures or first weights, and for ``hard`` without first weights.
     """
+    if settings.hard and start is None:
+        raise InputError(
+            "hard examples", got="no first weights", wanted="weights to begin with, which show what is hard"
+        )
     torch.manual_seed(settings.seed)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     network = ChannelNetwork() if start is None else start
-    inputs = _digest(start, recorded, pictures)
+    inputs = _digest(start, recorded, pictures, filmed=material.filmed)
     network.to(device=device, memory_format=torch.channels_last)
+    ends = np.cumsum(draw_shares(network, material.filmed)) if settings.hard else None
     run = _Run(network, torch.optim.AdamW(network.parameters(), lr=settings.rate, weight_decay=1e-4), inputs)
     folder.mkdir(parents=True, exist_ok=True)
     _resume(run, settings, folder, device)
     drawer = WindowDrawer(material.aircraft, material.birds, material.backgrounds)
     sources = (
-        (recorded, settings.recorded_share),
-        (pictures, settings.picture_share),
-        (material.filmed, settings.filmed_share),
+        _Source(recorded, settings.recorded_share),
+        _Source(pictures, settings.picture_share),
+        _Source(material.filmed, settings.filmed_share, ends),
     )
     parts: list[dict[str, float]] = []
     network.train()
@@ -120,19 +144,19 @@ def batch_of(windows: Sequence[LabelledWindow], device: torch.device) -> WindowB
 
 def _window(
     drawer: WindowDrawer,
-    sources: Sequence[tuple[Sequence[RecordedTarget], float]],
+    sources: Sequence[_Source],
     settings: FitSettings,
     step: int,
     number: int,
 ) -> LabelledWindow:
     generator = np.random.default_rng([settings.seed, _WINDOW_STREAM, step, number])
     draw = float(generator.uniform())
-    for targets, share in sources:
-        if not targets:
+    for source in sources:
+        if not source.targets:
             continue
-        if draw < share:
-            return recorded_window(targets[int(generator.integers(len(targets)))], generator)
-        draw -= share
+        if draw < source.share:
+            return recorded_window(source.draw(generator), generator)
+        draw -= source.share
     return drawer.draw(generator)
 
 
@@ -172,8 +196,10 @@ def _resume(run: _Run, settings: FitSettings, folder: Path, device: torch.device
     run.step, run.rows = state["step"], state["rows"]
 
 
-def _digest(start: ChannelNetwork | None, *targets: Sequence[RecordedTarget]) -> str:
-    """Return a hash of the first weights and of what recordings and pictures show."""
+def _digest(
+    start: ChannelNetwork | None, *targets: Sequence[RecordedTarget], filmed: Sequence[RecordedTarget] = ()
+) -> str:
+    """Return a hash of the first weights, of what recordings and pictures show, and of where filmed targets are."""
     found = hashlib.sha256()
     for name, value in () if start is None else start.state_dict().items():
         found.update(name.encode())
@@ -184,4 +210,6 @@ def _digest(start: ChannelNetwork | None, *targets: Sequence[RecordedTarget]) ->
             found.update(target.image.tobytes())
             found.update(target.cover.tobytes())
             found.update(np.array([*target.middle_px, target.width_px, *target.nose_px]).tobytes())
+    for target in filmed:
+        found.update(np.array([*target.middle_px, target.width_px, *target.nose_px]).tobytes())
     return found.hexdigest()

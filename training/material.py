@@ -1,6 +1,6 @@
 """What windows are drawn from: sprites and backgrounds of train worlds and clips, made once and kept in a folder."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from groundstation.box import Box
+from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.errors import InputError
+from groundstation.files.channel_weights import read_weights
 from groundstation.simulation.traffic import TrafficSpec
 from groundstation.simulation.traffic.bird_spec import BirdSpec
 from groundstation.simulation.world.draw_world import draw_world
@@ -39,17 +41,21 @@ class MaterialRequest:
 
     Attributes
     ----------
-    worlds : number of train worlds, from their first on.
+    worlds : number of train worlds.
+    first : number of the first of them.
     scenes : of so many of them a background is drawn.
     filmed : so many of them are filmed, ``pictures`` each.
+    mined_with : weights whose mistakes in these pictures are learned, too; None for none.
     clips : folder of the real clips; None trains on drawn backgrounds alone.
     without_families, without_sceneries, without_skies : kinds that are left out, by name.
     """
 
     worlds: int = 600
+    first: int = 0
     scenes: int = 240
     filmed: int = 200
     pictures: int = 20
+    mined_with: Path | None = None
     clips: Path | None = None
     without_families: tuple[str, ...] = ()
     without_sceneries: tuple[str, ...] = ()
@@ -62,8 +68,9 @@ def make_material(
     """Draw sprites and backgrounds; the same request gives the same material."""
     studio, aircraft, birds, backgrounds = SpriteStudio(), [], [], []
     filmed: list[RecordedTarget] = []
+    channel = None if request.mined_with is None else LearnedChannel(read_weights(request.mined_with, None))
     for number in range(request.worlds):
-        world = draw_world(seed_of(WorldSet.TRAIN, number))
+        world = draw_world(seed_of(WorldSet.TRAIN, request.first + number))
         generator = np.random.default_rng([world.seed, _STREAM])
         family_left_out = world.airframe.family.value in request.without_families
         if not family_left_out:
@@ -83,15 +90,33 @@ def make_material(
         if number < request.scenes and not left_out:
             backgrounds.append(world_background(world, generator))
         if number < request.filmed and not (left_out or family_left_out):
-            filmed += filmed_targets(world, request.pictures, np.random.default_rng([world.seed, _FILM_STREAM]))
+            film = np.random.default_rng([world.seed, _FILM_STREAM])
+            # what is not labelled must not be learned as background
+            mining = None if _others_fly(world.traffic) else channel
+            filmed += filmed_targets(world, request.pictures, film, mining)
         progress(number + 1, request.worlds)
     if request.clips is not None:
         backgrounds += clip_backgrounds(request.clips)
     return Material(aircraft=tuple(aircraft), birds=tuple(birds), backgrounds=tuple(backgrounds), filmed=tuple(filmed))
 
 
+def _others_fly(traffic: TrafficSpec) -> bool:
+    """Return whether a picture may show birds or another aircraft."""
+    return bool(traffic.birds or traffic.flocks or traffic.aircraft)
+
+
 def _birds(traffic: TrafficSpec) -> list[BirdSpec]:
     return [*traffic.birds, *(flock.bird for flock in traffic.flocks)][:_BIRDS_PER_WORLD]
+
+
+def joined(materials: Sequence[Material]) -> Material:
+    """Return what several materials hold together."""
+    return Material(
+        aircraft=tuple(sprite for each in materials for sprite in each.aircraft),
+        birds=tuple(sprite for each in materials for sprite in each.birds),
+        backgrounds=tuple(background for each in materials for background in each.backgrounds),
+        filmed=tuple(target for each in materials for target in each.filmed),
+    )
 
 
 def save_material(material: Material, folder: Path) -> None:

@@ -10,11 +10,11 @@ from groundstation.errors import InputError
 from training.export import export_onnx, load_onnx
 from training.fit import FitSettings, fit
 from training.labelled_pictures import labelled_pictures
-from training.material import Material, MaterialRequest, load_material, make_material, save_material
+from training.material import Material, MaterialRequest, joined, load_material, make_material, save_material
 from training.network import ChannelNetwork, parameters_of
 from training.recorded_windows import RecordedTarget, recorded_targets
 
-WEIGHTS, CARD, MATERIAL = "aircraft.onnx", "card.json", "material"
+WEIGHTS, CARD, MATERIAL, REQUEST = "aircraft.onnx", "card.json", "material", "request.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +25,7 @@ class TrainRequest:
     ----------
     out : folder of the run.
     material : what windows are drawn from.
+    further : folders of material that was made before, which is joined to it.
     recordings : session folders with true silhouettes whose windows are mixed in.
     pictures : folder of labelled pictures, mixed in, too.
     start : weights to begin with; None begins with random ones.
@@ -33,6 +34,7 @@ class TrainRequest:
 
     out: Path
     material: MaterialRequest
+    further: tuple[Path, ...] = ()
     recordings: tuple[Path, ...] = ()
     pictures: Path | None = None
     start: Path | None = None
@@ -58,7 +60,7 @@ def train(request: TrainRequest, progress: Callable[[str, int, int], None]) -> T
     # the run may overwrite the very file that it begins with
     started_with = None if request.start is None else hashlib.sha256(request.start.read_bytes()).hexdigest()
     pictures = [] if request.pictures is None else labelled_pictures(request.pictures)
-    material = _material(request, progress)
+    material = joined([_material(request, progress), *(load_material(folder) for folder in request.further)])
     recorded: list[RecordedTarget] = []
     for folder in request.recordings:
         recorded += recorded_targets(folder)
@@ -81,10 +83,19 @@ def train(request: TrainRequest, progress: Callable[[str, int, int], None]) -> T
     return Trained(weights=weights, card=card, sha256=sha256)
 
 
+def material_of(request: TrainRequest, progress: Callable[[str, int, int], None]) -> Path:
+    """Make the material of a request, unless it is there; return its folder."""
+    _material(request, progress)
+    return request.out / MATERIAL
+
+
 def _material(request: TrainRequest, progress: Callable[[str, int, int], None]) -> Material:
     folder = request.out / MATERIAL
-    words = json.dumps(asdict(request.material), default=str)
-    noted = folder / "request.json"
+    mined = request.material.mined_with
+    # the weights count, not where they are
+    noted_with = {"mined_with": None if mined is None else hashlib.sha256(mined.read_bytes()).hexdigest()}
+    words = json.dumps(asdict(request.material) | noted_with, default=str)
+    noted = folder / REQUEST
     if noted.exists():
         if noted.read_text(encoding="utf-8") != words:
             raise InputError(str(folder), got="material of another request", wanted=f"that of {words}, or no folder")
@@ -93,6 +104,16 @@ def _material(request: TrainRequest, progress: Callable[[str, int, int], None]) 
     save_material(material, folder)
     noted.write_text(words, encoding="utf-8")
     return material
+
+
+def _worlds(request: TrainRequest) -> list[list[int]]:
+    """Return the first train world and the number of worlds of each material."""
+    noted = [
+        json.loads((folder / REQUEST).read_text(encoding="utf-8"))
+        for folder in request.further
+        if (folder / REQUEST).exists()
+    ]
+    return [[request.material.first, request.material.worlds], *([m.get("first", 0), m["worlds"]] for m in noted)]
 
 
 def _card(
@@ -108,7 +129,7 @@ def _card(
         "parameters": parameters_of(network),
         "windows": request.fit.steps * request.fit.batch,
         "fit": asdict(request.fit),
-        "train_worlds": request.material.worlds,
+        "train_worlds": _worlds(request),
         "drawn_aircraft": len(material.aircraft),
         "drawn_birds": len(material.birds),
         "filmed_targets": len(material.filmed),

@@ -46,3 +46,8 @@ def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
 def count(text: str) -> int:
     """Return a whole number from 1 on."""
     return int(parse_number(text, "a whole number from 1 on", lambda value: value >= 1.0 and value.is_integer()))
+
+
+def whole_number(text: str) -> int:
+    """Return a whole number from 0 on."""
+    return int(parse_number(text, "a whole number from 0 on", lambda value: value >= 0.0 and value.is_integer()))

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from groundstation.cli.command_arguments import Commands, add_command, add_result_folder, print_files
-from groundstation.cli.number_arguments import count, positive_number
+from groundstation.cli.number_arguments import count, positive_number, whole_number
 from groundstation.cli.path_arguments import READ, READ_TEXT
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import InputError
@@ -17,6 +17,8 @@ _MORE = """examples:
   groundstation train --out out/channel
   groundstation train --out out/channel --clips aircraft-clips --recording landing-1 --recording takeoff-1
   groundstation train --out out/no-gliders --without glider --steps 1600
+  groundstation train --out out/more --first-world 450 --mine out/channel/aircraft.onnx --material-only
+  groundstation train --out out/better --start out/channel/aircraft.onnx --hard --material out/more/material
   groundstation train --out out/own --pictures mine --start out/channel/aircraft.onnx --steps 300 --rate 5e-4
 
 writes aircraft.onnx, card.json, log.csv, checkpoint.pt and material/.
@@ -44,9 +46,30 @@ def add_train(commands: Commands) -> None:
         "--pictures", type=READ, metavar="DIR", help="one's own labelled pictures: NAME.png, NAME.mask.png, noses.csv"
     )
     train.add_argument("--start", type=READ, metavar="ONNX", help="weights to begin with, to fine-tune them")
+    train.add_argument(
+        "--first-world", type=whole_number, metavar="N", default=0, help="number of the first train world (default: 0)"
+    )
     train.add_argument("--worlds", type=count, metavar="N", default=450, help="train worlds (default: 450)")
     train.add_argument("--scenes", type=count, metavar="N", default=170, help="backgrounds of them (default: 170)")
     train.add_argument("--filmed", type=count, metavar="N", default=200, help="of them are filmed (default: 200)")
+    train.add_argument(
+        "--views", type=count, metavar="N", default=20, help="pictures of each filmed world (default: 20)"
+    )
+    train.add_argument(
+        "--mine", type=READ, metavar="ONNX", help="weights whose mistakes in these pictures are learned, too"
+    )
+    train.add_argument(
+        "--material",
+        type=READ,
+        metavar="DIR",
+        action="append",
+        default=[],
+        help="the folder material/ of an earlier run, which is used as well; may be repeated",
+    )
+    train.add_argument("--material-only", action="store_true", help="make the material and do not train")
+    train.add_argument(
+        "--hard", action="store_true", help="show more often what the weights of --start err on; needs --start"
+    )
     train.add_argument("--steps", type=count, metavar="N", default=4000, help="of 64 windows (default: 4000)")
     train.add_argument(
         "--rate", type=positive_number, metavar="R", default=3e-3, help="largest learning rate (default: 0.003)"
@@ -69,11 +92,13 @@ def run_train(options: argparse.Namespace) -> int:
 
     try:
         from training.fit import FitSettings
-        from training.request import TrainRequest, train
+        from training.request import TrainRequest, material_of, train
     except ModuleNotFoundError as fault:
         raise InputError("groundstation train", got=str(fault), wanted="pip install 'groundstation[train]'") from fault
     from training.material import MaterialRequest
 
+    if options.hard and options.start is None:
+        raise InputError("--hard", got="no --start", wanted="the weights whose errors show what is hard")
     kinds = {
         "families": {kind.value for kind in AirframeFamily},
         "sceneries": {kind.value for kind in SceneryName},
@@ -91,6 +116,9 @@ def run_train(options: argparse.Namespace) -> int:
         out=options.out,
         material=MaterialRequest(
             worlds=options.worlds,
+            first=options.first_world,
+            pictures=options.views,
+            mined_with=options.mine,
             scenes=options.scenes,
             filmed=options.filmed,
             clips=options.clips,
@@ -98,11 +126,17 @@ def run_train(options: argparse.Namespace) -> int:
             without_sceneries=chosen("sceneries"),
             without_skies=chosen("skies"),
         ),
+        further=tuple(Path(folder) for folder in options.material),
         recordings=tuple(Path(folder) for folder in options.recording),
         pictures=options.pictures,
         start=options.start,
-        fit=FitSettings(seed=options.seed, steps=options.steps, rate=options.rate),
+        fit=FitSettings(seed=options.seed, steps=options.steps, rate=options.rate, hard=options.hard),
     )
+    if options.material_only:
+        with ProgressLine(sys.stderr, "train", "world") as line:
+            folder = material_of(request, lambda _, done, total: line.update(done, total))
+        print(f"material in {folder}")
+        return 0
     with ProgressLine(sys.stderr, "train", "step") as line:
         trained = train(request, lambda _, done, total: line.update(done, total))
     print(f"weights {trained.sha256}")

@@ -6,6 +6,7 @@ short list, best first. Two cameras choose the target among them by initiation (
 the segmented regions where a prediction exists.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -136,7 +137,11 @@ class CandidateFinder:
         self._memory.reset()
 
     def find(
-        self, image: ImageArray | Picture, t_s: float, camera_from_runway: FloatArray | None = None
+        self,
+        image: ImageArray | Picture,
+        t_s: float,
+        camera_from_runway: FloatArray | None = None,
+        places: Sequence[tuple[FloatArray, float]] = (),
     ) -> tuple[Candidate, ...]:
         """Return the candidates of one frame, best first.
 
@@ -145,6 +150,8 @@ class CandidateFinder:
         image : a picture, or (h, w, 3) BGR.
         t_s : its mid-exposure; a frame that is not newer than the last one starts afresh.
         camera_from_runway : (3, 3) rotation at that time, None where it is not known.
+        places : points (2,) with the width to expect there, px, that the learned channel looks at as well; contrasts
+            are found all over the picture.
         """
         grey = cv2.cvtColor(as_picture(image).whole(), cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:

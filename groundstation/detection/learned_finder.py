@@ -3,15 +3,15 @@
 A window of the learned channel says how likely something in it is an aircraft, where its nose is and how wide it is. A
 frame has room for some hundred windows, and time for a few. They go, in this order, to where the channel has seen an
 aircraft in the frame before; to the proposals of the classic finder that stand out most; to some of its others, in
-turns; and to a grid over the frame, at several target sizes, from the middle outwards, in turns as well: an aircraft
-on the ground stands out no more than a car does.
+turns; to places where what other cameras show may be; and to a grid over the frame, at several target sizes, from the
+middle outwards, in turns as well: an aircraft on the ground stands out no more than a car does.
 
 A proposal that the channel does not know keeps a small share of its score: what was not in its training can still start
 a track, but not against something that is known.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -43,8 +43,9 @@ _GRID_SPANS_PX = tuple(TARGET_PX * 2.0**k for k in range(6))
 _WIDEST = 0.5
 # a window of the grid whose levels vary less, one sigma, is an even sky: an aircraft there stands out, and is proposed
 _FLAT = 1.0
-# candidates nearer to each other than this share of their width are one
-_SAME = 0.3
+# candidates nearer to each other than this share of their width are one, unless one is so much wider: a window that is
+# too narrow for an aircraft shows its fuselage, and another camera may show all of it
+_SAME, _WIDER = 0.3, 1.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,7 +89,11 @@ class LearnedFinder:
         self._kept, self._camera_from_runway = [], None
 
     def find(
-        self, image: ImageArray | Picture, t_s: float, camera_from_runway: FloatArray | None = None
+        self,
+        image: ImageArray | Picture,
+        t_s: float,
+        camera_from_runway: FloatArray | None = None,
+        places: Sequence[tuple[FloatArray, float]] = (),
     ) -> tuple[Candidate, ...]:
         """Return the candidates of one frame, best first; arguments as of `CandidateFinder.find`."""
         picture = as_picture(image)
@@ -99,11 +104,12 @@ class LearnedFinder:
             seen += self._seen_at(picture, _Look(centre_px=place, span_px=kept.box.w), brightest)
         chosen, others = self._chosen(proposals)
         weighed = [self._weighed(picture, p) for p in chosen]
-        for look in self._turn_of_grid():
+        guided = [_Look(centre_px=centre, span_px=width) for centre, width in places]
+        for look in (*guided, *self._turn_of_grid(max(_GRID - len(guided), 2))):
             seen += self._seen_at(picture, look, brightest, _FLAT)
         unknown = [replace(p, score=_LEAST_SHARE * p.score) for p in others]
         found = _distinct([*weighed, *seen, *unknown])
-        self._kept = [c for c in sorted(found, key=_odds, reverse=True) if _odds(c) > 0.0][:_KEPT]
+        self._kept = _places_of([c for c in found if _odds(c) > 0.0])[:_KEPT]
         self._camera_from_runway = camera_from_runway
         return tuple(sorted(found, key=lambda c: -c.score)[: self._most])
 
@@ -129,9 +135,9 @@ class LearnedFinder:
         others = [*others[start:], *others[:start]]
         return [*first, *others[:count]], others[count:]
 
-    def _turn_of_grid(self) -> Iterator[_Look]:
+    def _turn_of_grid(self, count: int) -> Iterator[_Look]:
         """Yield the next places of the grid."""
-        for _ in range(min(_GRID, len(self._grid))):
+        for _ in range(min(count, len(self._grid))):
             yield self._grid[self._next % len(self._grid)]
             self._next += 1
 
@@ -219,13 +225,28 @@ def _odds(candidate: Candidate) -> float:
 
 
 def _distinct(found: list[Candidate]) -> list[Candidate]:
-    """Return candidates without those that are the same aircraft as a likelier one."""
+    """Return candidates without those that are the same aircraft, of about the same width, as a likelier one."""
     chosen: list[Candidate] = []
     for c in sorted(found, key=_odds, reverse=True):
-        reach = _SAME * c.box.w
-        if _odds(c) <= 0.0 or all(math.hypot(c.u_px - d.u_px, c.v_px - d.v_px) > reach for d in chosen):
+        if _odds(c) <= 0.0 or not any(_is_same(c, d) for d in chosen):
             chosen.append(c)
     return chosen
+
+
+def _places_of(found: list[Candidate]) -> list[Candidate]:
+    """Return candidates, the likeliest first, but those at a place after all other places: at another width."""
+    first: list[Candidate] = []
+    second: list[Candidate] = []
+    for c in sorted(found, key=_odds, reverse=True):
+        again = any(math.hypot(c.u_px - d.u_px, c.v_px - d.v_px) <= 0.5 * max(c.box.w, d.box.w) for d in first)
+        (second if again else first).append(c)
+    return [*first, *second]
+
+
+def _is_same(c: Candidate, likelier: Candidate) -> bool:
+    """Return whether a candidate is at the place of a likelier one and about as wide."""
+    near = math.hypot(c.u_px - likelier.u_px, c.v_px - likelier.v_px) <= _SAME * c.box.w
+    return near and max(c.box.w, likelier.box.w) <= _WIDER * min(c.box.w, likelier.box.w)
 
 
 def _is_inside(point_px: FloatArray, size_px: tuple[int, int]) -> bool:

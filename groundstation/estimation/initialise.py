@@ -11,17 +11,18 @@ something else, a bird say, must move for longer.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.config import InitiationConfig
+from groundstation.estimation.initial_fix import Fix, without_lesser
 from groundstation.estimation.tentative_track import InitiatedTarget, TentativeTrack, initiated
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.station import LensError, StationGeometry
-from groundstation.messages import Kinematics
+from groundstation.messages import InitialPixel, Kinematics
 
 # a target's depth is its distance but for the angle off the optical axis
 _SIZE_SLACK = 1.2
@@ -33,43 +34,6 @@ _LINK_ODDS = 1.0
 _MAX_TRACKS = 40
 # an age of three frame intervals is one of three frames, whatever their stamps' last digit
 _ROUNDING_S = 1e-3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CameraCandidate:
-    """One candidate of one camera: pixel (2,) at ``t_s``, width in px (None if unknown), score, and the angles then.
-
-    ``moving`` marks a candidate detected by its motion: it may cover only a part of the aircraft, so that position and
-    width are coarse, unless ``sigma_px`` gives the sigma of u and v. ``labelled`` marks an external label, which is
-    confirmed without the motion test. ``odds`` are log odds of aircraft by the learned channel, None without it.
-    """
-
-    t_s: float
-    station: str
-    pixel: FloatArray
-    width_px: float | None
-    score: float
-    pan_rad: float
-    tilt_rad: float
-    angle_sigma_rad: float
-    moving: bool = False
-    labelled: bool = False
-    sigma_px: float | None = None
-    odds: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fix:
-    """A plausible intersection of the rays of two candidates: position (3,) in m with covariance (3, 3).
-
-    ``odds`` are the smaller log odds of aircraft of the two, None where the learned channel has not weighed them.
-    """
-
-    position_m: FloatArray
-    covariance_m2: FloatArray
-    score: float
-    labelled: bool
-    odds: float | None = None
 
 
 class TrackInitiator:
@@ -129,17 +93,20 @@ class TrackInitiator:
             by_station.setdefault(s.station, []).append(s)
         found = []
         for a, b in combinations(by_station, 2):
-            for first, second, distance in self._nearly_meeting(by_station[a], by_station[b]):
-                fix = self._fix(first, second, distance)
+            for first, second, ranges_m in self._nearly_meeting(by_station[a], by_station[b]):
+                fix = self._fix(first, second, ranges_m)
                 if fix is not None:
                     found.append(fix)
-        return sorted(found, key=lambda f: -f.score)
+        return sorted(without_lesser(found), key=lambda f: -f.score)
 
     # -------------------------------------------------------------------------------------- geometry
     def _nearly_meeting(
         self, first: list[CameraCandidate], second: list[CameraCandidate]
-    ) -> list[tuple[CameraCandidate, CameraCandidate, float]]:
-        """Return pairs whose rays nearly intersect, and their distance: a fast test before the triangulation."""
+    ) -> list[tuple[CameraCandidate, CameraCandidate, tuple[float, float]]]:
+        """Return pairs whose rays nearly intersect, and how far away: a fast test before the triangulation.
+
+        The two ranges differ where one camera is far down the runway.
+        """
         first, one = self._rays(first)
         second, two = self._rays(second)
         if not first or not second:
@@ -149,16 +116,19 @@ class TrackInitiator:
         normal = np.cross(one[:, None, 1], two[None, :, 1])
         sine = np.maximum(np.linalg.norm(normal, axis=2), 1e-12)
         gap = np.abs((apart * normal).sum(axis=2)) / sine
-        distance = (np.cross(apart, two[None, :, 1]) * normal).sum(axis=2) / sine**2
-        ahead = (distance >= self._config.min_range_m) & (distance <= self._config.max_range_m) & (sine >= 1e-5)
+        ahead = sine >= 1e-5
+        ranges = np.empty((*sine.shape, 2))
+        for k, other in enumerate((two[None, :, 1], one[:, None, 1])):
+            ranges[:, :, k] = (np.cross(apart, other) * normal).sum(axis=2) / sine**2
+            ahead &= (ranges[:, :, k] >= self._config.min_range_m) & (ranges[:, :, k] <= self._config.max_range_m)
         pairs = []
         for i, j in np.argwhere(ahead):
-            far = float(distance[i, j])
-            if not self._sizes_possible(first[i], second[j], far):
+            near, far = (float(r) for r in ranges[i, j])
+            if not self._sizes_possible(first[i], second[j], (near, far)):
                 continue
-            noise = self._ray_sigma(first[i], far) + self._ray_sigma(second[j], far)
-            if gap[i, j] <= (self._config.residual_gate_sigma + 1.0) * noise * far:
-                pairs.append((first[i], second[j], far))
+            noise_m = near * self._ray_sigma(first[i], near) + far * self._ray_sigma(second[j], far)
+            if gap[i, j] <= (self._config.residual_gate_sigma + 1.0) * noise_m:
+                pairs.append((first[i], second[j], (near, far)))
         return pairs
 
     def _rays(self, sightings: list[CameraCandidate]) -> tuple[list[CameraCandidate], FloatArray]:
@@ -188,18 +158,18 @@ class TrackInitiator:
         share = 0.0 if s.width_px is None else self._config.candidate_sigma_share * s.width_px
         return float(np.hypot(self._config.candidate_sigma_px, share))
 
-    def _fix(self, first: CameraCandidate, second: CameraCandidate, distance_m: float) -> Fix | None:
-        """Return the fix of two candidates if it is plausible for an aircraft."""
+    def _fix(self, first: CameraCandidate, second: CameraCandidate, ranges_m: tuple[float, float]) -> Fix | None:
+        """Return the fix of two candidates, at about these ranges, if it is plausible for an aircraft."""
         views = [
             TriangulationView(
                 station=self._stations[s.station],
                 pixel=s.pixel,
-                covariance_px2=np.eye(2) * self._sigma_px(s, distance_m) ** 2,
+                covariance_px2=np.eye(2) * self._sigma_px(s, range_m) ** 2,
                 pan_rad=s.pan_rad,
                 tilt_rad=s.tilt_rad,
                 angle_sigma_rad=s.angle_sigma_rad,
             )
-            for s in (first, second)
+            for s, range_m in zip((first, second), ranges_m, strict=True)
         ]
         point = triangulate(views)
         if point is None or point.residual_sigma > self._config.residual_gate_sigma:
@@ -216,15 +186,26 @@ class TrackInitiator:
             score=min(first.score, second.score),
             labelled=first.labelled and second.labelled,
             odds=None if first.odds is None or second.odds is None else min(first.odds, second.odds),
+            pixels=tuple(
+                InitialPixel(
+                    t_s=s.t_s,
+                    station=s.station,
+                    u_px=float(s.pixel[0]),
+                    v_px=float(s.pixel[1]),
+                    sigma_px=self._sigma_px(s, range_m),
+                )
+                for s, range_m in zip((first, second), ranges_m, strict=True)
+                if not s.labelled
+            ),
         )
 
-    def _sizes_possible(self, first: CameraCandidate, second: CameraCandidate, distance_m: float) -> bool:
-        """Return whether `_sizes_fit` is possible at about this distance, to avoid needless triangulations."""
+    def _sizes_possible(self, first: CameraCandidate, second: CameraCandidate, ranges_m: tuple[float, float]) -> bool:
+        """Return whether `_sizes_fit` is possible at about these ranges, to avoid needless triangulations."""
         if first.width_px is None or second.width_px is None:
             return True
         widths = [
-            s.width_px * distance_m / float(self._stations[s.station].lens.focal_px[0])
-            for s in (first, second)
+            s.width_px * range_m / float(self._stations[s.station].lens.focal_px[0])
+            for s, range_m in zip((first, second), ranges_m, strict=True)
             if s.width_px is not None
         ]
         return self._width_believable(widths, first.moving or second.moving, _SIZE_SLACK)
@@ -290,6 +271,7 @@ class TrackInitiator:
                 fix = free.pop(best)
                 track.update(fix.position_m, fix.covariance_m2, fix.score, labelled=fix.labelled)
                 track.add_odds(fix.odds, self._config.hits)
+                track.pixels.extend(fix.pixels)
             else:
                 track.misses += 1
         for fix in free[: _MAX_TRACKS - len(self._tracks)]:
@@ -307,6 +289,7 @@ class TrackInitiator:
                 labelled=fix.labelled,
             )
             track.add_odds(fix.odds, self._config.hits)
+            track.pixels.extend(fix.pixels)
             self._tracks.append(track)
 
     def _is_recognised(self, track: TentativeTrack) -> bool:

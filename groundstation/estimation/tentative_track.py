@@ -1,15 +1,18 @@
 """A tentative track of the track initiation: a constant-velocity filter and what is known of its fixes; its target."""
 
+from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import InitiationConfig
-from groundstation.messages import Kinematics
+from groundstation.messages import InitialPixel, Kinematics
 
 # log odds beyond which a single fix has no more weight
 _MOST_ODDS = 12.0
+# pixels that are kept: five seconds of three cameras at 30 Hz
+_MOST_PIXELS = 450
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -25,6 +28,7 @@ class TentativeTrack:
     score, squares : sums of the fixes' scores and of their normalised squares.
     labelled : whether all of its fixes are labels.
     recent_odds : log odds of aircraft of the last fixes, as the learned channel weighs them.
+    pixels : those of the fixes, the newest ones.
     """
 
     t_s: float
@@ -38,6 +42,7 @@ class TentativeTrack:
     squares: float = 0.0
     labelled: bool = False
     recent_odds: list[float] = field(default_factory=list)
+    pixels: deque[InitialPixel] = field(default_factory=lambda: deque(maxlen=_MOST_PIXELS))
 
     def add_odds(self, odds: float | None, most: int) -> None:
         """Append the log odds of a fix, limited, to the last ``most`` ones."""
@@ -73,7 +78,7 @@ class InitiatedTarget:
     """A confirmed tentative track: its state, whether it moves, and whether the learned channel recognises it.
 
     ``odds`` are its mean log odds of aircraft, None where the learned channel has not weighed its candidates; ``age_s``
-    is the time since its first fix.
+    is the time since its first fix; ``pixels`` are those of its fixes.
     """
 
     kinematics: Kinematics
@@ -81,6 +86,7 @@ class InitiatedTarget:
     recognised: bool
     odds: float | None
     age_s: float
+    pixels: tuple[InitialPixel, ...] = ()
 
 
 def initiated(track: TentativeTrack, config: InitiationConfig, *, moving: bool, recognised: bool) -> InitiatedTarget:
@@ -101,4 +107,5 @@ def initiated(track: TentativeTrack, config: InitiationConfig, *, moving: bool, 
         recognised=recognised,
         odds=track.mean_odds,
         age_s=track.t_s - track.born_s,
+        pixels=tuple(track.pixels),
     )

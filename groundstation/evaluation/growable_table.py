@@ -31,6 +31,11 @@ class GrowableTable:
         self._table[self._used] = cells
         self._used += 1
 
+    def change(self, row: int, **cells: Any) -> None:
+        """Set cells of a row by their names."""
+        for name, value in cells.items():
+            self._table[name][row] = value
+
     def rows(self) -> NDArray[Any]:
         """Return all rows so far as one array, not to be written to: it is the table's own memory."""
         return self._table[: self._used]

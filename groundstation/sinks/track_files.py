@@ -1,10 +1,12 @@
 """The result files of a replay: track.csv, triangulation.csv, detections.csv and track.tum, written incrementally.
 
-Only complete lines are flushed, so that the files of a killed run are readable to their last epoch; no rows are kept
-in memory. A missing value is an empty cell.
+Only complete lines are flushed, so that the files of a killed run are readable to their last epoch. Rows are kept in
+memory for five seconds of a search at most: a frame without a target gets the pixel by which one was found afterwards.
+A missing value is an empty cell.
 """
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,7 +15,18 @@ from typing import TextIO
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
-from groundstation.messages import CameraReport, Detection, StepReport, TrackEstimate, TriangulationStatus
+from groundstation.messages import (
+    INITIAL_PIXELS_S,
+    CameraReport,
+    Detection,
+    DetectionStatus,
+    InitialPixel,
+    Miss,
+    MissReason,
+    StepReport,
+    TrackEstimate,
+    TriangulationStatus,
+)
 
 TRACK_COLUMNS = (
     *("t_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"),
@@ -39,7 +52,9 @@ class TrackFilesSink:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._flushed_s = -math.inf
+        self._flushed_s = self._newest_s = -math.inf
+        # rows of detections.csv in their order, with their times, from the oldest one on that may get a pixel
+        self._waiting: deque[tuple[float, list[str], bool]] = deque()
         with ExitStack() as stack:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
@@ -67,7 +82,15 @@ class TrackFilesSink:
     def write(self, report: StepReport) -> None:
         """Append the rows of one step."""
         for camera in report.cameras:
-            self._detections.write(_line(_detection_cells(camera)))
+            self._waiting.append((camera.t_s, _detection_cells(camera), _is_searched(camera)))
+            self._newest_s = max(self._newest_s, camera.t_s)
+        for each in report.estimates:
+            self._newest_s = max(self._newest_s, each.t_s)
+        for state in report.states:
+            self._newest_s = max(self._newest_s, state.t_s)
+        # what is detected is a target, whose initial pixels have been reported
+        found = any(isinstance(camera.result, Detection) for camera in report.cameras)
+        self._write_detections(report.initial_pixels, all_rows=found)
         for estimate in report.estimates:
             cells = _track_cells(estimate)
             self._track.write(_line(cells))
@@ -79,16 +102,31 @@ class TrackFilesSink:
             # without further pairs, too, the last rows are flushed
             self._flush(state.t_s)
 
+    def _write_detections(self, initial: tuple[InitialPixel, ...] = (), *, all_rows: bool = False) -> None:
+        """Write the rows that are complete: all once a target is found, and those that are too old for one to come."""
+        pixels = {(_number(p.t_s, ".6f"), p.station): p for p in initial}
+        while self._waiting:
+            t_s, cells, searched = self._waiting[0]
+            if searched and not initial and not all_rows and self._newest_s - t_s <= INITIAL_PIXELS_S:
+                return
+            if searched and (pixel := pixels.get((cells[0], cells[1]))) is not None:
+                cells[2:6] = _numbers((pixel.u_px, pixel.v_px, pixel.sigma_px, pixel.sigma_px), ".4f")
+                cells[10] = DetectionStatus.INITIAL.value
+            self._detections.write(_line(cells))
+            self._waiting.popleft()
+
     def _flush(self, t_s: float) -> None:
-        """Flush the rows every 0.5 s of session time, the most that a crash loses."""
+        """Flush the rows every 0.5 s of session time, the most that a crash loses, but for those that wait."""
         if abs(t_s - self._flushed_s) >= _FLUSH_EVERY_S:
             self._flushed_s = t_s
             for file in (self._detections, self._track, self._triangulation, self._tum):
                 file.flush()
 
     def close(self) -> None:
-        """Close the files; may be called twice."""
-        self._files.close()
+        """Write what waits and close the files; may be called twice."""
+        with self._files:
+            if not self._detections.closed:
+                self._write_detections(all_rows=True)
 
 
 def write_track(path: Path, estimates: Iterable[TrackEstimate]) -> None:
@@ -161,6 +199,11 @@ def _detection_cells(camera: CameraReport) -> list[str]:
     roi = camera.roi
     cells += [""] * 4 if roi is None else [str(v) for v in (roi.x0, roi.y0, *roi.size)]
     return [*cells, camera.status.value, _number(1e3 * camera.elapsed_s, ".3f")]
+
+
+def _is_searched(camera: CameraReport) -> bool:
+    """Return whether a frame was one of a search, without a target."""
+    return isinstance(camera.result, Miss) and camera.result.reason is MissReason.NOT_ACQUIRED
 
 
 def _tum_line(track_cells: list[str]) -> str | None:

@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.config import InitiationConfig
-from groundstation.estimation.initialise import CameraCandidate, TrackInitiator
+from groundstation.estimation.initialise import TrackInitiator
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Kinematics
 from groundstation.tracking.epoch_buffer import EpochView, EpochViews

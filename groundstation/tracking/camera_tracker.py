@@ -5,7 +5,7 @@ caller.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -18,7 +18,8 @@ from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.detector import DetectionHint
 from groundstation.detection.make_detector import make_detector, make_finder
 from groundstation.detection.roi import place_roi
-from groundstation.estimation.initialise import CameraCandidate
+from groundstation.estimation.camera_candidate import CameraCandidate
+from groundstation.estimation.guided_search import GuidedPlace
 from groundstation.messages import Detection, Frame, Miss, MissReason
 from groundstation.picture import Picture, as_picture
 from groundstation.rig.rig import Station
@@ -123,12 +124,23 @@ class CameraTracker:
             yield
         self._extent, self._px_per_m, self._detections = extent, scale, detections
 
-    def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[CameraCandidate]:
-        """Return the candidates of the whole frame; none if a recording kept only a part of it."""
+    def search(
+        self,
+        frame: Frame,
+        pan_rad: float,
+        tilt_rad: float,
+        angle_sigma_rad: float,
+        places: Sequence[GuidedPlace] = (),
+    ) -> list[CameraCandidate]:
+        """Return the candidates of the whole frame; none if a recording kept only a part of it.
+
+        ``places`` are those that other cameras' candidates suggest.
+        """
         if not as_picture(frame.image).has_all:
             return []
         pose = self.geometry.camera_pose(pan_rad, tilt_rad)
-        found = self._finder.find(frame.image, frame.t_s, pose.runway_from_camera.T)
+        guided = tuple((place.pixel, place.width_px) for place in places)
+        found = self._finder.find(frame.image, frame.t_s, pose.runway_from_camera.T, guided)
         return [
             CameraCandidate(
                 t_s=frame.t_s,

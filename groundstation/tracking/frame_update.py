@@ -13,9 +13,9 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.box import Box
+from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.config import Predictor
 from groundstation.estimation.encoders import EncoderFeed
-from groundstation.estimation.initialise import CameraCandidate
 from groundstation.estimation.out_of_view_weight import probability_in_view
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.trajectory_curve import Knot
@@ -201,7 +201,8 @@ class FrameUpdate:
         """Search the whole frame, or take the labelled pixel, for the next epoch; return the candidates."""
         sigma_rad = self._pointing_sigma_rad(record, angles)
         if isinstance(record, Frame):
-            found = self._cameras[record.station].search(record, angles.pan_rad, angles.tilt_rad, sigma_rad)
+            places = self._track_manager.guided_places(record, angles.pan_rad, angles.tilt_rad)
+            found = self._cameras[record.station].search(record, angles.pan_rad, angles.tilt_rad, sigma_rad, places)
             self._track_manager.add_search(record.station, record.t_s, found)
             return found
         label = CameraCandidate(

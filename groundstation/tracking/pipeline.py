@@ -341,6 +341,7 @@ class Pipeline:
             self._track_manager.log(event.t_s, event.level, event.text)
         self._throttle.pass_time(epoch.t_s)
         kinematics = self._track_manager.process_epoch(epoch, views, newest_s=self._synchroniser.newest_s)
+        self._out.initial_pixels += self._track_manager.take_initial_pixels()
         self._out.estimates.append(
             TrackEstimate(
                 t_s=epoch.t_s,

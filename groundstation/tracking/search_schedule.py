@@ -9,7 +9,7 @@ the next search of another camera; what only one camera has searched is no evide
 
 from collections import deque
 
-from groundstation.estimation.initialise import CameraCandidate
+from groundstation.estimation.camera_candidate import CameraCandidate
 
 # between the beginnings of searches next to a target
 _EVERY_S = 0.15

@@ -9,14 +9,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from groundstation.estimation.initialise import CameraCandidate, TrackInitiator
+from groundstation.estimation.camera_candidate import CameraCandidate
+from groundstation.estimation.guided_search import GuidedPlace, GuidedSearch
+from groundstation.estimation.initialise import TrackInitiator
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.target_point import with_point_error
 from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import (
+    INITIAL_PIXELS_S,
     Epoch,
     Frame,
+    InitialPixel,
     InitialState,
     Kinematics,
     PixelMeasurement,
@@ -58,21 +62,27 @@ class TrackManager:
         self._coast_after_s = config.estimation.coast_after_s
         self._newest_epoch_s = -math.inf
         self._accepted_s: dict[str, float] = {}
-        self._initiator = TrackInitiator({n: c.geometry for n, c in cameras.items()}, config.initiation, span.span_m)
+        geometries = {n: c.geometry for n, c in cameras.items()}
+        self._initiator = TrackInitiator(geometries, config.initiation, span.span_m)
+        self._guided = GuidedSearch(geometries, config.initiation, span.span_m)
         self._span, self._usual_span_m = span, config.initiation.usual_span_m
         self._point_sigma_spans = np.array(config.estimation.target_point_sigma_spans)
-        self._alternative = AlternativeTrack(
-            {n: c.geometry for n, c in cameras.items()}, config.initiation, span.span_m
-        )
+        self._alternative = AlternativeTrack(geometries, config.initiation, span.span_m)
         self._initial = initial
         self._schedule = SearchSchedule()
         self._labels: list[CameraCandidate] = []
         self._events: list[TrackEvent] = []
+        self._initial_pixels: tuple[InitialPixel, ...] = ()
 
     def take_events(self) -> list[TrackEvent]:
         """Return the events since the last call."""
         events, self._events = self._events, []
         return events
+
+    def take_initial_pixels(self) -> tuple[InitialPixel, ...]:
+        """Return the pixels by which a target was found since the last call."""
+        pixels, self._initial_pixels = self._initial_pixels, ()
+        return pixels
 
     def log(self, t_s: float, level: str, text: str) -> None:
         """Add a line to the log events."""
@@ -93,9 +103,14 @@ class TrackManager:
         has_target = self._ekf.has_target
         return self._schedule.is_due(record.station, record.t_s, epoch=record.epoch, has_target=has_target)
 
+    def guided_places(self, record: Frame, pan_rad: float, tilt_rad: float) -> list[GuidedPlace]:
+        """Return where a station's frame may show what other cameras have found lately."""
+        return self._guided.places(record.station, record.t_s, pan_rad, tilt_rad)
+
     def add_search(self, station: str, t_s: float, candidates: list[CameraCandidate]) -> None:
         """Add the candidates of a frame for the next epoch."""
         self._schedule.add(station, t_s, candidates)
+        self._guided.add(station, candidates)
 
     def add_label(self, label: CameraCandidate) -> None:
         """Add a labelled pixel for the next epoch."""
@@ -254,6 +269,7 @@ class TrackManager:
             position, start.velocity_runway_m_s, start.covariance, age_s, triangulated=how != "given"
         )
         self._initiator.reset()
+        self._guided.reset()
         self._alternative.reset()
         self._labels.clear()
         self._schedule.clear()
@@ -271,11 +287,14 @@ class TrackManager:
             self.log(t_s, "warning", f"cameras agree on {where} and not with the filter: target restarted there")
         else:
             self.log(t_s, "info", f"target {how} at {where}{', recognised' if found and not found.moving else ''}")
+        if found is not None:
+            self._initial_pixels = tuple(p for p in found.pixels if t_s - p.t_s <= INITIAL_PIXELS_S)
         self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)
 
     def drop(self, t_s: float) -> None:
         """Drop the target as lost."""
         self._ekf.drop_target()
+        self._guided.reset()
         self._alternative.reset()
         self._reset_cameras()
         self._set_status(t_s, TrackStatus.LOST)

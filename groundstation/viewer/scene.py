@@ -39,6 +39,7 @@ DETECTION_STATES = {
     DetectionStatus.CUT: DOUBTFUL,
     DetectionStatus.LATE: GOOD,
     DetectionStatus.EXCLUDED: BAD,
+    DetectionStatus.INITIAL: IDLE,
 }
 PAVEMENT = (70, 74, 80)
 MARKING = (165, 170, 175)

@@ -13,7 +13,7 @@ def test_events_beyond_the_most_are_counted_and_not_kept() -> None:
     collector = ResultCollector.__new__(ResultCollector)
     collector.events, collector.events_dropped = [], 0
     events = [SimpleNamespace(t_s=float(k), level="info", text="again") for k in range(MAX_EVENTS + 3)]
-    collector.write(SimpleNamespace(cameras=(), estimates=(), events=events))
+    collector.write(SimpleNamespace(cameras=(), estimates=(), initial_pixels=(), events=events))
     assert (len(collector.events), collector.events_dropped) == (MAX_EVENTS, 3)
 
 

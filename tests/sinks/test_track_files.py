@@ -12,6 +12,7 @@ from groundstation.messages import (
     CameraReport,
     Detection,
     DetectionStatus,
+    InitialPixel,
     Kinematics,
     Miss,
     MissReason,
@@ -217,3 +218,67 @@ def test_the_last_rows_do_not_wait_for_a_pair(tmp_path: Path, rng: np.random.Gen
         sink.write(StepReport(states=(TrackState(t_s=10.5, status=TrackStatus.COASTING, kinematics=None),)))
         assert rows() == 3
     assert rows() == 3
+
+
+def _searched(t_s: float, station: str = "left") -> CameraReport:
+    return CameraReport(
+        t_s=t_s,
+        station=station,
+        epoch=0,
+        status=DetectionStatus.MISS,
+        result=Miss(reason=MissReason.NOT_ACQUIRED, detail="3 candidates"),
+        roi=None,
+        predicted_px=None,
+        predicted_covariance_px2=None,
+        pan_rad=0.0,
+        tilt_rad=0.0,
+        innovation=None,
+        elapsed_s=0.05,
+    )
+
+
+def _initial(t_s: float, u_px: float, station: str = "left") -> InitialPixel:
+    return InitialPixel(t_s=t_s, station=station, u_px=u_px, v_px=7.0, sigma_px=1.5)
+
+
+def _detection_rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "detections.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_searched_frame_gets_the_pixel_by_which_the_target_is_found_later(tmp_path: Path) -> None:
+    sink = TrackFilesSink(tmp_path)
+    for k in range(6):
+        sink.write(StepReport(cameras=(_searched(0.1 * k), _searched(0.1 * k, "right"))))
+    sink.write(StepReport(initial_pixels=(_initial(0.2, 5.0), _initial(0.4, 6.0), _initial(0.4, 8.0, "right"))))
+    # of a frame that was never reported
+    sink.write(StepReport(cameras=(_searched(0.6),), initial_pixels=(_initial(0.35, 9.0),)))
+    sink.close()
+    rows = _detection_rows(tmp_path)
+    assert [(row["t_s"], row["station"]) for row in rows] == [
+        *((f"{0.1 * k:.6f}", station) for k in range(6) for station in ("left", "right")),
+        ("0.600000", "left"),
+    ]
+    found = {(row["t_s"], row["station"]): row for row in rows if row["u_px"]}
+    assert {key: float(row["u_px"]) for key, row in found.items()} == {
+        ("0.200000", "left"): 5.0,
+        ("0.400000", "left"): 6.0,
+        ("0.400000", "right"): 8.0,
+    }
+    for row in rows:
+        assert row["status"] == ("initial" if row["u_px"] else "miss")
+        assert row["elapsed_ms"] == "50.000"
+        assert bool(row["sigma_u_px"]) == bool(row["u_px"])
+
+
+def test_rows_of_a_long_search_do_not_wait_for_ever(tmp_path: Path) -> None:
+    """Expected: rows older than five seconds are in the file, later ones on closing, and no pixel comes too late."""
+    sink = TrackFilesSink(tmp_path)
+    for k in range(100):
+        sink.write(StepReport(cameras=(_searched(0.1 * k),), estimates=(_nothing(0.1 * k),)))
+    assert 45 <= len(_detection_rows(tmp_path)) <= 50
+    sink.write(StepReport(initial_pixels=(_initial(0.1 * 3, 5.0), _initial(0.1 * 97, 6.0))))
+    sink.close()
+    rows = _detection_rows(tmp_path)
+    assert len(rows) == 100
+    assert [k for k, row in enumerate(rows) if row["u_px"]] == [97]

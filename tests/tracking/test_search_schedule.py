@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from groundstation.estimation.initialise import CameraCandidate
+from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.tracking.search_schedule import SearchSchedule
 
 

@@ -7,12 +7,15 @@ import pytest
 
 from groundstation.box import Box
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
+from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.errors import InputError
+from groundstation.files.channel_weights import channel_weights
 from groundstation.simulation.world.draw_world import draw_world
 from groundstation.sources.true_silhouettes import TrueSilhouette
 from training.backgrounds import Background, world_background
 from training.filmed_targets import filmed_targets
-from training.material import Material, load_material, save_material
+from training.material import Material, joined, load_material, save_material
+from training.mined_places import false_place
 from training.recorded_windows import recorded_window, target_in
 from training.sprites import SPRITE_PX, SpriteStudio
 from training.windows import WindowDrawer
@@ -147,3 +150,38 @@ def test_filmed_targets_are_where_they_are_labelled() -> None:
         assert target.cover.shape == target.image.shape[:2]
     # some windows elsewhere show nothing
     assert any(not target.cover.any() for target in elsewhere)
+
+
+def test_materials_are_joined(material: Material) -> None:
+    both = joined([material, material])
+    for name in ("aircraft", "birds", "backgrounds", "filmed"):
+        assert len(getattr(both, name)) == 2 * len(getattr(material, name))
+
+
+def test_a_mined_place_is_one_that_the_channel_mistakes_and_the_target_is_not_there() -> None:
+    """A picture with two aircraft, one of them labelled: the other one is what the channel is wrong about."""
+    sprite = next(
+        found
+        for seed in range(9)
+        if (found := SpriteStudio().aircraft(draw_world(4), np.random.default_rng(seed))) is not None
+        and found.width_px > 60.0
+    )
+    image = np.full((480, 640, 3), (230, 190, 150), np.uint8)
+    h, w = sprite.light.shape[:2]
+    for x in (40, 480):
+        part = image[200 : 200 + h, x : x + w].astype(np.float32)
+        image[200 : 200 + h, x : x + w] = part * (1.0 - sprite.light[:, :, 3:]) + sprite.light[:, :, :3]
+    channel = LearnedChannel(channel_weights())
+    own, mined = Box(40.0, 200.0, 40.0 + w, 200.0 + h), []
+    for seed in range(20):
+        place = false_place(channel, image, own, np.random.default_rng(seed))
+        again = false_place(channel, image, own, np.random.default_rng(seed))
+        assert (place is None) == (again is None)
+        if place is not None and again is not None:
+            np.testing.assert_array_equal(place[0], again[0])
+            mined.append(place[0])
+    assert len(mined) >= 10
+    other = Box(480.0, 200.0, 480.0 + w, 200.0 + h)
+    assert all(other.x0 - 8 <= u <= other.x1 + 8 and other.y0 - 8 <= v <= other.y1 + 8 for u, v in mined)
+    # an even sky shows nothing to be mistaken
+    assert false_place(channel, np.full((480, 640, 3), 180, np.uint8), own, np.random.default_rng(1)) is None
