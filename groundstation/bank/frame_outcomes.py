@@ -7,9 +7,12 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.bank.session_truth import SessionTruth, distance_outside_px
+from groundstation.evaluation.collector import DETECTION_STATUSES
 from groundstation.evaluation.evaluate import Evaluation
+from groundstation.messages import DetectionStatus
 
 HIT_MARGIN_PX = 4.0
+_INITIAL = DETECTION_STATUSES.index(DetectionStatus.INITIAL)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,6 +26,7 @@ class FrameOutcome:
     visible : whether it shows the aircraft by the rules of `session_truth`.
     pixel_px : the reported target point (2,); None without one.
     outside_px : distance of that point from the silhouette, 0 inside; infinite without a point or a silhouette.
+    initial : whether the point was only known once the target was found, in a later frame.
     """
 
     station: str
@@ -31,6 +35,7 @@ class FrameOutcome:
     visible: bool
     pixel_px: FloatArray | None
     outside_px: float
+    initial: bool = False
 
     @property
     def hit(self) -> bool:
@@ -46,8 +51,11 @@ class FrameOutcome:
 def frame_outcomes(truth: SessionTruth, evaluation: Evaluation) -> list[FrameOutcome]:
     """Return the outcome of each delivered frame, by station and pair."""
     known = np.isfinite(evaluation.cameras["pixel"]).all(axis=1)
-    reported: dict[tuple[str, int], FloatArray] = {
-        (evaluation.stations[row["station"]], int(row["epoch"])): row["pixel"].astype(np.float64)
+    reported: dict[tuple[str, int], tuple[FloatArray, bool]] = {
+        (evaluation.stations[row["station"]], int(row["epoch"])): (
+            row["pixel"].astype(np.float64),
+            bool(row["status"] == _INITIAL),
+        )
         for row in evaluation.cameras[known]
     }
     outcomes = []
@@ -55,7 +63,8 @@ def frame_outcomes(truth: SessionTruth, evaluation: Evaluation) -> list[FrameOut
         for pair in range(truth.pairs):
             if not truth.taken(station, pair):
                 continue
-            there, pixel = truth.frame(station, pair), reported.get((station, pair))
+            there = truth.frame(station, pair)
+            pixel, initial = reported.get((station, pair), (None, False))
             outside = math.inf
             if there is not None and pixel is not None:
                 outside = distance_outside_px(there.silhouette, pixel)
@@ -66,6 +75,7 @@ def frame_outcomes(truth: SessionTruth, evaluation: Evaluation) -> list[FrameOut
                 visible=bool(visible[pair]),
                 pixel_px=pixel,
                 outside_px=outside,
+                initial=initial,
             )
             outcomes.append(outcome)
     return outcomes

@@ -46,6 +46,7 @@ POOLED = (
     WRONG,
     COVERAGE,
     MISLEADING,
+    Ratio(title="hit by initial pixels, of visible frames", above="hit_initial", below="visible_frames"),
     Ratio(title="ANEES while tracking", above="nees_sum", below="nees_count", divisor=3.0, percent=False),
     Ratio(title="NIS per degree of freedom", above="nis_sum", below="nis_dof", percent=False),
     Ratio(title="losses followed by a return", above="returned", below="losses"),

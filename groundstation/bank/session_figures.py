@@ -41,6 +41,7 @@ class SessionFigures:
     frames : frames delivered that have any part of the aircraft in the picture.
     visible_frames : of these, how many show it by the rules; the rest is excluded.
     hit, wrong : number of visible frames hit and of all frames (with the aircraft or without) with a wrong pixel.
+    hit_initial : of the frames hit, those whose pixel was only known once the target was found.
     wrong_visible : number of visible frames with a wrong pixel.
     time_to_track_s : from the first pair visible to two cameras to the status tracking; None without tracking.
     seen_epochs : epochs visible to two cameras, from the first to the last.
@@ -58,6 +59,7 @@ class SessionFigures:
     frames: int
     visible_frames: int
     hit: int
+    hit_initial: int
     wrong: int
     wrong_visible: int
     seen_epochs: int
@@ -121,6 +123,7 @@ def _pixel_figures(outcomes: Sequence[FrameOutcome]) -> dict[str, int]:
         "frames": sum(outcome.present for outcome in outcomes),
         "visible_frames": sum(outcome.visible for outcome in outcomes),
         "hit": sum(outcome.visible and outcome.hit for outcome in outcomes),
+        "hit_initial": sum(outcome.visible and outcome.hit and outcome.initial for outcome in outcomes),
         "wrong": sum(outcome.wrong for outcome in outcomes),
         "wrong_visible": sum(outcome.visible and outcome.wrong for outcome in outcomes),
     }

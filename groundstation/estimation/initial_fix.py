@@ -9,7 +9,7 @@ from groundstation.messages import InitialPixel
 
 # 0.95 quantile of chi-square with 3 degrees of freedom: fixes of two parts of one aircraft are not further apart
 _SAME_GATE = 7.81
-# log odds beyond which a fix is no surer to be an aircraft
+# log odds beyond which a fix is no surer to be an aircraft: what the channel gives to most of them
 _SURE_ODDS = 3.0
 
 
@@ -40,7 +40,7 @@ def without_lesser(fixes: list[Fix]) -> list[Fix]:
     if not likely:
         return fixes
     places, spreads = np.array([f.position_m for f in fixes]), np.array([f.covariance_m2 for f in fixes])
-    # odds that suffice to be recognised are equal, and the better fix counts
+    # odds of most aircraft are equal, and the better fix counts
     ranks = [(min(fixes[k].odds or 0.0, _SURE_ODDS), -float(np.trace(spreads[k])), k) for k in likely]
     left = np.ones(len(fixes), dtype=np.bool_)
     for odds, _, k in sorted(ranks, reverse=True):

@@ -20,6 +20,7 @@ def drawn_row(
         "frames": visible + 10,
         "visible_frames": visible,
         "hit": hit,
+        "hit_initial": hit // 10,
         "wrong": 1,
         "wrong_visible": 1,
         "time_to_track_s": 1.0 + 0.1 * number,

@@ -10,11 +10,11 @@ from groundstation.arrays import MaskArray
 from groundstation.bank.session_figures import SessionFigures, session_figures
 from groundstation.bank.session_truth import FrameSilhouette, SessionTruth, distance_outside_px
 from groundstation.evaluation.bounds import BoundSeries
-from groundstation.evaluation.collector import CAMERA_DTYPE, EPOCH_DTYPE, TRACK_STATUSES
+from groundstation.evaluation.collector import CAMERA_DTYPE, DETECTION_STATUSES, EPOCH_DTYPE, TRACK_STATUSES
 from groundstation.evaluation.evaluate import Evaluation
 from groundstation.evaluation.metrics import Comparison
 from groundstation.evaluation.run_description import RunDescription
-from groundstation.messages import TrackStatus
+from groundstation.messages import DetectionStatus, TrackStatus
 from groundstation.sources.true_silhouettes import TrueSilhouette
 
 # 20 × 4 px with its upper-left pixel at (100, 50)
@@ -55,6 +55,7 @@ def figures(
     error_m: Any = 0.0,
     sigma_m: float = 1.0,
     y_m: Any = 150.0,
+    initial: tuple[tuple[str, int], ...] = (),
 ) -> SessionFigures:
     """Return the figures of a run with one epoch each second."""
     n = len(statuses)
@@ -67,6 +68,8 @@ def figures(
     for row, ((station, pair), pixel) in zip(cameras, (pixels or {}).items(), strict=True):
         row["station"], row["epoch"], row["pixel"] = STATIONS.index(station), pair, pixel
         row["nis"], row["dof"], row["accepted"] = 3.0, 2, True
+        if (station, pair) in initial:
+            row["status"] = DETECTION_STATUSES.index(DetectionStatus.INITIAL)
     reference = np.zeros((n, 3))
     reference[:, 1] = y_m
     comparison = Comparison(
@@ -132,9 +135,11 @@ def test_pixels_are_hits_within_four_pixels_and_wrong_beyond() -> None:
             ("right", 2): (105.0, 51.0),
             ("right", 3): (105.0, 51.0),
         },
+        # a hit, a wrong one, and one of a frame that does not count
+        initial=(("left", 1), ("left", 2), ("right", 1)),
     )
     assert (found.frames, found.visible_frames) == (6, 5)
-    assert (found.hit, found.wrong, found.wrong_visible) == (2, 3, 1)
+    assert (found.hit, found.hit_initial, found.wrong, found.wrong_visible) == (2, 1, 3, 1)
     row = found.to_row()
     assert row["hit_share"] == pytest.approx(2 / 5)
     assert row["wrong_share"] == pytest.approx(1 / 5)
