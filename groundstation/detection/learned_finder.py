@@ -108,8 +108,8 @@ class LearnedFinder:
         for look in (*guided, *self._turn_of_grid(max(_GRID - len(guided), 2))):
             seen += self._seen_at(picture, look, brightest, _FLAT)
         unknown = [replace(p, score=_LEAST_SHARE * p.score) for p in others]
-        found = _distinct([*weighed, *seen, *unknown])
-        self._kept = _places_of([c for c in found if _odds(c) > 0.0])[:_KEPT]
+        found = distinct([*weighed, *seen, *unknown])
+        self._kept = likeliest_places([c for c in found if _odds(c) > 0.0])[:_KEPT]
         self._camera_from_runway = camera_from_runway
         return tuple(sorted(found, key=lambda c: -c.score)[: self._most])
 
@@ -224,7 +224,7 @@ def _odds(candidate: Candidate) -> float:
     return -math.inf if candidate.odds is None else candidate.odds
 
 
-def _distinct(found: list[Candidate]) -> list[Candidate]:
+def distinct(found: list[Candidate]) -> list[Candidate]:
     """Return candidates without those that are the same aircraft, of about the same width, as a likelier one."""
     chosen: list[Candidate] = []
     for c in sorted(found, key=_odds, reverse=True):
@@ -233,7 +233,7 @@ def _distinct(found: list[Candidate]) -> list[Candidate]:
     return chosen
 
 
-def _places_of(found: list[Candidate]) -> list[Candidate]:
+def likeliest_places(found: list[Candidate]) -> list[Candidate]:
     """Return candidates, the likeliest first, but those at a place after all other places: at another width."""
     first: list[Candidate] = []
     second: list[Candidate] = []

@@ -7,9 +7,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from groundstation.box import Box
 from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
 from groundstation.detection.config import DetectionConfig, DetectorKind
-from groundstation.detection.learned_finder import LearnedFinder, grid_of
+from groundstation.detection.learned_finder import LearnedFinder, distinct, grid_of, likeliest_places
 from groundstation.geometry.camera import Lens
 from tests.detection.test_learned_detector import SIZE_PX, drawn, picture
 
@@ -85,6 +86,40 @@ def test_an_aircraft_that_is_not_proposed_is_found_in_turns_and_then_kept(rng: n
     seen = [_is_found(finder.find(image, 0.1 * k), nose) for k in range(frames)]
     first = seen.index(True)
     assert all(seen[first:])
+
+
+def test_a_place_that_another_camera_suggests_is_looked_at_at_once(rng: np.random.Generator) -> None:
+    """Expected: found in the first frame, of about the width that was expected, where it is not without the place."""
+    plain, nose = picture(drawn(13), (450, 330), 44.0, rng)
+    image = ground(plain, (slice(310, 370), slice(432, 512)), rng)
+    for width_px in (30.0, 44.0, 60.0):
+        finder = LearnedFinder(AcquisitionConfig(), LEARNED, SIZE_PX)
+        assert not _is_found(finder.find(image, 0.0), nose)
+        finder = LearnedFinder(AcquisitionConfig(), LEARNED, SIZE_PX)
+        assert _is_found(finder.find(image, 0.0, None, [(nose + [15.0, -8.0], width_px)]), nose)
+    # it leaves windows for the grid
+    frames = math.ceil(len(grid_of(SIZE_PX)) / 2) + 10
+    nowhere = [(np.array([20.0, 20.0]), 44.0)] * 2
+    finder = LearnedFinder(AcquisitionConfig(), LEARNED, SIZE_PX)
+    assert any(_is_found(finder.find(image, 0.1 * k, None, nowhere), nose) for k in range(frames))
+
+
+def test_two_widths_at_a_place_are_two_candidates_of_which_one_is_kept_first() -> None:
+    def one(u_px: float, width_px: float, odds: float) -> Candidate:
+        box = Box(u_px - 0.5 * width_px, 90.0, u_px + 0.5 * width_px, 110.0)
+        return Candidate(u_px=u_px, v_px=100.0, box=box, score=1.0, moving=False, motion_px_s=None, odds=odds)
+
+    fuselage, whole, same, other = (
+        one(100.0, 30.0, 4.0),
+        one(104.0, 60.0, 3.0),
+        one(103.0, 40.0, 3.5),
+        one(300.0, 40.0, 1),
+    )
+    assert distinct([whole, same, fuselage, other]) == [fuselage, whole, other]
+    assert likeliest_places([other, whole, fuselage]) == [fuselage, other, whole]
+    # what the channel does not know is never a copy
+    unknown = one(100.0, 30.0, -1.0)
+    assert distinct([fuselage, unknown]) == [fuselage, unknown]
 
 
 def _is_found(candidates: tuple[Candidate, ...], nose: np.ndarray) -> bool:

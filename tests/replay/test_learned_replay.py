@@ -5,11 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from groundstation.bank.frame_outcomes import frame_outcomes
+from groundstation.bank.session_truth import SessionTruth
 from groundstation.cli.main import main
 from groundstation.detection_messages import DetectionStatus
+from groundstation.evaluation.collector import DETECTION_STATUSES
 from groundstation.files import channel_weights
 from groundstation.files.channel_weights import WEIGHTS
 from groundstation.replay.replay import ReplayRequest, replay
+from groundstation.session import load_session
 
 pytestmark = pytest.mark.usefixtures("unrendered_figures")
 
@@ -36,6 +40,22 @@ def test_the_start_of_the_landing(landing_1: Path, tmp_path: Path) -> None:
     total = result.evaluation.summary["accuracy"]["truth"]["total"]["ekf"]
     assert total["epochs"] > 20
     assert np.all(np.array(total["rmse_m"]) < [0.1, 4.0, 0.25])
+    # the frames by which it was found have its pixels, in both tables, and are no measurements of the filter
+    initial = [row for row in rows if row[column] == DetectionStatus.INITIAL.value]
+    assert {row[1] for row in initial} == {"left", "right"}
+    assert len(initial) >= 6
+    assert all(float(row[0]) < float(rows[first][0]) for row in initial)
+    assert len({(row[0], row[1]) for row in rows}) == len(rows)
+    assert [float(row[0]) for row in rows] == sorted(float(row[0]) for row in rows)
+    table = result.evaluation.cameras
+    found = table[table["status"] == DETECTION_STATUSES.index(DetectionStatus.INITIAL)]
+    assert len(found) == len(initial)
+    assert not found["accepted"].any()
+    truth = SessionTruth(load_session(landing_1))
+    outcomes = {(o.station, o.pair): o for o in frame_outcomes(truth, result.evaluation)}
+    judged = [outcomes[result.evaluation.stations[row["station"]], int(row["epoch"])] for row in found]
+    assert all(o.initial for o in judged)
+    assert np.mean([o.hit for o in judged]) > 0.9
 
 
 def other_weights(folder: Path) -> Path:
