@@ -17,7 +17,7 @@ class DetectionStatus(StrEnum):
     """Outcome of the detection in one frame of one camera; the words of ``detections.csv``.
 
     ``late``: the frame arrived late and was used as if it had been in time, by reprocessing from its time on.
-    ``initial``: one of the pixels by which the target was found; no filter had a target then.
+    ``initial``: one of the pixels by which the target was found; the filter had no target then.
     """
 
     OK = "ok"

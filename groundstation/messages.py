@@ -230,7 +230,7 @@ INITIAL_PIXELS_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InitialPixel:
-    """A pixel by which a target was found, in a frame that has been reported without one: it was still a candidate.
+    """A pixel by which a target was found, in a frame that has been reported without it: it was still a candidate.
 
     ``t_s`` and ``station`` are those of the frame's `CameraReport`; ``sigma_px`` is one sigma of u and v. At most
     `INITIAL_PIXELS_S` older than the target.
@@ -311,7 +311,7 @@ class StepReport:
     """All that one `Pipeline.step` brought forth; often empty, since frames wait for their angles.
 
     ``states`` answer heartbeats, and are newer than the ``estimates`` next to them. ``initial_pixels`` belong to frames
-    of earlier steps: those of the tentative track that has become the target in this one.
+    of this step or earlier ones: those of the tentative track that has become the target in this one.
     """
 
     cameras: tuple[CameraReport, ...] = ()

@@ -89,7 +89,8 @@ def fit(
     """Train, or go on with what a folder's checkpoint holds; the same on one machine, interrupted or not.
 
     ``pictures`` are one's own, ``start`` has the weights to begin with, for fine-tuning. Raises `InputError` for a
-    checkpoint of other settings, recordings, pictures or first weights, and for ``hard`` without first weights.
+    checkpoint of other settings, recordings, pictures, filmed targets or first weights, and for ``hard`` without
+    first weights.
     """
     if settings.hard and start is None:
         raise InputError(
@@ -189,7 +190,8 @@ def _resume(run: _Run, settings: FitSettings, folder: Path, device: torch.device
     if state["settings"] != repr(settings):
         raise InputError(str(path), got=f"a run of {state['settings']}", wanted=f"{settings}, or an empty folder")
     if state["inputs"] != run.inputs:
-        got, wanted = "a run with other recordings, pictures or first weights", "an empty folder for this one"
+        got = "a run with other recordings, pictures, filmed targets or first weights"
+        wanted = "an empty folder for this one"
         raise InputError(str(path), got=got, wanted=wanted)
     run.network.load_state_dict(state["network"])
     run.optimizer.load_state_dict(state["optimizer"])

@@ -1,4 +1,4 @@
-"""Places of pictures that a trained channel takes for an aircraft where there is none: what it learns most from."""
+"""Places of pictures where a trained channel sees a possible aircraft and there is none: what it learns most from."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ _TRIES = 24
 _WIDTHS_PX = (10.0, 300.0)
 # log odds from which a place is worth learning
 _LEAST_ODDS = -3.0
-# a window that shows the target within this share of its half is none without it
+# a window is without the target if the target is out of it by more than this share of its size, less a half
 _APART = 0.6
 
 
@@ -42,7 +42,7 @@ def false_place(
 
 
 def _reaches(centre: FloatArray, width_px: float, target: Box[float]) -> bool:
-    """Return whether a window around a point (2,) shows much of a box."""
+    """Return whether a box is within a window around a point (2,), or near it."""
     half = _APART * np.array(WINDOW_PX) * width_px / TARGET_PX
     low, high = centre - half, centre + half
     return bool(low[0] < target.x1 and target.x0 < high[0] and low[1] < target.y1 and target.y0 < high[1])

@@ -2,9 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from groundstation.errors import InputError
 from training.export import export_onnx, load_onnx
@@ -106,14 +107,20 @@ def _material(request: TrainRequest, progress: Callable[[str, int, int], None]) 
     return material
 
 
-def _worlds(request: TrainRequest) -> list[list[int]]:
-    """Return the first train world and the number of worlds of each material."""
-    noted = [
-        json.loads((folder / REQUEST).read_text(encoding="utf-8"))
-        for folder in request.further
-        if (folder / REQUEST).exists()
+def _requests(request: TrainRequest) -> list[dict[str, Any] | None]:
+    """Return what each material was made by, as noted in its folder; None where a folder does not say."""
+    folders = [request.out / MATERIAL, *request.further]
+    return [
+        json.loads((folder / REQUEST).read_text(encoding="utf-8")) if (folder / REQUEST).exists() else None
+        for folder in folders
     ]
-    return [[request.material.first, request.material.worlds], *([m.get("first", 0), m["worlds"]] for m in noted)]
+
+
+def _left_out(requests: Sequence[dict[str, Any] | None]) -> list[str]:
+    """Return the kinds that no material has; none where one of them does not say."""
+    kinds = ("without_families", "without_sceneries", "without_skies")
+    said = [{word for kind in kinds for word in (each or {}).get(kind, ())} for each in requests]
+    return sorted(set.intersection(*said))
 
 
 def _card(
@@ -125,11 +132,13 @@ def _card(
 ) -> dict[str, object]:
     """Return what the weights were made from."""
     clips = sum(not background.drawn for background in material.backgrounds)
+    requests = _requests(request)
     return {
         "parameters": parameters_of(network),
         "windows": request.fit.steps * request.fit.batch,
         "fit": asdict(request.fit),
-        "train_worlds": _worlds(request),
+        "train_worlds": [None if each is None else [each.get("first", 0), each["worlds"]] for each in requests],
+        "mined_with": sorted({each["mined_with"] for each in requests if each and each.get("mined_with")}),
         "drawn_aircraft": len(material.aircraft),
         "drawn_birds": len(material.birds),
         "filmed_targets": len(material.filmed),
@@ -138,9 +147,5 @@ def _card(
         "recorded_targets": len(recorded),
         "recordings": [folder.name for folder in request.recordings],
         "labelled_pictures": len(pictures),
-        "left_out": [
-            *request.material.without_families,
-            *request.material.without_sceneries,
-            *request.material.without_skies,
-        ],
+        "left_out": _left_out(requests),
     }

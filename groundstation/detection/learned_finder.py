@@ -234,7 +234,7 @@ def distinct(found: list[Candidate]) -> list[Candidate]:
 
 
 def likeliest_places(found: list[Candidate]) -> list[Candidate]:
-    """Return candidates, the likeliest first, but those at a place after all other places: at another width."""
+    """Return candidates, the likeliest first; a second width at a place comes after all first ones."""
     first: list[Candidate] = []
     second: list[Candidate] = []
     for c in sorted(found, key=_odds, reverse=True):

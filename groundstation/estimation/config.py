@@ -174,7 +174,7 @@ class InitiationConfig:
 
     Attributes
     ----------
-    min_range_m, max_range_m : distance of a plausible target from the nearest station.
+    min_range_m, max_range_m : distance of a plausible target from each of two stations.
     min_height_m, max_height_m : its z in the runway frame.
     min_size_m, max_size_m : its width when the span is not known.
     size_tolerance : when it is, the apparent width may be this factor smaller or larger.

@@ -7,7 +7,7 @@ also gives the width to expect there. Looking along it takes far fewer windows t
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -33,6 +33,8 @@ _PLACES, _MOST_STEPS = 2, 60
 # a camera that shows a candidate so near to a place, in target widths, of about that width and about as likely, needs
 # no guide to it; nor does one at another width, which is the same object
 _NEAR, _WIDER, _LESS_LIKELY = 0.8, 1.6, 1.0
+# so far away the camera's own movement with its head is nothing
+_FAR_M = 1e5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,9 +83,13 @@ class GuidedSearch:
         self._likely[station] = sorted(likely, key=lambda c: -(c.odds or 0.0))
 
     def places(self, station: str, t_s: float, pan_rad: float, tilt_rad: float) -> list[GuidedPlace]:
-        """Return some places of a camera's picture at these angles, the next ones in turn; usual spans come first."""
+        """Return some places of a camera's picture at these angles, the next ones in turn, usual spans first.
+
+        The turn goes on when a guide changes, and begins again after a frame without any.
+        """
         view = _View(geometry=self._stations[station], pan_rad=pan_rad, tilt_rad=tilt_rad)
-        own = [c for c in self._likely.get(station, []) if abs(t_s - c.t_s) <= _NEWEST_S]
+        recent = [c for c in self._likely.get(station, []) if abs(t_s - c.t_s) <= _NEWEST_S]
+        own = [now for c in recent if (now := _at_angles(c, view)) is not None]
         lines: list[list[tuple[float, GuidedPlace]]] = []
         for guide in self._guides_of(station, t_s):
             line = list(self._along(guide, view))
@@ -118,11 +124,12 @@ class GuidedSearch:
         c, range_per_span = self._config, float(station.lens.focal_px[0]) / max(guide.width_px or 0.0, 1.0)
         low, high = np.clip(self._spans_m, c.min_range_m / range_per_span, c.max_range_m / range_per_span)
         usual = min(max(self._usual_m, float(low)), float(high))
-        for end, skips in ((float(high), 0), (float(low), 1)):
-            for number, (span_m, place) in enumerate(_walk(ray, range_per_span, usual, end, view)):
+        for end in (float(high), float(low)):
+            for span_m, place in _walk(ray, range_per_span, usual, end, view):
                 height_m = float((ray.origin_runway_m + span_m * range_per_span * ray.direction_runway)[2])
                 # both ways begin at the usual span
-                if number >= skips and c.min_height_m <= height_m <= c.max_height_m:
+                again = span_m == usual and end < usual
+                if not again and c.min_height_m <= height_m <= c.max_height_m:
                     yield span_m, place
 
 
@@ -165,6 +172,16 @@ def _outside_px(pixel: FloatArray, size_px: tuple[int, int]) -> float:
     """Return how far a point (2,) is out of a picture (w, h), 0 inside."""
     beyond = np.maximum(np.maximum(-0.5 - pixel, pixel - (np.array(size_px) - 0.5)), 0.0)
     return float(np.hypot(*beyond))
+
+
+def _at_angles(c: CameraCandidate, view: _View) -> CameraCandidate | None:
+    """Return a candidate where it is in a view of its camera at other angles; None where it is not in front of it."""
+    try:
+        ray = view.geometry.ray(c.pixel[0], c.pixel[1], c.pan_rad, c.tilt_rad)
+    except LensError:
+        return None
+    seen = view.geometry.project(ray.origin_runway_m + _FAR_M * ray.direction_runway, view.pan_rad, view.tilt_rad)
+    return None if seen is None else replace(c, pixel=seen.pixel)
 
 
 def _is_known(guide: CameraCandidate, place: GuidedPlace, own: Sequence[CameraCandidate]) -> bool:

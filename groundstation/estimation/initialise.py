@@ -6,8 +6,8 @@ constant-velocity filters; a tentative track with enough hits and a significant 
 markings and false associations of them are stationary or jump.
 
 Candidates that the learned channel has weighed bring their log odds of aircraft. A track that it recognises in both
-cameras, fix after fix, is confirmed without motion: an aircraft that stands before its take-off. One that it takes for
-something else, a bird say, must move for longer.
+cameras, fix after fix, is confirmed without motion: an aircraft that stands before its take-off. One that it does not
+recognise, a bird or an aircraft unlike those of its training, must move for longer.
 """
 
 from collections.abc import Mapping, Sequence

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from groundstation.estimation.camera_candidate import CameraCandidate
@@ -41,7 +41,7 @@ def candidate(geometry: StationGeometry, name: str, point: np.ndarray, width_m: 
 
 
 def all_places(search: GuidedSearch, station: str, t_s: float = 1.0) -> list[GuidedPlace]:
-    """Return the places of fifty frames, each once."""
+    """Return the places of many frames, each once."""
     pan, tilt = aim(geometries(ALL)[station], AIMED_AT)
     found: dict[tuple[float, ...], GuidedPlace] = {}
     for _ in range(80):
@@ -58,6 +58,7 @@ def all_places(search: GuidedSearch, station: str, t_s: float = 1.0) -> list[Gui
     y=st.floats(120.0, 1500.0),
     station=st.sampled_from(["right", "third", "far"]),
 )
+@example(span_m=1.2, shown=1.0, x=0.0, y=240.0, station="third")
 def test_a_place_is_where_the_aircraft_is_and_as_wide(
     span_m: float, shown: float, x: float, y: float, station: str
 ) -> None:
@@ -175,3 +176,15 @@ def test_the_usual_span_comes_first() -> None:
         search.add("left", [candidate(stations["left"], "left", AIMED_AT, span_m, 3.0)])
         again = search.places("right", 1.0, pan, tilt)
         assert again[0].pixel == pytest.approx(first[0].pixel)
+
+
+def test_what_the_other_camera_shows_is_known_while_its_head_turns() -> None:
+    stations = geometries()
+    left, right = (candidate(stations[name], name, AIMED_AT, 2.0, 3.0) for name in ("left", "right"))
+    search = GuidedSearch(stations, InitiationConfig(), None)
+    search.add("left", [left])
+    search.add("right", [right])
+    pan, tilt = aim(stations["right"], AIMED_AT)
+    for turned_deg in (-1.5, -0.5, 0.5, 1.5):
+        # by up to 170 px
+        assert search.places("right", 1.1, pan, tilt + math.radians(turned_deg)) == []

@@ -1,7 +1,9 @@
 """The result files: exact columns, empty cells for absence, digits, and what happens to a folder in use."""
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 import pytest
@@ -282,3 +284,42 @@ def test_rows_of_a_long_search_do_not_wait_for_ever(tmp_path: Path) -> None:
     rows = _detection_rows(tmp_path)
     assert len(rows) == 100
     assert [k for k, row in enumerate(rows) if row["u_px"]] == [97]
+
+
+def test_a_detection_releases_the_rows_of_the_search(tmp_path: Path) -> None:
+    """Expected: of a target that was given, or found in labels, there are no pixels to come."""
+    sink = TrackFilesSink(tmp_path)
+    sink.write(StepReport(cameras=(_searched(0.0), _searched(0.0, "right"), _searched(0.1))))
+    assert _flushed(sink, tmp_path) == []
+    sink.write(StepReport(cameras=(_camera(True),)))
+    assert [row["station"] for row in _flushed(sink, tmp_path)] == ["left", "right", "left", "left"]
+    sink.close()
+
+
+def _flushed(sink: TrackFilesSink, folder: Path) -> list[dict[str, str]]:
+    sink._detections.flush()
+    return _detection_rows(folder)
+
+
+def test_a_full_disk_at_the_end_leaves_no_file_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sink = TrackFilesSink(tmp_path)
+    sink.write(StepReport(cameras=(_searched(0.0),)))
+
+    def full(_: str) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(sink, "_detections", _Full(sink._detections, full))
+    with pytest.raises(OSError, match="No space"):
+        sink.close()
+    assert all(file.closed for file in (sink._track, sink._triangulation, sink._tum, sink._detections.file))
+
+
+class _Full:
+    """A text file to which nothing can be written."""
+
+    def __init__(self, file: TextIO, write: Callable[[str], int]) -> None:
+        self.file, self.write = file, write
+
+    @property
+    def closed(self) -> bool:
+        return self.file.closed

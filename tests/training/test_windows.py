@@ -5,16 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import training.material
 from groundstation.box import Box
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.errors import InputError
-from groundstation.files.channel_weights import channel_weights
+from groundstation.files.channel_weights import WEIGHTS, channel_weights
 from groundstation.simulation.world.draw_world import draw_world
+from groundstation.simulation.world.world import World
+from groundstation.simulation.world.world_sets import WorldSet, seed_of
 from groundstation.sources.true_silhouettes import TrueSilhouette
 from training.backgrounds import Background, world_background
 from training.filmed_targets import filmed_targets
-from training.material import Material, joined, load_material, save_material
+from training.material import Material, MaterialRequest, joined, load_material, save_material
 from training.mined_places import false_place
 from training.recorded_windows import recorded_window, target_in
 from training.sprites import SPRITE_PX, SpriteStudio
@@ -185,3 +188,24 @@ def test_a_mined_place_is_one_that_the_channel_mistakes_and_the_target_is_not_th
     assert all(other.x0 - 8 <= u <= other.x1 + 8 and other.y0 - 8 <= v <= other.y1 + 8 for u, v in mined)
     # an even sky shows nothing to be mistaken
     assert false_place(channel, np.full((480, 640, 3), 180, np.uint8), own, np.random.default_rng(1)) is None
+
+
+def test_only_pictures_without_others_in_the_air_are_mined(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Birds and other aircraft are not labelled: a place where the channel sees them is not one without aircraft."""
+    mined: dict[int, bool] = {}
+
+    def filmed(world: World, *_: object) -> list[object]:
+        mined[world.seed] = _[2] is not None
+        return []
+
+    monkeypatch.setattr(training.material, "filmed_targets", filmed)
+    monkeypatch.setattr(SpriteStudio, "aircraft", lambda *_: None)
+    monkeypatch.setattr(SpriteStudio, "bird", lambda *_: None)
+    request = MaterialRequest(worlds=12, first=20, scenes=0, filmed=12, mined_with=WEIGHTS)
+    training.material.make_material(request)
+    worlds = [draw_world(seed_of(WorldSet.TRAIN, number)) for number in range(20, 32)]
+    assert list(mined) == [world.seed for world in worlds]
+    for world in worlds:
+        alone = not (world.traffic.birds or world.traffic.flocks or world.traffic.aircraft)
+        assert mined[world.seed] is alone
+    assert len(set(mined.values())) == 2
