@@ -177,7 +177,8 @@ class InitiationConfig:
     min_range_m, max_range_m : distance of a plausible target from each of two stations.
     min_height_m, max_height_m : its z in the runway frame.
     min_size_m, max_size_m : its width when the span is not known.
-    size_tolerance : when it is, the apparent width may be this factor smaller or larger.
+    size_tolerance : when it is, the apparent width may be this factor smaller or larger; where the learned channel sees
+        an aircraft in both cameras, it may also be as small as min_size_m: the fuselage alone.
     size_agreement : two cameras' widths may differ by this factor.
     candidate_sigma_px : noise of a candidate's centre, and candidate_sigma_share of its width besides.
     moving_sigma_share : that of a candidate found by its motion, as a share of the whole aircraft's width …

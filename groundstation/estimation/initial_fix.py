@@ -18,7 +18,8 @@ class Fix:
     """A plausible intersection of the rays of two candidates: position (3,) in m with covariance (3, 3).
 
     ``odds`` are the smaller log odds of aircraft of the two, None where the learned channel has not weighed them;
-    ``pixels`` are those of the candidates, and of other cameras' candidates of the same place.
+    ``pixels`` are those of the candidates, and of other cameras' candidates of the same place. ``narrow``: it is less
+    wide than the target's span allows.
     """
 
     position_m: FloatArray
@@ -27,6 +28,21 @@ class Fix:
     labelled: bool
     odds: float | None = None
     pixels: tuple[InitialPixel, ...] = ()
+    narrow: bool = False
+
+
+def without_false_pairs(fixes: list[Fix]) -> list[Fix]:
+    """Return fixes without narrow ones of which a candidate is part of a likely aircraft of a plausible width.
+
+    Two cameras' candidates of two aircraft meet as well, at another range, where they are too wide or too narrow.
+    """
+    wide = {
+        (p.station, p.u_px, p.v_px)
+        for f in fixes
+        if not f.narrow and f.odds is not None and f.odds > 0.0
+        for p in f.pixels
+    }
+    return [f for f in fixes if not (f.narrow and any((p.station, p.u_px, p.v_px) in wide for p in f.pixels))]
 
 
 def without_lesser(fixes: list[Fix]) -> list[Fix]:

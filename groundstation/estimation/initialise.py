@@ -18,7 +18,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.config import InitiationConfig
-from groundstation.estimation.initial_fix import Fix, without_lesser
+from groundstation.estimation.initial_fix import Fix, without_false_pairs, without_lesser
 from groundstation.estimation.tentative_track import InitiatedTarget, TentativeTrack, initiated
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.station import LensError, StationGeometry
@@ -97,7 +97,7 @@ class TrackInitiator:
                 fix = self._fix(first, second, ranges_m)
                 if fix is not None:
                     found.append(fix)
-        return sorted(without_lesser(found), key=lambda f: -f.score)
+        return sorted(without_lesser(without_false_pairs(found)), key=lambda f: -f.score)
 
     # -------------------------------------------------------------------------------------- geometry
     def _nearly_meeting(
@@ -178,7 +178,8 @@ class TrackInitiator:
         sigma_z = float(np.sqrt(point.covariance_m2[2, 2]))
         if not self._config.min_height_m - 3 * sigma_z <= z <= self._config.max_height_m:
             return None
-        if not self._sizes_fit(first, second, point.point_runway_m):
+        widths_m = self._widths_m(first, second, point.point_runway_m)
+        if widths_m is None or not (widths_m == [] or self._width_believable(widths_m, (first, second), 1.0)):
             return None
         return Fix(
             position_m=point.point_runway_m,
@@ -197,10 +198,11 @@ class TrackInitiator:
                 for s, range_m in zip((first, second), ranges_m, strict=True)
                 if not s.labelled
             ),
+            narrow=min(widths_m, default=np.inf) < self._width_limits_m[0],
         )
 
     def _sizes_possible(self, first: CameraCandidate, second: CameraCandidate, ranges_m: tuple[float, float]) -> bool:
-        """Return whether `_sizes_fit` is possible at about these ranges, to avoid needless triangulations."""
+        """Return whether widths are believable at about these ranges, to avoid needless triangulations."""
         if first.width_px is None or second.width_px is None:
             return True
         widths = [
@@ -208,28 +210,39 @@ class TrackInitiator:
             for s, range_m in zip((first, second), ranges_m, strict=True)
             if s.width_px is not None
         ]
-        return self._width_believable(widths, first.moving or second.moving, _SIZE_SLACK)
+        return self._width_believable(widths, (first, second), _SIZE_SLACK)
 
-    def _sizes_fit(self, first: CameraCandidate, second: CameraCandidate, point: FloatArray) -> bool:
-        """Return whether both silhouettes have equal and plausible widths in metres."""
+    def _widths_m(self, first: CameraCandidate, second: CameraCandidate, point: FloatArray) -> list[float] | None:
+        """Return the widths of two silhouettes at a point, m, none where one is unknown; None behind a camera."""
         widths = []
         for s in (first, second):
             if s.width_px is None:
-                return True
+                return []
             projection = self._stations[s.station].project(point, s.pan_rad, s.tilt_rad)
             if projection is None:
-                return False
+                return None
             widths.append(s.width_px * projection.depth_m / float(self._stations[s.station].lens.focal_px[0]))
-        return self._width_believable(widths, first.moving or second.moving, 1.0)
+        return widths
 
-    def _width_believable(self, widths_m: list[float], partial: bool, slack: float) -> bool:
+    @property
+    def _width_limits_m(self) -> tuple[float, float]:
+        """The least and the largest plausible width, m."""
+        c = self._config
+        if self._span_m is None:
+            return c.min_size_m, c.max_size_m
+        return self._span_m / c.size_tolerance, self._span_m * c.size_tolerance
+
+    def _width_believable(
+        self, widths_m: list[float], seen: tuple[CameraCandidate, CameraCandidate], slack: float
+    ) -> bool:
         """Return whether two widths in m agree and are plausible for an aircraft, to a factor of ``slack``."""
+        partial = any(s.moving for s in seen)
         if not partial and max(widths_m) > slack * self._config.size_agreement * min(widths_m):
             return False
-        if self._span_m is not None:
-            low, high = self._span_m / self._config.size_tolerance, self._span_m * self._config.size_tolerance
-        else:
-            low, high = self._config.min_size_m, self._config.max_size_m
+        low, high = self._width_limits_m
+        if all(s.odds is not None and s.odds > 0.0 for s in seen):
+            # both cameras may show the fuselage alone
+            low = min(low, self._config.min_size_m)
         return (partial or low <= slack * min(widths_m)) and max(widths_m) <= slack * high
 
     # ------------------------------------------------------------------------------------------ time

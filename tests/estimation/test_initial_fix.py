@@ -1,8 +1,10 @@
 """Fixes at one place: the likeliest counts, with the pixels of the other cameras that agree with it."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from groundstation.estimation.initial_fix import Fix, without_lesser
+from groundstation.estimation.initial_fix import Fix, without_false_pairs, without_lesser
 from groundstation.messages import InitialPixel
 
 
@@ -47,3 +49,17 @@ def test_a_third_camera_s_pixel_is_kept_where_it_agrees() -> None:
     for other in (fix(0.2, 2.0, pixel("left", 50.0), third), fix(0.2, -1.0, left, third)):
         found = without_lesser([best, other])
         assert [p.station for p in found[0].pixels] == ["left", "right"]
+
+
+def test_two_aircraft_are_not_three() -> None:
+    """A narrow fix of the pixels of two aircraft is a false pair; one of pixels of its own may be a fuselage."""
+    left, right, other = pixel("left"), pixel("right"), pixel("left", 90.0)
+    wide, false, fuselage = (
+        fix(0.0, 3.0, left, right),
+        fix(9.0, 4.0, other, right),
+        fix(5.0, 1.0, other, pixel("right", 70.0)),
+    )
+    false, fuselage = replace(false, narrow=True), replace(fuselage, narrow=True)
+    assert without_false_pairs([wide, false, fuselage]) == [wide, fuselage]
+    # what is no likely aircraft does not speak against it
+    assert len(without_false_pairs([replace(wide, odds=-1.0), false])) == 2

@@ -208,6 +208,17 @@ def test_two_cameras_measure_equal_widths_of_an_object(factor: float, fits: bool
     assert bool(scene.initiator.fixes([left, same])) is fits
 
 
+def test_a_fuselage_is_narrower_than_the_span_allows() -> None:
+    """Expected: a third of the given span is a fix where the channel sees an aircraft in both cameras, only there."""
+    scene = Scene(np.random.default_rng(3), span_m=1.6)
+    narrow = scene.sight(0.0, np.array([0.0, 250.0, 12.0]), width_m=0.55)
+    for odds, fits in (((1.0, 1.0), True), ((1.0, -1.0), False), ((1.0, None), False), ((None, None), False)):
+        seen = [replace(s, odds=o) for s, o in zip(narrow, odds, strict=True)]
+        assert bool(scene.initiator.fixes(seen)) is fits
+    # not whatever is narrow
+    assert not scene.initiator.fixes(with_odds(scene.sight(0.0, np.array([0.0, 250.0, 12.0]), width_m=0.25), 3.0))
+
+
 @pytest.mark.parametrize("second", ["right", "third"])
 def test_widths_are_compared_at_each_camera_s_own_range(second: str) -> None:
     """A camera 100 m down the runway is half as far from the aircraft, and shows it twice as wide."""
