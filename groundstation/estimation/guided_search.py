@@ -124,12 +124,12 @@ class GuidedSearch:
         c, range_per_span = self._config, float(station.lens.focal_px[0]) / max(guide.width_px or 0.0, 1.0)
         low, high = np.clip(self._spans_m, c.min_range_m / range_per_span, c.max_range_m / range_per_span)
         usual = min(max(self._usual_m, float(low)), float(high))
-        for end in (float(high), float(low)):
+        for end, is_first in ((float(high), True), (float(low), False)):
             for span_m, place in _walk(ray, range_per_span, usual, end, view):
                 height_m = float((ray.origin_runway_m + span_m * range_per_span * ray.direction_runway)[2])
                 # both ways begin at the usual span
-                again = span_m == usual and end < usual
-                if not again and c.min_height_m <= height_m <= c.max_height_m:
+                is_new = is_first or span_m != usual
+                if is_new and c.min_height_m <= height_m <= c.max_height_m:
                     yield span_m, place
 
 
