@@ -190,9 +190,9 @@ def test_what_the_other_camera_shows_is_known_while_its_head_turns() -> None:
         assert search.places("right", 1.1, pan, tilt + math.radians(turned_deg)) == []
 
 
-@pytest.mark.parametrize("width_m", [0.02, 0.5, 2.0, 60.0])
+@pytest.mark.parametrize("width_m", [0.02, 0.5, 2.0, 6.5])
 def test_no_place_is_looked_at_twice_in_a_frame(width_m: float) -> None:
-    """Also where the limits of range leave one span alone, or none but the least."""
+    """Also where the limits of range leave one span alone."""
     stations = geometries()
     search = GuidedSearch(stations, InitiationConfig(), None)
     search.add("left", [candidate(stations["left"], "left", AIMED_AT, width_m, 3.0)])
