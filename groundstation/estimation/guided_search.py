@@ -19,7 +19,8 @@ from groundstation.geometry.station import LensError, Ray, StationGeometry
 
 # candidates of the learned channel that guide the others: less likely an aircraft than not is no guide
 _LEAST_ODDS = 0.0
-_GUIDES = 2
+# guides of a frame, of so many candidates: the line of each takes half a millisecond
+_GUIDES, _MOST_CANDIDATES = 2, 6
 # older candidates say little on where the aircraft is now: two frames of the slowest cameras in use
 _NEWEST_S = 0.25
 # spans, m: the widths of the bank's airframes, 1.2 to 6 m, and a fuselage alone, which is seen a third as wide
@@ -91,13 +92,16 @@ class GuidedSearch:
         recent = [c for c in self._likely.get(station, []) if abs(t_s - c.t_s) <= _NEWEST_S]
         own = [now for c in recent if (now := _at_angles(c, view)) is not None]
         lines: list[list[tuple[float, GuidedPlace]]] = []
-        for guide in self._guides_of(station, t_s):
+        for guide in self._guides_of(station, t_s)[:_MOST_CANDIDATES]:
             line = list(self._along(guide, view))
             if line and not any(_is_known(guide, place, own) for _, place in line):
                 lines.append(line)
             if len(lines) == _GUIDES:
                 break
-        found = [place for _, place in sorted(chain(*lines), key=lambda each: abs(math.log(each[0] / self._usual_m)))]
+        found = [
+            place
+            for _, place in sorted(chain.from_iterable(lines), key=lambda each: abs(math.log(each[0] / self._usual_m)))
+        ]
         if not found:
             self._turns.pop(station, None)
             return []
