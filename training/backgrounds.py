@@ -14,6 +14,7 @@ from groundstation.simulation.scenery import FineRange, fine_panorama
 from groundstation.simulation.traffic import with_roads
 from groundstation.simulation.world.world import World
 from groundstation.simulation.world.world_sets import WorldSet
+from training.kinds import surroundings_kinds
 
 # every so manyth frame of a clip; the camera pans in most
 _FRAME_STEP = 15
@@ -34,11 +35,13 @@ class Background:
     image : (h, w, 3) uint8 BGR.
     occupied : where the clip's own aircraft is, px; None where there is none.
     drawn : whether it is drawn, so that its noise is still to be added.
+    kinds : of scenery and sky, where they are known.
     """
 
     image: ImageArray
     occupied: Box[float] | None
     drawn: bool
+    kinds: tuple[str, ...] = ()
 
 
 def world_background(world: World, generator: np.random.Generator) -> Background:
@@ -64,7 +67,7 @@ def world_background(world: World, generator: np.random.Generator) -> Background
     )
     scenery = with_roads(world.scenery, world.traffic)
     drawn = fine_panorama(scenery, eye, camera.focal_px, not camera.colour, seen)
-    return Background(image=drawn.image, occupied=None, drawn=True)
+    return Background(image=drawn.image, occupied=None, drawn=True, kinds=surroundings_kinds(world))
 
 
 def clip_backgrounds(folder: Path) -> list[Background]:

@@ -1,5 +1,6 @@
 """Fitting the network: steps that depend on seed and number alone, a log, and checkpoints from which a run goes on."""
 
+import copy
 import csv
 import hashlib
 import math
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
@@ -17,13 +19,13 @@ from training.hard_examples import draw_shares
 from training.losses import WindowBatch, loss_of
 from training.material import Material
 from training.network import ChannelNetwork
-from training.recorded_windows import RecordedTarget, recorded_window
-from training.windows import LabelledWindow, WindowDrawer
+from training.recorded_windows import RecordedTarget
+from training.window_stream import WindowSource, WindowStream
+from training.windows import WindowDrawer
 
 CHECKPOINT, LOG = "checkpoint.pt", "log.csv"
 _COLUMNS = ("step", "windows", "loss", "classes", "nose", "rate")
 _WARM_STEPS = 100
-_WINDOW_STREAM = 607
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,7 @@ class FitSettings:
     recorded_share, picture_share, filmed_share : of the windows, those of recordings, of labelled pictures and of
         worlds as filmed, where there are such; the rest are drawn.
     hard : whether filmed targets are drawn more often on which the first weights err; needs ``start``.
+    leave_out : kinds of airframe, scenery or sky; for each a further network is fitted on the windows without it.
     every : steps between lines of the log and checkpoints.
     """
 
@@ -49,28 +52,49 @@ class FitSettings:
     picture_share: float = 0.25
     filmed_share: float = 0.5
     hard: bool = False
+    leave_out: tuple[str, ...] = ()
     every: int = 50
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Source:
-    """Targets, their share of all windows, and where (n,) from 0 to 1 the part of each ends; None is uniform."""
+class Trainee:
+    """A network, and how it is fitted.
 
-    targets: Sequence[RecordedTarget]
-    share: float
-    ends: FloatArray | None = None
+    Parameters
+    ----------
+    network : what is fitted, on the device where the batches are.
+    settings : of the run.
+    without : kinds whose windows it is not shown.
+    """
 
-    def draw(self, generator: np.random.Generator) -> RecordedTarget:
-        if self.ends is None:
-            return self.targets[int(generator.integers(len(self.targets)))]
-        number = int(np.searchsorted(self.ends, float(generator.uniform()), side="right"))
-        return self.targets[min(number, len(self.targets) - 1)]
+    def __init__(self, network: ChannelNetwork, settings: FitSettings, without: frozenset[str] = frozenset()) -> None:
+        self.network, self.without, self._settings = network, without, settings
+        self.optimizer = torch.optim.AdamW(network.parameters(), lr=settings.rate, weight_decay=1e-4)
+
+    def step(self, number: int, batch: WindowBatch) -> dict[str, Tensor]:
+        """Learn from the batch of a step, float32 on the network's device; returns the loss and its parts."""
+        batch = batch.without(self.without)
+        rate = rate_of(number, self._settings)
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        loss, terms = loss_of(self.network(batch.windows), batch)
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
+        self.optimizer.step()
+        return {"loss": loss.detach(), **terms}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fitted:
+    """The network, and those that were not shown one kind, by its name."""
+
+    network: ChannelNetwork
+    without: dict[str, ChannelNetwork]
 
 
 @dataclass(slots=True)
 class _Run:
-    network: ChannelNetwork
-    optimizer: torch.optim.Optimizer
+    trainees: list[Trainee]
     inputs: str
     step: int = 0
     rows: list[list[Any]] = field(default_factory=list)
@@ -85,83 +109,86 @@ def fit(
     *,
     pictures: Sequence[RecordedTarget] = (),
     start: ChannelNetwork | None = None,
-) -> ChannelNetwork:
+    workers: int = 0,
+) -> Fitted:
     """Train, or go on with what a folder's checkpoint holds; the same on one machine, interrupted or not.
 
-    ``pictures`` are one's own, ``start`` has the weights to begin with, for fine-tuning. Raises `InputError` for a
-    checkpoint of other settings, recordings, pictures, filmed targets or first weights, and for ``hard`` without
-    first weights.
+    ``pictures`` are one's own, ``start`` has the weights to begin with, for fine-tuning; ``workers`` processes draw
+    the windows, 0 for this one. Raises `InputError` for a checkpoint of other settings, recordings, pictures, filmed
+    targets or first weights, and for ``hard`` without first weights.
     """
     if settings.hard and start is None:
         raise InputError(
             "hard examples", got="no first weights", wanted="weights to begin with, which show what is hard"
         )
-    torch.manual_seed(settings.seed)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    network = ChannelNetwork() if start is None else start
+    device = fitting_device()
     inputs = _digest(start, recorded, pictures, filmed=material.filmed)
-    network.to(device=device, memory_format=torch.channels_last)
-    ends = np.cumsum(draw_shares(network, material.filmed)) if settings.hard else None
-    run = _Run(network, torch.optim.AdamW(network.parameters(), lr=settings.rate, weight_decay=1e-4), inputs)
+    trainees = [_trainee(start, settings, device, without) for without in ((), *((k,) for k in settings.leave_out))]
+    ends = np.cumsum(draw_shares(trainees[0].network, material.filmed)) if settings.hard else None
+    run = _Run(trainees, inputs)
     folder.mkdir(parents=True, exist_ok=True)
     _resume(run, settings, folder, device)
-    drawer = WindowDrawer(material.aircraft, material.birds, material.backgrounds)
-    sources = (
-        _Source(recorded, settings.recorded_share),
-        _Source(pictures, settings.picture_share),
-        _Source(material.filmed, settings.filmed_share, ends),
-    )
-    parts: list[dict[str, float]] = []
-    network.train()
-    while run.step < settings.steps:
-        rate = _rate(run.step, settings)
-        for group in run.optimizer.param_groups:
-            group["lr"] = rate
-        batch = batch_of([_window(drawer, sources, settings, run.step, k) for k in range(settings.batch)], device)
-        loss, terms = loss_of(network(batch.windows), batch)
-        run.optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
-        run.optimizer.step()
+    stream = window_stream(material, recorded, settings, pictures=pictures, filmed_ends=ends)
+    parts: list[dict[str, Tensor]] = []
+    for batch in stream.batches(run.step, settings.steps, workers):
+        moved = batch.on(device)
+        terms = [trainee.step(run.step, moved) for trainee in run.trainees]
+        parts.append(terms[0])
         run.step += 1
-        parts.append({"loss": float(loss.detach()), **terms})
         if run.step % settings.every == 0 or run.step == settings.steps:
-            means = {name: float(np.mean([p[name] for p in parts])) for name in ("loss", "classes", "nose")}
-            run.rows.append([run.step, run.step * settings.batch, *(f"{v:.5g}" for v in means.values()), f"{rate:.3g}"])
+            run.rows.append(
+                [run.step, run.step * settings.batch, *means_of(parts), f"{rate_of(run.step, settings):.3g}"]
+            )
             parts.clear()
             _keep(run, settings, folder)
             progress(run.step, settings.steps)
-    return network
+    first, *others = (trainee.network for trainee in run.trainees)
+    return Fitted(network=first, without=dict(zip(settings.leave_out, others, strict=True)))
 
 
-def batch_of(windows: Sequence[LabelledWindow], device: torch.device) -> WindowBatch:
-    """Return windows as a batch on a device."""
-    images = torch.from_numpy(np.stack([w.image for w in windows])).permute(0, 3, 1, 2)
-    shares = torch.from_numpy(np.stack([np.stack([w.aircraft, w.other]) for w in windows]))
-    noses = torch.from_numpy(np.stack([w.nose_px for w in windows]).astype(np.float32))
-    like = {"device": device, "memory_format": torch.channels_last}
-    return WindowBatch(windows=images.float().to(**like), shares=shares.to(device), noses=noses.to(device))
+def fitting_device() -> torch.device:
+    """Return a GPU where there is one."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
-def _window(
-    drawer: WindowDrawer,
-    sources: Sequence[_Source],
+def _trainee(
+    start: ChannelNetwork | None, settings: FitSettings, device: torch.device, without: tuple[str, ...]
+) -> Trainee:
+    """Return a network to fit: a copy of ``start``, or random weights, the same for each."""
+    torch.manual_seed(settings.seed)
+    network = ChannelNetwork() if start is None else copy.deepcopy(start)
+    network.to(device=device, memory_format=torch.channels_last)
+    return Trainee(network.train(), settings, frozenset(without))
+
+
+def window_stream(
+    material: Material,
+    recorded: Sequence[RecordedTarget],
     settings: FitSettings,
-    step: int,
-    number: int,
-) -> LabelledWindow:
-    generator = np.random.default_rng([settings.seed, _WINDOW_STREAM, step, number])
-    draw = float(generator.uniform())
-    for source in sources:
-        if not source.targets:
-            continue
-        if draw < source.share:
-            return recorded_window(source.draw(generator), generator)
-        draw -= source.share
-    return drawer.draw(generator)
+    *,
+    pictures: Sequence[RecordedTarget] = (),
+    filmed_ends: FloatArray | None = None,
+) -> WindowStream:
+    """Return the windows of a run; ``filmed_ends`` (n,) say how often each filmed target is drawn."""
+    return WindowStream(
+        drawer=WindowDrawer(material.aircraft, material.birds, material.backgrounds),
+        sources=(
+            WindowSource(recorded, settings.recorded_share),
+            WindowSource(pictures, settings.picture_share),
+            WindowSource(material.filmed, settings.filmed_share, filmed_ends),
+        ),
+        seed=settings.seed,
+        batch=settings.batch,
+    )
 
 
-def _rate(step: int, settings: FitSettings) -> float:
+def means_of(parts: Sequence[dict[str, Tensor]]) -> list[str]:
+    """Return the means of loss, classes and nose over some steps, as the log has them."""
+    return [f"{float(torch.stack([p[name] for p in parts]).mean()):.5g}" for name in _COLUMNS[2:5]]
+
+
+def rate_of(step: int, settings: FitSettings) -> float:
+    """Return the learning rate of a step."""
     warm = min((step + 1) / _WARM_STEPS, 1.0)
     return settings.rate * warm * 0.5 * (1.0 + math.cos(math.pi * step / settings.steps))
 
@@ -171,8 +198,8 @@ def _keep(run: _Run, settings: FitSettings, folder: Path) -> None:
         "settings": repr(settings),
         "inputs": run.inputs,
         "step": run.step,
-        "network": run.network.state_dict(),
-        "optimizer": run.optimizer.state_dict(),
+        "networks": [trainee.network.state_dict() for trainee in run.trainees],
+        "optimizers": [trainee.optimizer.state_dict() for trainee in run.trainees],
         "rows": run.rows,
     }
     part = folder / f"{CHECKPOINT}.part"
@@ -193,8 +220,9 @@ def _resume(run: _Run, settings: FitSettings, folder: Path, device: torch.device
         got = "a run with other recordings, pictures, filmed targets or first weights"
         wanted = "an empty folder for this one"
         raise InputError(str(path), got=got, wanted=wanted)
-    run.network.load_state_dict(state["network"])
-    run.optimizer.load_state_dict(state["optimizer"])
+    for trainee, network, optimizer in zip(run.trainees, state["networks"], state["optimizers"], strict=True):
+        trainee.network.load_state_dict(network)
+        trainee.optimizer.load_state_dict(optimizer)
     run.step, run.rows = state["step"], state["rows"]
 
 

@@ -41,10 +41,10 @@ def draw_shares(network: ChannelNetwork, targets: Sequence[RecordedTarget]) -> F
 
 def _error(network: ChannelNetwork, target: RecordedTarget, device: torch.device) -> float:
     """Return the error on the window that the filter's prediction would place and scale at best."""
-    image, share, _ = target_window(target, TARGET_PX, np.array(WINDOW_PX) / 2.0 - 0.5)
-    logits = network(torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32)).to(device))[0, :CLASSES]
+    window = target_window(target, TARGET_PX, np.array(WINDOW_PX) / 2.0 - 0.5)
+    logits = network(torch.from_numpy(window.image.transpose(2, 0, 1)[None].astype(np.float32)).to(device))[0, :CLASSES]
     odds = logits[1] - torch.logaddexp(logits[0], logits[2])
-    cover = torch.from_numpy(share).to(device)
+    cover = torch.from_numpy(window.aircraft).to(device)
     near = nn.functional.max_pool2d(cover[None, None], 2 * _MARGIN_PX + 1, 1, _MARGIN_PX)[0, 0]
     return _entropy(-odds, cover > 0.5, largest=False) + _entropy(odds, near == 0.0, largest=True)
 

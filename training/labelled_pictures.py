@@ -13,7 +13,7 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.errors import InputError
 from groundstation.files.csv_table import CsvTable
 from groundstation.sources.true_silhouettes import TrueSilhouette
-from training.recorded_windows import RecordedTarget, target_in
+from training.recorded_windows import RecordedTarget, labelled_picture, target_in
 
 _MASK, _NOSES = ".mask.png", "noses.csv"
 _SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -52,7 +52,7 @@ def _labelled(path: Path, nose_px: FloatArray | None) -> RecordedTarget:
     if width < _LEAST_WIDTH_PX:
         raise InputError(str(mask_path), got=f"an aircraft {width} px wide", wanted=f"at least {_LEAST_WIDTH_PX} px")
     nose = np.full(2, np.nan) if nose_px is None else nose_px
-    return target_in(image, silhouette, silhouette.centre_px, float(width), nose)
+    return target_in(labelled_picture(image, silhouette), silhouette.centre_px, float(width), nose)
 
 
 def _read(path: Path, how: int) -> ImageArray:

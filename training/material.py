@@ -1,7 +1,11 @@
 """What windows are drawn from: sprites and backgrounds of train worlds and clips, made once and kept in a folder."""
 
-from collections.abc import Callable, Iterator, Sequence
+import functools
+import multiprocessing
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +21,7 @@ from groundstation.simulation.world.draw_world import draw_world
 from groundstation.simulation.world.world_sets import WorldSet, seed_of
 from training.backgrounds import Background, clip_backgrounds, world_background
 from training.filmed_targets import filmed_targets
+from training.kinds import surroundings_kinds, world_kinds
 from training.recorded_windows import RecordedTarget, load_targets, save_targets
 from training.sprites import Sprite, SpriteStudio
 
@@ -61,48 +66,71 @@ class MaterialRequest:
     without_sceneries: tuple[str, ...] = ()
     without_skies: tuple[str, ...] = ()
 
+    @property
+    def without(self) -> frozenset[str]:
+        """All kinds that are left out."""
+        return frozenset((*self.without_families, *self.without_sceneries, *self.without_skies))
+
 
 def make_material(
-    request: MaterialRequest, progress: Callable[[int, int], None] = lambda done, total: None
+    request: MaterialRequest,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    workers: int = 1,
 ) -> Material:
-    """Draw sprites and backgrounds; the same request gives the same material."""
-    studio, aircraft, birds, backgrounds = SpriteStudio(), [], [], []
-    filmed: list[RecordedTarget] = []
-    channel = None if request.mined_with is None else LearnedChannel(read_weights(request.mined_with, None))
-    for number in range(request.worlds):
-        world = draw_world(seed_of(WorldSet.TRAIN, request.first + number))
-        generator = np.random.default_rng([world.seed, _STREAM])
-        family_left_out = world.airframe.family.value in request.without_families
-        if not family_left_out:
-            aircraft += [
-                sprite for _ in range(_VIEWS_PER_WORLD) if (sprite := studio.aircraft(world, generator)) is not None
-            ]
-        for spec in _birds(world.traffic):
-            birds += [
-                sprite
-                for _ in range(_BIRD_VIEWS)
-                if (sprite := studio.bird(spec, world.scenery, generator)) is not None
-            ]
-        scenery, sky = world.scenery.drawn_scenery, world.scenery.drawn_sky
-        left_out = (scenery is not None and scenery.value in request.without_sceneries) or (
-            sky is not None and sky.value in request.without_skies
-        )
-        if number < request.scenes and not left_out:
-            backgrounds.append(world_background(world, generator))
-        if number < request.filmed and not (left_out or family_left_out):
-            film = np.random.default_rng([world.seed, _FILM_STREAM])
-            # what is not labelled must not be learned as background
-            mining = None if _others_fly(world.traffic) else channel
-            filmed += filmed_targets(world, request.pictures, film, mining)
-        progress(number + 1, request.worlds)
+    """Draw sprites and backgrounds; the same request gives the same material, with any number of processes."""
+    made: list[Material] = []
+    make = partial(_world_material, request)
+    with ExitStack() as stack:
+        if workers > 1:
+            # what is compiled once is there in each process
+            make(0)
+            pool = stack.enter_context(multiprocessing.get_context("fork").Pool(workers))
+            found: Iterable[Material] = pool.imap(make, range(request.worlds))
+        else:
+            found = map(make, range(request.worlds))
+        for each in found:
+            made.append(each)
+            progress(len(made), request.worlds)
     if request.clips is not None:
-        backgrounds += clip_backgrounds(request.clips)
-    return Material(aircraft=tuple(aircraft), birds=tuple(birds), backgrounds=tuple(backgrounds), filmed=tuple(filmed))
+        clips = tuple(clip_backgrounds(request.clips))
+        made.append(Material(aircraft=(), birds=(), backgrounds=clips))
+    return joined(made)
 
 
-def _others_fly(traffic: TrafficSpec) -> bool:
-    """Return whether a picture may show birds or another aircraft."""
-    return bool(traffic.birds or traffic.flocks or traffic.aircraft)
+@functools.cache
+def _studio() -> SpriteStudio:
+    return SpriteStudio()
+
+
+@functools.cache
+def _channel(weights: Path) -> LearnedChannel:
+    return LearnedChannel(read_weights(weights, None))
+
+
+def _world_material(request: MaterialRequest, number: int) -> Material:
+    """Return what one world gives: views, birds, and where it is among those, a background and pictures."""
+    world, studio = draw_world(seed_of(WorldSet.TRAIN, request.first + number)), _studio()
+    generator = np.random.default_rng([world.seed, _STREAM])
+    left_out = request.without
+    aircraft: list[Sprite | None] = []
+    if world.airframe.family.value not in left_out:
+        aircraft = [studio.aircraft(world, generator) for _ in range(_VIEWS_PER_WORLD)]
+    birds = [studio.bird(spec, world.scenery, generator) for spec in _birds(world.traffic) for _ in range(_BIRD_VIEWS)]
+    backgrounds: list[Background] = []
+    if number < request.scenes and not left_out.intersection(surroundings_kinds(world)):
+        backgrounds.append(world_background(world, generator))
+    filmed: list[RecordedTarget] = []
+    if number < request.filmed and not left_out.intersection(world_kinds(world)):
+        film = np.random.default_rng([world.seed, _FILM_STREAM])
+        channel = None if request.mined_with is None else _channel(request.mined_with)
+        filmed = list(filmed_targets(world, request.pictures, film, channel))
+    return Material(
+        aircraft=tuple(sprite for sprite in aircraft if sprite is not None),
+        birds=tuple(sprite for sprite in birds if sprite is not None),
+        backgrounds=tuple(backgrounds),
+        filmed=tuple(filmed),
+    )
 
 
 def _birds(traffic: TrafficSpec) -> list[BirdSpec]:
@@ -116,6 +144,16 @@ def joined(materials: Sequence[Material]) -> Material:
         birds=tuple(sprite for each in materials for sprite in each.birds),
         backgrounds=tuple(background for each in materials for background in each.backgrounds),
         filmed=tuple(target for each in materials for target in each.filmed),
+    )
+
+
+def without_kinds(material: Material, kinds: frozenset[str]) -> Material:
+    """Return what of a material shows none of these kinds of airframe, scenery and sky."""
+    return Material(
+        aircraft=tuple(each for each in material.aircraft if not kinds.intersection(each.kinds)),
+        birds=material.birds,
+        backgrounds=tuple(each for each in material.backgrounds if not kinds.intersection(each.kinds)),
+        filmed=tuple(each for each in material.filmed if not kinds.intersection(each.kinds)),
     )
 
 
@@ -146,13 +184,20 @@ def _sprite_arrays(sprites: tuple[Sprite, ...]) -> Iterator[tuple[str, Any]]:
         # a level is enough; sprites are many
         yield f"{k:06d}.light", np.rint(sprite.light * (1.0, 1.0, 1.0, 255.0)).clip(0, 255).astype(np.uint8)
         yield f"{k:06d}.nose", np.array([*sprite.nose_px, float(sprite.nose_hidden)])
+        yield f"{k:06d}.kinds", np.array(" ".join(sprite.kinds))
 
 
 def _sprites(file: Any) -> Iterator[Sprite]:
-    for k in range(len(file.files) // 2):
+    for k in range(len(file.files) // 3):
         light = file[f"{k:06d}.light"].astype(np.float32) / np.array((1.0, 1.0, 1.0, 255.0), np.float32)
         u, v, hidden = file[f"{k:06d}.nose"]
-        yield Sprite(light=light, mask=light[:, :, 3] >= 0.5, nose_px=np.array([u, v]), nose_hidden=bool(hidden))
+        yield Sprite(
+            light=light,
+            mask=light[:, :, 3] >= 0.5,
+            nose_px=np.array([u, v]),
+            nose_hidden=bool(hidden),
+            kinds=_kinds(file, k),
+        )
 
 
 def _background_arrays(backgrounds: tuple[Background, ...]) -> Iterator[tuple[str, Any]]:
@@ -161,10 +206,15 @@ def _background_arrays(backgrounds: tuple[Background, ...]) -> Iterator[tuple[st
         corners = (np.nan,) * 4 if box is None else (box.x0, box.y0, box.x1, box.y1)
         yield f"{k:06d}.image", each.image
         yield f"{k:06d}.box", np.array([*corners, float(each.drawn)])
+        yield f"{k:06d}.kinds", np.array(" ".join(each.kinds))
 
 
 def _backgrounds(file: Any) -> Iterator[Background]:
-    for k in range(len(file.files) // 2):
+    for k in range(len(file.files) // 3):
         x0, y0, x1, y1, drawn = file[f"{k:06d}.box"]
         box = None if np.isnan(x0) else Box(float(x0), float(y0), float(x1), float(y1))
-        yield Background(image=file[f"{k:06d}.image"], occupied=box, drawn=bool(drawn))
+        yield Background(image=file[f"{k:06d}.image"], occupied=box, drawn=bool(drawn), kinds=_kinds(file, k))
+
+
+def _kinds(file: Any, number: int) -> tuple[str, ...]:
+    return tuple(str(file[f"{number:06d}.kinds"]).split())

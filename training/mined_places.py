@@ -3,7 +3,6 @@
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.box import Box
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX, channel_window
 from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.picture import as_picture
@@ -13,16 +12,17 @@ _TRIES = 24
 _WIDTHS_PX = (10.0, 300.0)
 # log odds from which a place is worth learning
 _LEAST_ODDS = -3.0
-# a window is without the target if the target is out of it by more than this share of its size, less a half
+# a window shows neither aircraft nor bird if there is none within this share of its size around its middle
 _APART = 0.6
 
 
 def false_place(
-    channel: LearnedChannel, image: ImageArray, target: Box[float], generator: np.random.Generator
+    channel: LearnedChannel, image: ImageArray, cover: ImageArray, generator: np.random.Generator
 ) -> tuple[FloatArray, float] | None:
     """Return a point (2,) and a target width, px, where a channel sees an aircraft and the picture has none.
 
-    ``target`` is the box of the aircraft in the picture. Returns None where no drawn window is mistaken.
+    ``cover`` (h, w) is zero where the picture shows neither aircraft nor birds. Returns None where no drawn window is
+    mistaken.
     """
     picture, best, found = as_picture(image), _LEAST_ODDS, None
     size = np.array(image.shape[1::-1], np.float64)
@@ -30,7 +30,7 @@ def false_place(
         width = float(np.exp(generator.uniform(*np.log(_WIDTHS_PX))))
         centre = generator.uniform(0.0, 1.0, 2) * (size - 1.0)
         window = channel_window(picture, centre, width)
-        if window is None or _reaches(centre, width, target):
+        if window is None or _covered(cover, centre, width):
             continue
         odds = channel.maps(window.image).aircraft
         row, column = np.unravel_index(int(np.argmax(odds)), odds.shape)
@@ -41,8 +41,9 @@ def false_place(
     return found
 
 
-def _reaches(centre: FloatArray, width_px: float, target: Box[float]) -> bool:
-    """Return whether a box is within a window around a point (2,), or near it."""
+def _covered(cover: ImageArray, centre: FloatArray, width_px: float) -> bool:
+    """Return whether anything of a cover (h, w) is within a window around a point (2,), or near it."""
     half = _APART * np.array(WINDOW_PX) * width_px / TARGET_PX
-    low, high = centre - half, centre + half
-    return bool(low[0] < target.x1 and target.x0 < high[0] and low[1] < target.y1 and target.y0 < high[1])
+    low = np.maximum(np.floor(centre - half), 0.0).astype(int)
+    high = np.ceil(centre + half).astype(int) + 1
+    return bool(cover[low[1] : high[1], low[0] : high[0]].any())

@@ -5,7 +5,8 @@ from torch import Tensor, nn
 
 CLASSES = 3  # neither, aircraft, other flying things
 OUTPUTS = CLASSES + 1  # and the nose
-_STEM, _MIDDLE, _LOW, _LOWEST = 12, 16, 24, 40
+# multiples of eight, which ONNX Runtime computes in blocks
+_STEM, _HALF, _QUARTER, _EIGHTH, _SIXTEENTH = 16, 16, 32, 48, 64
 _SUBPIXELS = 2
 
 
@@ -37,14 +38,18 @@ class ChannelNetwork(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.stem = nn.Sequential(nn.Conv2d(3, _STEM, 5, 2, 2, bias=False), nn.BatchNorm2d(_STEM), nn.ReLU())
-        self.at_half = _Block(_STEM, _MIDDLE)
-        self.at_quarter = _Block(_MIDDLE, _LOW, 2)
-        self.at_eighth = nn.Sequential(_Block(_LOW, _LOWEST, 2, deep=True), _Block(_LOWEST, _LOWEST, deep=True))
-        self.at_sixteenth = nn.Sequential(_Block(_LOWEST, _LOWEST, 2, deep=True), _Block(_LOWEST, _LOWEST, deep=True))
-        self.to_eighth = _Block(2 * _LOWEST, _LOWEST, deep=True)
-        self.to_quarter = _Block(_LOWEST + _LOW, _MIDDLE)
-        self.to_half = _Block(2 * _MIDDLE, _MIDDLE)
-        self.head = nn.Conv2d(_MIDDLE, OUTPUTS * _SUBPIXELS**2, 3, 1, 1)
+        self.at_half = _Block(_STEM, _HALF)
+        self.at_quarter = _Block(_HALF, _QUARTER, 2)
+        self.at_eighth = nn.Sequential(_Block(_QUARTER, _EIGHTH, 2, deep=True), _Block(_EIGHTH, _EIGHTH, deep=True))
+        self.at_sixteenth = nn.Sequential(
+            _Block(_EIGHTH, _SIXTEENTH, 2, deep=True), _Block(_SIXTEENTH, _SIXTEENTH, deep=True)
+        )
+        self.to_eighth = _Block(_SIXTEENTH + _EIGHTH, _EIGHTH, deep=True)
+        # at the larger sizes sums instead of concatenations, which would double the cost of the next convolution
+        self.narrow = nn.Conv2d(_EIGHTH, _QUARTER, 1, bias=False)
+        self.to_quarter = _Block(_QUARTER, _HALF)
+        self.to_half = _Block(_HALF, _HALF)
+        self.head = nn.Conv2d(_HALF, OUTPUTS * _SUBPIXELS**2, 1)
 
     def forward(self, window: Tensor) -> Tensor:
         """Return the maps (n, 4, 96, 128) of windows (n, 3, 96, 128)."""
@@ -55,10 +60,9 @@ class ChannelNetwork(nn.Module):
         quarter = self.at_quarter(half)
         eighth = self.at_eighth(quarter)
         up = _doubled(self.at_sixteenth(eighth))
-        up = _doubled(self.to_eighth(torch.cat([up, eighth], dim=1)))
-        up = _doubled(self.to_quarter(torch.cat([up, quarter], dim=1)))
-        up = self.to_half(torch.cat([up, half], dim=1))
-        return nn.functional.pixel_shuffle(self.head(up), _SUBPIXELS)
+        up = _doubled(self.narrow(self.to_eighth(torch.cat([up, eighth], dim=1))))
+        up = _doubled(self.to_quarter(up + quarter))
+        return nn.functional.pixel_shuffle(self.head(self.to_half(up + half)), _SUBPIXELS)
 
 
 # levels: below, a window's contrast is its noise

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,15 @@ from groundstation.errors import InputError
 from training.export import export_onnx, load_onnx
 from training.fit import FitSettings, fit
 from training.labelled_pictures import labelled_pictures
-from training.material import Material, MaterialRequest, joined, load_material, make_material, save_material
+from training.material import (
+    Material,
+    MaterialRequest,
+    joined,
+    load_material,
+    make_material,
+    save_material,
+    without_kinds,
+)
 from training.network import ChannelNetwork, parameters_of
 from training.recorded_windows import RecordedTarget, recorded_targets
 
@@ -31,6 +40,7 @@ class TrainRequest:
     pictures : folder of labelled pictures, mixed in, too.
     start : weights to begin with; None begins with random ones.
     fit : length, rate and seed.
+    workers : processes that make the material and draw the windows; the result does not depend on it.
     """
 
     out: Path
@@ -40,6 +50,7 @@ class TrainRequest:
     pictures: Path | None = None
     start: Path | None = None
     fit: FitSettings
+    workers: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,11 +72,13 @@ def train(request: TrainRequest, progress: Callable[[str, int, int], None]) -> T
     # the run may overwrite the very file that it begins with
     started_with = None if request.start is None else hashlib.sha256(request.start.read_bytes()).hexdigest()
     pictures = [] if request.pictures is None else labelled_pictures(request.pictures)
-    material = joined([_material(request, progress), *(load_material(folder) for folder in request.further)])
+    left_out = request.material.without
+    further = [without_kinds(load_material(folder), left_out) for folder in request.further]
+    material = joined([_material(request, progress), *further])
     recorded: list[RecordedTarget] = []
     for folder in request.recordings:
         recorded += recorded_targets(folder)
-    network = fit(
+    fitted = fit(
         material,
         recorded,
         request.fit,
@@ -73,13 +86,17 @@ def train(request: TrainRequest, progress: Callable[[str, int, int], None]) -> T
         lambda done, total: progress("fit", done, total),
         pictures=pictures,
         start=start,
+        workers=request.workers if request.workers > 1 else 0,
     )
     weights = request.out / WEIGHTS
-    sha256 = export_onnx(network, weights)
+    sha256 = export_onnx(fitted.network, weights)
+    for kind, network in fitted.without.items():
+        export_onnx(network, request.out / f"without-{kind}.onnx")
     hashes = {"sha256": sha256, "started_with": started_with}
     card = request.out / CARD
     card.write_text(
-        json.dumps(_card(request, material, recorded, pictures, network) | hashes, indent=1) + "\n", encoding="utf-8"
+        json.dumps(_card(request, material, recorded, pictures, fitted.network) | hashes, indent=1) + "\n",
+        encoding="utf-8",
     )
     return Trained(weights=weights, card=card, sha256=sha256)
 
@@ -101,7 +118,8 @@ def _material(request: TrainRequest, progress: Callable[[str, int, int], None]) 
         if noted.read_text(encoding="utf-8") != words:
             raise InputError(str(folder), got="material of another request", wanted=f"that of {words}, or no folder")
         return load_material(folder)
-    material = make_material(request.material, lambda done, total: progress("material", done, total))
+    made = partial(progress, "material")
+    material = make_material(request.material, made, workers=request.workers)
     save_material(material, folder)
     noted.write_text(words, encoding="utf-8")
     return material

@@ -47,12 +47,14 @@ class Sprite:
     mask : (h, w) the pixels that it covers by half or more.
     nose_px : (2,) x, y of an aircraft's nose in it, seen or hidden; NaN for a bird.
     nose_hidden : whether the aircraft itself hides its nose.
+    kinds : its airframe family; none for a bird.
     """
 
     light: Float32Array
     mask: MaskArray
     nose_px: FloatArray
     nose_hidden: bool
+    kinds: tuple[str, ...] = ()
 
     @property
     def width_px(self) -> float:
@@ -87,7 +89,7 @@ class SpriteStudio:
         sprite = self._drawn(body, world.scenery, moment, airframe.span_m)
         if sprite is None:
             return None
-        return replace(sprite, nose_hidden=_turned_away(pose, self._stand))
+        return replace(sprite, nose_hidden=_turned_away(pose, self._stand), kinds=(world.airframe.family.value,))
 
     def bird(self, spec: BirdSpec, scenery: Scenery, generator: np.random.Generator) -> Sprite | None:
         """Draw a bird that flies anywhere in a drawn phase of its wing beat."""

@@ -25,6 +25,7 @@ _SIZE_SIGMA, _MOST_SIZE = 0.25, 0.55
 # composed at most so finely; beyond, a reduced window shows neither noise nor blur
 _FINEST = 1.5
 _TARGET_SHARE, _BIRD_SHARE, _HIDDEN_SHARE, _GREY_SHARE, _CODED_SHARE = 0.75, 0.4, 0.12, 0.3, 0.6
+_PAINTED_SHARE = 0.2
 _OFFSET_SIGMA, _MOST_OFFSET = 0.13, 0.42
 _TRIES = 12
 
@@ -38,12 +39,14 @@ class LabelledWindow:
     image : (96, 128, 3) uint8 BGR.
     aircraft, other : (96, 128) float32, the share of each pixel that the target, and birds, cover.
     nose_px : (2,) x, y of the nose in the window; NaN where there is none, or it is outside.
+    kinds : of airframe, scenery and sky that it shows, where they are known.
     """
 
     image: ImageArray
     aircraft: Float32Array
     other: Float32Array
     nose_px: FloatArray
+    kinds: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,12 +76,14 @@ class WindowDrawer:
         motion = _motion(generator) * min(scale, 1.0)
         aircraft, other = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
         nose = np.full(2, np.nan)
+        kinds = background.kinds
         layers: list[tuple[bool, _Laid]] = []
-        present = float(generator.uniform()) < _TARGET_SHARE
+        present = bool(self._aircraft) and float(generator.uniform()) < _TARGET_SHARE
         if present:
             sprite = self._aircraft[int(generator.integers(len(self._aircraft)))]
+            kinds = (*kinds, *sprite.kinds)
             layers.append((True, _laid(sprite, TARGET_PX * size * scale, shape, canvas, (blur, motion), generator)))
-        if float(generator.uniform()) < (_BIRD_SHARE if present else 0.6):
+        if self._birds and float(generator.uniform()) < (_BIRD_SHARE if present else 0.6):
             sprite = self._birds[int(generator.integers(len(self._birds)))]
             width = TARGET_PX * scale * math.exp(float(generator.uniform(math.log(0.12), math.log(1.4))))
             layers.insert(
@@ -99,12 +104,12 @@ class WindowDrawer:
         image = _exposed(canvas, background.drawn, scale, generator)
         small = cv2.resize(image, WINDOW_PX, interpolation=cv2.INTER_AREA if scale > 1.0 else cv2.INTER_LINEAR)
         nose = (nose + 0.5) / scale - 0.5
-        inside = bool(np.all(nose > -0.5) and nose[0] < WINDOW_PX[0] - 0.5 and nose[1] < WINDOW_PX[1] - 0.5)
         return LabelledWindow(
             image=np.asarray(small, np.uint8),
             aircraft=_reduced(aircraft),
             other=_reduced(other),
-            nose_px=nose if inside else np.full(2, np.nan),
+            nose_px=nose if in_window(nose) else np.full(2, np.nan),
+            kinds=kinds,
         )
 
     def _crop(self, shape: tuple[int, int], generator: np.random.Generator) -> Background:
@@ -123,7 +128,8 @@ class WindowDrawer:
                 part = np.asarray(cv2.copyMakeBorder(part, *room, cv2.BORDER_REFLECT_101), np.uint8)
             if float(generator.uniform()) < 0.5:
                 part = part[:, ::-1]
-            return Background(image=np.ascontiguousarray(part), occupied=None, drawn=whole.drawn)
+            image = np.ascontiguousarray(part)
+            return Background(image=image, occupied=None, drawn=whole.drawn, kinds=whole.kinds)
         return Background(image=np.full((*shape, 3), 180, np.uint8), occupied=None, drawn=True)
 
     def _hide(
@@ -139,6 +145,11 @@ class WindowDrawer:
         canvas[:, columns] = shade * strip[:, columns]
         aircraft[:, columns] = 0.0
         other[:, columns] = 0.0
+
+
+def in_window(place: FloatArray) -> bool:
+    """Return whether a point (2,) is inside a window; NaN is not."""
+    return bool(np.all(place > -0.5) and place[0] < WINDOW_PX[0] - 0.5 and place[1] < WINDOW_PX[1] - 0.5)
 
 
 def _motion(generator: np.random.Generator) -> FloatArray:
@@ -182,7 +193,9 @@ def _laid(
     air = around.mean(axis=0) if around.size else np.full(3, 180.0, np.float32)
     haze = float(generator.uniform(0.0, 0.9)) ** 2.0
     gain = math.exp(float(generator.normal(0.0, 0.25)))
-    tint = np.exp(generator.normal(0.0, 0.04, 3)).astype(np.float32)
+    # now and then a paint that no world has
+    painted = float(generator.uniform()) < _PAINTED_SHARE
+    tint = np.exp(generator.normal(0.0, 0.35 if painted else 0.04, 3)).astype(np.float32)
     whole[:, :, :3] = np.minimum(gain * tint * whole[:, :, :3], 255.0 * whole[:, :, 3:])
     whole[:, :, :3] = (1.0 - haze) * whole[:, :, :3] + haze * air * whole[:, :, 3:]
     blur_px, motion_px = blurs

@@ -70,11 +70,23 @@ def add_train(commands: Commands) -> None:
     train.add_argument(
         "--hard", action="store_true", help="show more often what the weights of --start err on; needs --start"
     )
-    train.add_argument("--steps", type=count, metavar="N", default=4000, help="of 64 windows (default: 4000)")
+    train.add_argument("--steps", type=count, metavar="N", default=4000, help="of training (default: 4000)")
     train.add_argument(
         "--rate", type=positive_number, metavar="R", default=3e-3, help="largest learning rate (default: 0.003)"
     )
+    train.add_argument("--batch", type=count, metavar="N", default=64, help="windows a step (default: 64)")
+    train.add_argument(
+        "--workers", type=count, metavar="N", default=1, help="processes; the result is the same (default: 1)"
+    )
     train.add_argument("--seed", type=count, metavar="N", default=1, help="of weights and windows (default: 1)")
+    train.add_argument(
+        "--leave-out",
+        type=READ_TEXT,
+        metavar="KIND",
+        action="append",
+        default=[],
+        help="train a further network without the windows of a kind, into without-KIND.onnx; may be repeated",
+    )
     train.add_argument(
         "--without",
         type=READ_TEXT,
@@ -104,10 +116,11 @@ def run_train(options: argparse.Namespace) -> int:
         "sceneries": {kind.value for kind in SceneryName},
         "skies": {kind.value for kind in SkyName},
     }
-    unknown = [word for word in options.without if not any(word in names for names in kinds.values())]
-    if unknown:
-        wanted = "; ".join(f"{name}: {', '.join(sorted(names))}" for name, names in kinds.items())
-        raise InputError("--without", got=", ".join(unknown), wanted=wanted)
+    for option, words in (("--without", options.without), ("--leave-out", options.leave_out)):
+        unknown = [word for word in words if not any(word in names for names in kinds.values())]
+        if unknown:
+            wanted = "; ".join(f"{name}: {', '.join(sorted(names))}" for name, names in kinds.items())
+            raise InputError(option, got=", ".join(unknown), wanted=wanted)
 
     def chosen(name: str) -> tuple[str, ...]:
         return tuple(word for word in options.without if word in kinds[name])
@@ -130,7 +143,15 @@ def run_train(options: argparse.Namespace) -> int:
         recordings=tuple(Path(folder) for folder in options.recording),
         pictures=options.pictures,
         start=options.start,
-        fit=FitSettings(seed=options.seed, steps=options.steps, rate=options.rate, hard=options.hard),
+        fit=FitSettings(
+            seed=options.seed,
+            steps=options.steps,
+            batch=options.batch,
+            rate=options.rate,
+            hard=options.hard,
+            leave_out=tuple(options.leave_out),
+        ),
+        workers=options.workers,
     )
     if options.material_only:
         with ProgressLine(sys.stderr, "train", "world") as line:

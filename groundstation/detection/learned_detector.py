@@ -26,6 +26,10 @@ from groundstation.picture import Picture, as_picture
 
 # drive of the level set per unit of log odds, and where odds say no more; its length term stays the configured one
 _DRIVE, _MOST_ODDS = 0.1, 6.0
+# log odds by which an aircraft is likelier where the filter predicts one than where nothing is known: on 40 and 18
+# train worlds hits rise from 85.3 to 86.6 and from 94.2 to 94.7 %, wrong points of the former from 3.9 to 4.2 % (4.5 %
+# where the distance of these candidates did not count)
+_EXPECTED_ODDS = 1.5
 # regions nearer to each other than this share of the target are pieces of one
 _PIECES = 0.35
 # neighbouring windows overlap by a target; at most so many to a side
@@ -92,8 +96,7 @@ class LearnedDetector:
             if window is None:
                 continue
             maps = self._channel.maps(window.image)
-            for candidate in candidates_of(maps, self._config.level_set.mu):
-                score = candidate.odds - 0.5 * _distance(window, candidate, hint, span)
+            for score, candidate in self._scored(maps, window, hint, span):
                 if best is None or score > best[0]:
                     best = score, candidate, window, maps
         if best is None:
@@ -102,6 +105,23 @@ class LearnedDetector:
         if _distance(window, candidate, hint, span) > self._config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the nearest region is too far from the prediction")
         return self._described(candidate, window, maps, span)
+
+    def _scored(
+        self, maps: ChannelMaps, window: ChannelWindow, hint: DetectionHint, span: float
+    ) -> Iterator[tuple[float, ChannelCandidate]]:
+        """Yield the candidates of a window, each with its odds less its distance from the prediction.
+
+        Where none is more likely aircraft than not, weaker ones count that are likely so where the target is expected.
+        """
+        mu, prior = self._config.level_set.mu, 0.0
+        candidates = candidates_of(maps, mu)
+        if not candidates:
+            prior = _EXPECTED_ODDS
+            candidates = candidates_of(maps, mu, prior)
+        for candidate in candidates:
+            score = candidate.odds - 0.5 * _distance(window, candidate, hint, span)
+            if prior == 0.0 or score + prior > 0.0:
+                yield score, candidate
 
     def _span(self, hint: DetectionHint) -> float:
         """Return the width to expect, px: the filter's where it is better known than the last one's."""
@@ -149,9 +169,12 @@ class LearnedDetector:
         )
 
 
-def candidates_of(maps: ChannelMaps, mu: float) -> list[ChannelCandidate]:
-    """Return the regions into which the level set divides a window by its log odds; ``mu`` weighs its length."""
-    odds = np.clip(maps.aircraft, -_MOST_ODDS, _MOST_ODDS)
+def candidates_of(maps: ChannelMaps, mu: float, prior: float = 0.0) -> list[ChannelCandidate]:
+    """Return the regions into which the level set divides a window by its log odds.
+
+    ``mu`` weighs its length; ``prior`` is added to the odds, and not to those of the candidates.
+    """
+    odds = np.clip(maps.aircraft + np.float32(prior), -_MOST_ODDS, _MOST_ODDS)
     drive = np.ascontiguousarray(_DRIVE * odds, np.float32)
     phi = np.where(drive > 0.0, np.float32(1.0), np.float32(-1.0))
     settle_driven(drive, phi, mu)

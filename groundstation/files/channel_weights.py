@@ -9,7 +9,7 @@ from groundstation.files.toml_table import shown
 
 WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights" / "aircraft.onnx"
 # of the file that docs/learned-channel.md describes
-SHA256 = "23669d98745b1a31761a070039faa123182f8491fbe4480354dd3e6eeeedd20f"
+SHA256 = "21adfa2cd975fde18c741c75333dea2e45367bcde1079174a552f154fe80e6a6"
 MOST_BYTES = 2_000_000
 
 

@@ -72,6 +72,29 @@ class BodyPainter:
         still = replace(seen, motion_px=np.zeros(2))
         return self._window(skin, np.zeros((len(skin.opacity), 3)), still)
 
+    def unhidden(self, t_s: float, head: HeadMotion) -> list[tuple[Body, BodyWindow]]:
+        """Return the silhouette of each body in the picture where nothing nearer hides it, the nearest body first.
+
+        The cover's last plane is the share of each pixel, before any blur. The backdrop must face the head.
+        """
+        seen: list[tuple[float, Body, BodyExposure]] = []
+        for body in (self.target, *self._world.traffic):
+            exposure = self._raster.exposed_in_view(body, t_s, head, self._optics.exposure_at(t_s))
+            if exposure is not None:
+                seen.append((self._away(body, exposure), body, exposure))
+        found: list[tuple[Body, BodyWindow]] = []
+        for away, body, exposure in sorted(seen, key=lambda item: item[0]):
+            sharp = self.silhouette(body, exposure)
+            if sharp is None:
+                continue
+            cover = self._over_objects(sharp, away).cover.copy()
+            for _, nearer in found:
+                both = overlap(cover, sharp.corner, nearer.cover, nearer.corner)
+                if both is not None:
+                    cover[both[0]] *= 1.0 - nearer.cover[:, :, 3:][both[1]]
+            found.append((body, BodyWindow(cover=cover, corner=sharp.corner)))
+        return found
+
     def visible_share(self, mask: MaskArray, corner: tuple[int, int], seen: BodyExposure, t_s: float) -> float:
         """Return the share of the target's silhouette (h, w), as exposed, that nothing nearer hides."""
         if mask.size == 0:

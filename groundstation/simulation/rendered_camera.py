@@ -22,6 +22,7 @@ from groundstation.simulation.optics import Optics
 from groundstation.simulation.parameter_checks import require
 from groundstation.simulation.render_primitives import crop_mask, overlap
 from groundstation.simulation.rendered_scene import RenderedScene
+from groundstation.simulation.scene_body import Body
 from groundstation.simulation.scenery import Surroundings, surroundings_of
 
 MAX_SIZE_PX = 8192
@@ -163,6 +164,24 @@ class RenderedCamera:
         if silhouette:
             self._backdrop.face(t_s, head)
         return self._truth(t_s, head, silhouette)
+
+    def bodies(
+        self, t_s: float, pan_rad: float, tilt_rad: float, pan_rate_rad_s: float = 0.0, tilt_rate_rad_s: float = 0.0
+    ) -> list[tuple[Body, BodyWindow]]:
+        """Return the bodies in the picture of the same arguments, the nearest first, where nothing nearer hides them.
+
+        The last plane of a cover (h, w, 4) is the share of each pixel, before any blur. The target is one of them.
+        """
+        head = HeadMotion(
+            pan_rad=pan_rad, tilt_rad=tilt_rad, pan_rate_rad_s=pan_rate_rad_s, tilt_rate_rad_s=tilt_rate_rad_s
+        )
+        self._backdrop.face(t_s, head)
+        return self._painter.unhidden(t_s, head)
+
+    @property
+    def target(self) -> Body:
+        """The aircraft that lands, as `bodies` returns it."""
+        return self._painter.target
 
     def _truth(self, t_s: float, head: HeadMotion, silhouette: bool) -> PictureTruth:
         nothing = np.zeros((0, 0), dtype=bool)

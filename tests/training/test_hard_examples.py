@@ -38,8 +38,8 @@ def test_a_run_goes_on_with_the_same_filmed_targets_only(tmp_path: Path) -> None
     targets = tuple(filmed_targets(draw_world(11), 4, np.random.default_rng(7)))
     material = Material(aircraft=(), birds=(), backgrounds=(), filmed=targets)
     settings = FitSettings(steps=2, batch=2, filmed_share=1.0, hard=True, every=1)
-    network = fit(material, (), settings, tmp_path, start=load_onnx(WEIGHTS))
-    again = fit(material, (), settings, tmp_path, start=load_onnx(WEIGHTS))
+    network = fit(material, (), settings, tmp_path, start=load_onnx(WEIGHTS)).network
+    again = fit(material, (), settings, tmp_path, start=load_onnx(WEIGHTS)).network
     for one, other in zip(network.state_dict().values(), again.state_dict().values(), strict=True):
         np.testing.assert_array_equal(one.cpu().numpy(), other.cpu().numpy())
     with pytest.raises(InputError, match="filmed targets"):

@@ -5,25 +5,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import training.material
 from groundstation.box import Box
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.errors import InputError
-from groundstation.files.channel_weights import WEIGHTS, channel_weights
+from groundstation.files.channel_weights import channel_weights
 from groundstation.simulation.world.draw_world import draw_world
-from groundstation.simulation.world.world import World
-from groundstation.simulation.world.world_sets import WorldSet, seed_of
 from groundstation.sources.true_silhouettes import TrueSilhouette
 from training.backgrounds import Background, world_background
 from training.filmed_targets import filmed_targets
-from training.material import Material, MaterialRequest, joined, load_material, save_material
+from training.kinds import world_kinds
+from training.material import (
+    Material,
+    MaterialRequest,
+    joined,
+    load_material,
+    make_material,
+    save_material,
+    without_kinds,
+)
 from training.mined_places import false_place
-from training.recorded_windows import recorded_window, target_in
+from training.recorded_windows import labelled_picture, recorded_window, target_in, target_window
 from training.sprites import SPRITE_PX, SpriteStudio
 from training.windows import WindowDrawer
 
-SKY = Background(image=np.full((240, 320, 3), (230, 190, 150), np.uint8), occupied=None, drawn=True)
+SKY = Background(
+    image=np.full((240, 320, 3), (230, 190, 150), np.uint8), occupied=None, drawn=True, kinds=("meadow", "clear")
+)
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +101,11 @@ def test_material_is_read_back_the_same(material: Material, tmp_path: Path) -> N
         np.testing.assert_allclose(one.light[:, :, :3], two.light[:, :, :3], atol=0.51)
         np.testing.assert_allclose(one.light[:, :, 3], two.light[:, :, 3], atol=0.003)
         np.testing.assert_array_equal(one.nose_px, two.nose_px)
+        assert one.kinds == two.kinds
+    assert [each.kinds for each in found.backgrounds] == [each.kinds for each in material.backgrounds]
     assert len(found.filmed) == len(material.filmed) > 0
     for drawn, read in zip(material.filmed, found.filmed, strict=True):
-        for name in ("image", "cover", "middle_px", "width_px", "nose_px"):
+        for name in ("image", "cover", "other", "middle_px", "width_px", "nose_px", "kinds", "around_target"):
             np.testing.assert_array_equal(getattr(drawn, name), getattr(read, name))
     assert found.backgrounds[0].occupied is None
     assert found.backgrounds[1].occupied == Box(100.0, 80.0, 180.0, 140.0)
@@ -119,7 +129,7 @@ def test_a_recorded_target_has_its_silhouette_where_it_is_seen(width_px: float, 
     image[rows, low:high] = 20
     silhouette = TrueSilhouette(x=low, y=rows.start, mask=np.ones((4, high - low), dtype=bool))
     nose = np.array([low + 0.0, 2.0 * side / 4.0 - 0.5])
-    target = target_in(image, silhouette, silhouette.centre_px, width_px, nose)
+    target = target_in(labelled_picture(image, silhouette), silhouette.centre_px, width_px, nose)
     checked = 0
     for _ in range(10):
         window = recorded_window(target, rng)
@@ -137,15 +147,16 @@ def test_a_recorded_target_has_its_silhouette_where_it_is_seen(width_px: float, 
 
 
 def test_filmed_targets_are_where_they_are_labelled() -> None:
-    world = draw_world(11)
+    world = draw_world(13)
     found = list(filmed_targets(world, 12, np.random.default_rng(7)))
     again = list(filmed_targets(world, 12, np.random.default_rng(7)))
-    own, elsewhere = found[::2], found[1::2]
-    assert len(own) == len(elsewhere) > 3
+    own, elsewhere = ([each for each in found if each.around_target is on] for on in (True, False))
+    assert len(elsewhere) >= len(own) > 3
     for one, other in zip(found, again, strict=True):
         np.testing.assert_array_equal(one.image, other.image)
     for target in own:
-        share = target.cover / target.cover.sum(dtype=np.float64)
+        seen = target.cover >= 128
+        share = seen / seen.sum()
         rows, columns = np.indices(share.shape)
         centre = np.array([(share * columns).sum(), (share * rows).sum()])
         assert np.hypot(*(centre - target.middle_px)) < 1.0
@@ -175,10 +186,11 @@ def test_a_mined_place_is_one_that_the_channel_mistakes_and_the_target_is_not_th
         part = image[200 : 200 + h, x : x + w].astype(np.float32)
         image[200 : 200 + h, x : x + w] = part * (1.0 - sprite.light[:, :, 3:]) + sprite.light[:, :, :3]
     channel = LearnedChannel(channel_weights())
-    own, mined = Box(40.0, 200.0, 40.0 + w, 200.0 + h), []
+    cover, mined = np.zeros(image.shape[:2], np.uint8), []
+    cover[200 : 200 + h, 40 : 40 + w] = 255
     for seed in range(20):
-        place = false_place(channel, image, own, np.random.default_rng(seed))
-        again = false_place(channel, image, own, np.random.default_rng(seed))
+        place = false_place(channel, image, cover, np.random.default_rng(seed))
+        again = false_place(channel, image, cover, np.random.default_rng(seed))
         assert (place is None) == (again is None)
         if place is not None and again is not None:
             np.testing.assert_array_equal(place[0], again[0])
@@ -187,25 +199,47 @@ def test_a_mined_place_is_one_that_the_channel_mistakes_and_the_target_is_not_th
     other = Box(480.0, 200.0, 480.0 + w, 200.0 + h)
     assert all(other.x0 - 8 <= u <= other.x1 + 8 and other.y0 - 8 <= v <= other.y1 + 8 for u, v in mined)
     # an even sky shows nothing to be mistaken
-    assert false_place(channel, np.full((480, 640, 3), 180, np.uint8), own, np.random.default_rng(1)) is None
+    assert false_place(channel, np.full((480, 640, 3), 180, np.uint8), cover, np.random.default_rng(1)) is None
 
 
-def test_only_pictures_without_others_in_the_air_are_mined(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Birds and other aircraft are not labelled: a place where the channel sees them is not one without aircraft."""
-    mined: dict[int, bool] = {}
+def test_birds_and_other_aircraft_in_a_picture_are_labelled_as_what_they_are() -> None:
+    """A world with many birds: a window around one has them as others."""
+    flocked = next(world for seed in range(60) if len((world := draw_world(seed)).traffic.birds) > 3)
+    found = list(filmed_targets(flocked, 25, np.random.default_rng(3)))
+    around_birds = [each for each in found if not each.around_target and _at_middle(each.other, each.middle_px) > 0]
+    assert around_birds
+    for target in found:
+        assert target.cover.shape == target.other.shape == target.image.shape[:2]
+        assert set(target.kinds) == set(world_kinds(flocked))
+        # what hides a body takes its share of the pixel away
+        assert (target.cover.astype(int) + target.other <= 255 + 2).all()
+    for target in around_birds:
+        window = target_window(target, TARGET_PX, np.array(WINDOW_PX) / 2.0 - 0.5)
+        assert window.other.max() > 0.0
 
-    def filmed(world: World, *_: object) -> list[object]:
-        mined[world.seed] = _[2] is not None
-        return []
 
-    monkeypatch.setattr(training.material, "filmed_targets", filmed)
-    monkeypatch.setattr(SpriteStudio, "aircraft", lambda *_: None)
-    monkeypatch.setattr(SpriteStudio, "bird", lambda *_: None)
-    request = MaterialRequest(worlds=12, first=20, scenes=0, filmed=12, mined_with=WEIGHTS)
-    training.material.make_material(request)
-    worlds = [draw_world(seed_of(WorldSet.TRAIN, number)) for number in range(20, 32)]
-    assert list(mined) == [world.seed for world in worlds]
-    for world in worlds:
-        alone = not (world.traffic.birds or world.traffic.flocks or world.traffic.aircraft)
-        assert mined[world.seed] is alone
-    assert len(set(mined.values())) == 2
+def _at_middle(plane: np.ndarray, middle: np.ndarray) -> int:
+    u, v = np.rint(middle).astype(int)
+    return int(plane[max(v - 2, 0) : v + 3, max(u - 2, 0) : u + 3].max())
+
+
+def test_material_does_not_depend_on_the_number_of_processes() -> None:
+    request = MaterialRequest(worlds=3, first=20, scenes=1, filmed=2, pictures=2)
+    one, two = (make_material(request, workers=workers) for workers in (1, 2))
+    assert len(one.aircraft) > 20
+    for name in ("aircraft", "birds", "backgrounds", "filmed"):
+        pairs = zip(getattr(one, name), getattr(two, name), strict=True)
+        for first, second in pairs:
+            picture = "light" if name in ("aircraft", "birds") else "image"
+            np.testing.assert_array_equal(getattr(first, picture), getattr(second, picture))
+            assert first.kinds == second.kinds
+
+
+def test_what_shows_a_kind_is_left_out_of_a_material(material: Material) -> None:
+    family = material.aircraft[0].kinds[0]
+    left = without_kinds(material, frozenset({family}))
+    assert 0 < len(left.aircraft) < len(material.aircraft)
+    assert all(family not in each.kinds for each in (*left.aircraft, *left.filmed))
+    assert len(left.birds) == len(material.birds)
+    # frames of clips have no kind
+    assert [each.drawn for each in without_kinds(material, frozenset({"meadow"})).backgrounds] == [False]

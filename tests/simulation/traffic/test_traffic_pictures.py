@@ -50,6 +50,25 @@ def test_a_bird_before_the_aircraft_hides_it_and_one_behind_it_does_not() -> Non
     assert camera(bird(0.4)).film(1.0, *angles).truth.visible_share == 1.0
 
 
+def test_the_bodies_of_a_picture_are_what_nothing_nearer_hides() -> None:
+    angles = look_at(TARGET)
+    for bodies in ((), bird(0.4), bird(1.5)):
+        seen_by = camera(bodies)
+        shot = seen_by.film(0.0, *angles)
+        found = seen_by.bodies(0.0, *angles)
+        assert len(found) == 1 + len(bodies)
+        distances = [float(np.linalg.norm(body.place(0.0) - EYE)) for body, _ in found]
+        assert distances == sorted(distances)
+        planes = [np.zeros((480, 640)) for _ in found]
+        for plane, (_, window) in zip(planes, found, strict=True):
+            (x, y), (h, w) = window.corner, window.cover.shape[:2]
+            plane[y : y + h, x : x + w] = window.cover[:, :, 3]
+        own = next(k for k, (body, _) in enumerate(found) if body is seen_by.target)
+        assert (planes[own] >= 0.5).sum() == round(shot.truth.visible_share * shot.truth.silhouette.sum())
+        # no pixel is covered twice
+        assert np.sum(planes, axis=0).max() <= 1.0 + 1e-5
+
+
 def test_a_bird_beats_its_wings_and_holds_them_while_it_glides() -> None:
     (flapping,), (gliding,) = bird(0.4), bird(0.4, flapping_share=0.0)
     for body, moves in ((flapping, True), (gliding, False)):
