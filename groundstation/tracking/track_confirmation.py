@@ -47,6 +47,11 @@ class TrackConfirmation:
         """Whether the target was found without motion, or has come to stand, and has not moved since."""
         return self._is_standing
 
+    @property
+    def has_settled(self) -> bool:
+        """Whether the velocity has converged, so that a target that moves is reported."""
+        return self._velocity_converged
+
     def start(self, t_s: float, found_at_m: FloatArray | None, *, known: bool = False, standing: bool = False) -> None:
         """Start a track at ``t_s``; ``found_at_m`` (3,) is the position found by searching, None for a given target.
 

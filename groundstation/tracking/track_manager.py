@@ -35,6 +35,8 @@ from groundstation.tracking.epoch_buffer import EpochViews
 from groundstation.tracking.search_schedule import SearchSchedule
 from groundstation.tracking.track_state_machine import TrackStateMachine
 
+# other traffic is behind the aircraft that lands: of two, one whose distance is less than this share of the other's
+_FAR_NEARER = 0.5
 # pixels of two cameras so close in time confirm a target, though pairs lose frames
 _TOGETHER_S = 0.1
 
@@ -63,6 +65,7 @@ class TrackManager:
         self._newest_epoch_s = -math.inf
         self._accepted_s: dict[str, float] = {}
         geometries = {n: c.geometry for n, c in cameras.items()}
+        self._eyes_m = [each.camera_pose(0.0, 0.0).position_runway_m for each in geometries.values()]
         self._initiator = TrackInitiator(geometries, config.initiation, span.span_m)
         self._guided = GuidedSearch(geometries, config.initiation, span.span_m)
         self._span, self._usual_span_m = span, config.initiation.usual_span_m
@@ -256,7 +259,17 @@ class TrackManager:
         if not self._ekf.has_target or (found.moving and self.state_machine.is_doubtful(t_s)):
             return True
         moving_s = found.age_s if found.moving else None
-        return self.state_machine.yields_to(t_s, recognised=found.recognised, moving_s=moving_s, odds=found.odds)
+        return self.state_machine.yields_to(
+            t_s,
+            recognised=found.recognised,
+            moving_s=moving_s,
+            odds=found.odds,
+            far_nearer=self._range_m(found.kinematics) < _FAR_NEARER * self._range_m(self._ekf.kinematics_at(t_s)),
+        )
+
+    def _range_m(self, target: Kinematics) -> float:
+        """Return the distance of a target from the nearest station, m."""
+        return min(float(np.linalg.norm(target.position_runway_m - eye)) for eye in self._eyes_m)
 
     def _start_track(self, t_s: float, start: Kinematics, how: str, found: InitiatedTarget | None = None) -> None:
         """Start the filter from a state at ``t_s``; only targets ``found`` among candidates need confirmation."""

@@ -105,7 +105,8 @@ class TrackStateMachine:
     def needs_search(self, t_s: float) -> bool:
         """Return whether whole frames are also searched: the target is doubtful, or could yield to another one."""
         own = self.recognition
-        sure = not own.is_available or (own.is_recognised and not self.confirmation.is_standing)
+        found = self.confirmation
+        sure = not own.is_available or (own.is_recognised and not found.is_standing and found.has_settled)
         return self.is_doubtful(t_s) or not sure
 
     def is_doubtful(self, t_s: float) -> bool:
@@ -113,20 +114,31 @@ class TrackStateMachine:
         doubtful = self.existence.probability < self._config.doubtful_existence
         return doubtful or t_s - self._newest_fix_s > self._config.search_again_s
 
-    def yields_to(self, t_s: float, *, recognised: bool, moving_s: float | None, odds: float | None = None) -> bool:
+    def yields_to(
+        self,
+        t_s: float,
+        *,
+        recognised: bool,
+        moving_s: float | None,
+        odds: float | None = None,
+        far_nearer: bool = False,
+    ) -> bool:
         """Return whether the target is given up for another one that is recognised, or has moved for ``moving_s``.
 
         One that moves yields to another that moves and is recognised, if it is not itself; while it is younger than a
         found target has to move, also to one that is by its mean log ``odds`` of aircraft far more likely to be one:
         what has been followed for long may be an aircraft unlike those of the channel's training. One that stands
         yields to each that moves and is recognised; one that stands and is not recognised, to each; one that stands and
-        is, to what has moved for as long as a found target has to move.
+        is, to what has moved for as long as a found target has to move. Of two aircraft that move, the one that lands
+        is nearer than the traffic behind it: one whose velocity has not settled yields to one that is ``far_nearer``.
         """
         known = self.recognition.is_recognised
         if not self.confirmation.is_standing:
             young = t_s - self._found_s <= self._config.false_target_s
             better = recognised or (young and self.recognition.is_outdone_by(odds))
-            return moving_s is not None and not known and better
+            if known:
+                return moving_s is not None and recognised and far_nearer and not self.confirmation.has_settled
+            return moving_s is not None and better
         if moving_s is None:
             return recognised and not known
         return recognised or not known or moving_s > self._config.false_target_s
