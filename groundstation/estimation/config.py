@@ -96,7 +96,7 @@ class EstimationConfig:
     confirm_after_s, confirm_fixes : after so long without any accepted pixel, the status is tracking at so many fixes.
     search_again_s : without a fix for so long, the whole frames are searched again next to the prediction.
     proof_fixes, proof_s : a target found by searching needs so many fixes within so long, or it is dropped.
-    settled_velocity_sigma_m_s : and is reported once its velocity is known so well in every direction.
+    settled_velocity_sigma_m_s : and is reported once its velocity is known so well in every direction, and is not zero.
     false_target_s, false_target_m : a target found by searching must move so far in so long, or it is dropped.
     standing_s, standing_m : and one that has is dropped once it has not come so far in so long; for a multirotor, which
         may hover, in an hour. One that the learned channel recognises is kept in both cases, and not reported.

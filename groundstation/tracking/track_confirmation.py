@@ -22,6 +22,10 @@ _MOVED_GATE = 25.0
 _POSITION_EVERY_S = 0.25
 # a target that stood moves at this speed, which differs from zero by six sigmas, as in track initiation
 _MOVING_GATE, _LEAST_SPEED_M_S = 36.0, 2.0
+# and a target that was found in motion is reported once its velocity differs from zero by five: a thing on the ground,
+# whose range is uncertain, seems to move along the line of sight. With gates of 0, 16, 25 and 36 two validate worlds
+# have 79, 18, 13 and 1 misleading epochs, and 58 train worlds 2168, 2129, 2108 and 2061 epochs *tracking*
+_FLYING_GATE = 25.0
 
 
 class TrackConfirmation:
@@ -71,15 +75,16 @@ class TrackConfirmation:
         self._fixes += 1
 
     def is_reportable(self, ekf: StationEkf) -> bool:
-        """Return whether the estimate may be reported: the track has had a fix and its velocity has converged."""
+        """Return whether the estimate may be reported: it had a fix, its velocity has converged, and is not zero."""
         if self._is_standing:
-            if not _is_moving(ekf):
+            if not _is_moving(ekf, _MOVING_GATE):
                 return False
             self._is_standing = False
         if not self._velocity_converged:
             where = ekf.layout.velocity
             sigma = float(np.sqrt(np.linalg.eigvalsh(ekf.covariance[where, where]).max()))
-            self._velocity_converged = self._fixes > 0 and sigma < self._config.settled_velocity_sigma_m_s
+            settled = self._fixes > 0 and sigma < self._config.settled_velocity_sigma_m_s
+            self._velocity_converged = settled and _is_moving(ekf, _FLYING_GATE)
         return self._velocity_converged
 
     def is_false_track(self, t_s: float, ekf: StationEkf, *, recognised: bool = False) -> bool:
@@ -129,9 +134,9 @@ class TrackConfirmation:
         return t_s - then_s >= c.standing_s and float(np.linalg.norm(here_m - there_m)) < c.standing_m
 
 
-def _is_moving(ekf: StationEkf) -> bool:
-    """Return whether the velocity is significant."""
+def _is_moving(ekf: StationEkf, gate: float) -> bool:
+    """Return whether the velocity differs from zero by more than a squared number of sigmas."""
     where = ekf.layout.velocity
     v_m_s = ekf.state[where]
-    significant = float(v_m_s @ np.linalg.solve(ekf.covariance[where, where], v_m_s)) > _MOVING_GATE
+    significant = float(v_m_s @ np.linalg.solve(ekf.covariance[where, where], v_m_s)) > gate
     return significant and float(np.linalg.norm(v_m_s)) >= _LEAST_SPEED_M_S

@@ -12,7 +12,8 @@ something near an uncertain prediction. Re-acquisition therefore takes a configu
 track keeps coasting.
 
 A target found by searching needs track confirmation (`track_confirmation`). It is *acquiring*, without a reported
-estimate, until it has had a fix and its velocity has converged; it is dropped if it proves to be a false track.
+estimate, until it has had a fix and its velocity has converged and is not zero; it is dropped if it proves to be a
+false track.
 """
 
 from collections.abc import Iterable
@@ -94,7 +95,7 @@ class TrackStateMachine:
     def update(self, fixed: bool, ekf: StationEkf) -> TrackStatus:
         """Return the status of a track that is kept, with or without a fix in this epoch.
 
-        A target found by searching is acquiring until it has had a fix and its velocity has converged.
+        A target found by searching is acquiring until it has had a fix, and its velocity has converged and is not zero.
         """
         self._was_fixed = fixed
         if not self.confirmation.is_reportable(ekf):

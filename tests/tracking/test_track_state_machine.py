@@ -25,7 +25,7 @@ def started(found: bool) -> tuple[TrackStateMachine, StationEkf]:
 def move(ekf: StationEkf, y_m: float) -> None:
     kinematics = ekf.kinematics_at(0.0)
     there = kinematics.position_runway_m + [0.0, y_m, 0.0]
-    ekf.start_target(there, kinematics.velocity_runway_m_s, kinematics.covariance)
+    ekf.start_target(there, np.array([0.0, y_m, 0.0]), kinematics.covariance)
 
 
 def test_no_fix_within_the_time_for_it_is_false() -> None:
@@ -107,6 +107,7 @@ def test_time_and_covariance_lose_a_target() -> None:
 
 def test_a_found_target_is_reported_once_its_velocity_has_settled() -> None:
     life, ekf = started(found=True)
+    move(ekf, -15.0)
     ekf.covariance[3:6, 3:6] = np.diag([1.0, 20.0**2, 1.0])
     life.add_fix(0.1)
     assert life.update(True, ekf) is TrackStatus.ACQUIRING
@@ -229,6 +230,34 @@ def test_what_moves_yields_to_what_moves_and_is_recognised_only() -> None:
         assert not life.yields_to(9.9, recognised=True, moving_s=None)
         assert not life.yields_to(9.9, recognised=False, moving_s=9.0)
         assert life.yields_to(9.9, recognised=True, moving_s=0.6) is (odds < 1.5)
+
+
+def test_a_recognised_aircraft_yields_to_a_much_nearer_one_until_its_velocity_has_settled() -> None:
+    """Expected: traffic behind the aircraft that lands gives way to it, and nothing that is reported does."""
+    life, ekf = started(found=True)
+    life.start(0.0, ekf.kinematics_at(0.0).position_runway_m, odds=4.0)
+    life.recognition.add("left", 0.0, 4.0)
+    life.add_fix(0.1)
+    assert life.needs_search(0.2)
+    assert life.yields_to(0.2, recognised=True, moving_s=0.6, far_nearer=True)
+    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, far_nearer=False)
+    assert not life.yields_to(0.2, recognised=False, moving_s=0.6, far_nearer=True)
+    assert not life.yields_to(0.2, recognised=True, moving_s=None, far_nearer=True)
+    move(ekf, -15.0)
+    assert life.update(True, ekf) is TrackStatus.TRACKING
+    assert not life.needs_search(0.2)
+    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, far_nearer=True)
+
+
+@pytest.mark.parametrize(("speed_m_s", "reported"), [(0.0, False), (4.9, False), (5.1, True)])
+def test_a_found_target_is_reported_only_while_its_velocity_is_not_zero(speed_m_s: float, reported: bool) -> None:
+    """Expected: five sigmas, of 1 m/s each."""
+    life, ekf = started(found=True)
+    life.start(0.0, ekf.kinematics_at(0.0).position_runway_m)
+    life.add_fix(0.1)
+    covariance = np.diag([0.01, 0.25, 0.01, 1.0, 1.0, 1.0])
+    ekf.start_target(np.array([0.0, 200.0, 8.0]), np.array([0.0, speed_m_s, 0.0]), covariance)
+    assert (life.update(True, ekf) is not TrackStatus.ACQUIRING) is reported
 
 
 def test_what_moves_yields_to_what_moves_and_is_far_more_like_an_aircraft() -> None:
