@@ -124,7 +124,7 @@ def test_the_results_are_a_page_of_five_minutes() -> None:
 
 _FIGURES = ROOT / "recordings" / "landing-1.figures.json"
 # a row's range of y, as far as the aircraft was there, and the name of its bin
-_BINS = {"400–518": "400-700", "250–400": "250-400", "150–250": "150-250", "100–150": "100-150", "97–100": "60-100"}
+_BINS = {"400–485": "400-700", "250–400": "250-400", "150–250": "150-250", "100–150": "100-150", "97–100": "60-100"}
 _ACCURACY = re.compile(r"^\| (?:landing-1 )?\| (\d+–\d+)[^|]*\| \d+ \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
 
 
