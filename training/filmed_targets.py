@@ -66,7 +66,7 @@ class _Filmed:
     """A shot, and what is in it that moves: aircraft in the air with the target, the target alone, and birds.
 
     Each is the share of pixels (h, w) up to 255 that it covers where nothing hides it; ``bird_boxes`` has a box for
-    each bird that is seen at all.
+    each bird that covers a pixel by half or more.
     """
 
     shot: Shot

@@ -137,7 +137,7 @@ def fit(
         run.step += 1
         if run.step % settings.every == 0 or run.step == settings.steps:
             run.rows.append(
-                [run.step, run.step * settings.batch, *means_of(parts), f"{rate_of(run.step, settings):.3g}"]
+                [run.step, run.step * settings.batch, *means_of(parts), f"{rate_of(run.step - 1, settings):.3g}"]
             )
             parts.clear()
             _keep(run, settings, folder)
@@ -226,10 +226,16 @@ def _resume(run: _Run, settings: FitSettings, folder: Path, device: torch.device
     run.step, run.rows = state["step"], state["rows"]
 
 
+def _labels(target: RecordedTarget) -> bytes:
+    """Return what is stated about a target's picture."""
+    places = np.array([*target.middle_px, target.width_px, *target.nose_px])
+    return b"".join((target.cover.tobytes(), target.other.tobytes(), places.tobytes(), " ".join(target.kinds).encode()))
+
+
 def _digest(
     start: ChannelNetwork | None, *targets: Sequence[RecordedTarget], filmed: Sequence[RecordedTarget] = ()
 ) -> str:
-    """Return a hash of the first weights, of what recordings and pictures show, and of where filmed targets are."""
+    """Return a hash of the first weights, of what recordings and pictures show, and of filmed targets' labels."""
     found = hashlib.sha256()
     for name, value in () if start is None else start.state_dict().items():
         found.update(name.encode())
@@ -238,8 +244,7 @@ def _digest(
         found.update(len(group).to_bytes(8, "little"))
         for target in group:
             found.update(target.image.tobytes())
-            found.update(target.cover.tobytes())
-            found.update(np.array([*target.middle_px, target.width_px, *target.nose_px]).tobytes())
+            found.update(_labels(target))
     for target in filmed:
-        found.update(np.array([*target.middle_px, target.width_px, *target.nose_px]).tobytes())
+        found.update(_labels(target))
     return found.hexdigest()

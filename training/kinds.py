@@ -10,5 +10,9 @@ def surroundings_kinds(world: World) -> tuple[str, ...]:
 
 
 def world_kinds(world: World) -> tuple[str, ...]:
-    """Return the airframe family of a world, its scenery and its sky, by name."""
-    return (world.airframe.family.value, *surroundings_kinds(world))
+    """Return the airframe families of a world, the target's first, its scenery and its sky, by name.
+
+    Other aircraft in the air are labelled as aircraft, too, and a network is not to learn them from a kind left out.
+    """
+    families = [world.airframe.family, *(each.airframe.family for each in world.traffic.aircraft)]
+    return (*dict.fromkeys(family.value for family in families), *surroundings_kinds(world))

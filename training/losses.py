@@ -20,8 +20,8 @@ class WindowBatch:
 
     Attributes
     ----------
-    windows : (n, 3, 96, 128) uint8 BGR.
-    shares : (n, 2, 96, 128) uint8, of aircraft and other flying things, 255 for a whole pixel.
+    windows : (n, 3, 96, 128) uint8 BGR; float32 once `on` a device.
+    shares : (n, 2, 96, 128) uint8, of aircraft and other flying things, 255 for a whole pixel; then float32, 1.
     noses : (n, 2) float32 x, y; NaN where none is known.
     kinds : of airframe, scenery and sky that each shows.
     """

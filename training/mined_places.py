@@ -10,8 +10,8 @@ from groundstation.picture import as_picture
 # windows of a picture that are looked at
 _TRIES = 24
 _WIDTHS_PX = (10.0, 300.0)
-# log odds from which a place is worth learning
-_LEAST_ODDS = -3.0
+# log odds from which a place is worth learning: more than one in nine, as the channel states them
+_LEAST_ODDS = -2.1
 # a window shows neither aircraft nor bird if there is none within this share of its size around its middle
 _APART = 0.6
 

@@ -88,10 +88,12 @@ class BodyPainter:
             if sharp is None:
                 continue
             cover = self._over_objects(sharp, away).cover.copy()
+            left = np.ones((*cover.shape[:2], 1), np.float32)
             for _, nearer in found:
-                both = overlap(cover, sharp.corner, nearer.cover, nearer.corner)
+                both = overlap(left, sharp.corner, nearer.cover, nearer.corner)
                 if both is not None:
-                    cover[both[0]] *= 1.0 - nearer.cover[:, :, 3:][both[1]]
+                    left[both[0]] -= nearer.cover[:, :, 3:][both[1]]
+            cover *= left.clip(0.0, 1.0)
             found.append((body, BodyWindow(cover=cover, corner=sharp.corner)))
         return found
 

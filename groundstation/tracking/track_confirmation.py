@@ -75,16 +75,19 @@ class TrackConfirmation:
         self._fixes += 1
 
     def is_reportable(self, ekf: StationEkf) -> bool:
-        """Return whether the estimate may be reported: it had a fix, its velocity has converged, and is not zero."""
+        """Return whether the estimate may be reported: it had a fix, and its velocity has converged and is not zero.
+
+        That a found target has moved away is not sufficient: so does the estimate of what stands at an uncertain range.
+        """
         if self._is_standing:
-            if not _is_moving(ekf, _MOVING_GATE):
+            if not _is_moving(ekf, _MOVING_GATE, _LEAST_SPEED_M_S):
                 return False
             self._is_standing = False
         if not self._velocity_converged:
             where = ekf.layout.velocity
             sigma = float(np.sqrt(np.linalg.eigvalsh(ekf.covariance[where, where]).max()))
             settled = self._fixes > 0 and sigma < self._config.settled_velocity_sigma_m_s
-            self._velocity_converged = settled and _is_moving(ekf, _FLYING_GATE)
+            self._velocity_converged = settled and _is_moving(ekf, _FLYING_GATE, 0.0)
         return self._velocity_converged
 
     def is_false_track(self, t_s: float, ekf: StationEkf, *, recognised: bool = False) -> bool:
@@ -134,9 +137,9 @@ class TrackConfirmation:
         return t_s - then_s >= c.standing_s and float(np.linalg.norm(here_m - there_m)) < c.standing_m
 
 
-def _is_moving(ekf: StationEkf, gate: float) -> bool:
-    """Return whether the velocity differs from zero by more than a squared number of sigmas."""
+def _is_moving(ekf: StationEkf, gate: float, least_m_s: float) -> bool:
+    """Return whether the velocity differs from zero by more than a squared number of sigmas, and is not less."""
     where = ekf.layout.velocity
     v_m_s = ekf.state[where]
     significant = float(v_m_s @ np.linalg.solve(ekf.covariance[where, where], v_m_s)) > gate
-    return significant and float(np.linalg.norm(v_m_s)) >= _LEAST_SPEED_M_S
+    return significant and float(np.linalg.norm(v_m_s)) >= least_m_s

@@ -131,14 +131,16 @@ class TrackStateMachine:
         what has been followed for long may be an aircraft unlike those of the channel's training. One that stands
         yields to each that moves and is recognised; one that stands and is not recognised, to each; one that stands and
         is, to what has moved for as long as a found target has to move. Of two aircraft that move, the one that lands
-        is nearer than the traffic behind it: one whose velocity has not settled yields to one that is ``far_nearer``.
+        is nearer than the traffic behind it: one whose velocity has not settled yields to one that is ``far_nearer``,
+        if it is about as likely to be an aircraft (birds are nearer, too).
         """
         known = self.recognition.is_recognised
         if not self.confirmation.is_standing:
             young = t_s - self._found_s <= self._config.false_target_s
             better = recognised or (young and self.recognition.is_outdone_by(odds))
             if known:
-                return moving_s is not None and recognised and far_nearer and not self.confirmation.has_settled
+                nearer = far_nearer and not self.recognition.is_likelier_than(odds)
+                return moving_s is not None and recognised and nearer and not self.confirmation.has_settled
             return moving_s is not None and better
         if moving_s is None:
             return recognised and not known

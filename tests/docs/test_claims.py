@@ -64,3 +64,19 @@ def test_results_state_their_development_data() -> None:
         *(p.read_text() for p in (ROOT / "tests").rglob("*.py") if p.name != "test_claims.py"),
     ]:
         assert not re.search(r"nothing (?:was )?tuned (?:to|on) (?:them|landing-1|takeoff-1)\b", text)
+
+
+def test_the_readme_s_recordings_not_trained_on_are_those_of_the_results() -> None:
+    results = (ROOT / "docs" / "results.md").read_text(encoding="utf-8").replace("**", "")
+    named = {
+        "landing before trees and hills": "landing-clutter",
+        "take-off away from the stations, pale wings": "takeoff-away",
+    }
+    for words, session in named.items():
+        ((pairs, rmse, anees, nis),) = re.findall(
+            rf"^\| {words} \| ([^|]+) \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", README, re.M
+        )
+        (row,) = re.findall(rf"^\| {session} \| ([^|]+) \| ([^|]+) \| [^|]+ \| ([^|]+) \| ([\d.]+) ", results, re.M)
+        assert (pairs, rmse, anees, nis) == row
+        assert anees in README.partition("| you want to")[0]
+        assert nis in README.partition("| you want to")[0]

@@ -243,6 +243,9 @@ def test_a_recognised_aircraft_yields_to_a_much_nearer_one_until_its_velocity_ha
     assert not life.yields_to(0.2, recognised=True, moving_s=0.6, far_nearer=False)
     assert not life.yields_to(0.2, recognised=False, moving_s=0.6, far_nearer=True)
     assert not life.yields_to(0.2, recognised=True, moving_s=None, far_nearer=True)
+    # a bird near the cameras, which the channel half believes
+    assert life.yields_to(0.2, recognised=True, moving_s=0.6, odds=3.1, far_nearer=True)
+    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, odds=2.9, far_nearer=True)
     move(ekf, -15.0)
     assert life.update(True, ekf) is TrackStatus.TRACKING
     assert not life.needs_search(0.2)

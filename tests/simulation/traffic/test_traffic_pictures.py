@@ -52,7 +52,7 @@ def test_a_bird_before_the_aircraft_hides_it_and_one_behind_it_does_not() -> Non
 
 def test_the_bodies_of_a_picture_are_what_nothing_nearer_hides() -> None:
     angles = look_at(TARGET)
-    for bodies in ((), bird(0.4), bird(1.5)):
+    for bodies in ((), bird(0.4), bird(1.5), (*bird(0.4), *bird(0.5), *bird(0.6, span_m=4.0))):
         seen_by = camera(bodies)
         shot = seen_by.film(0.0, *angles)
         found = seen_by.bodies(0.0, *angles)
