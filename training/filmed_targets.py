@@ -8,6 +8,7 @@ a plain sky teaches little.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ from groundstation.simulation.body_raster import BodyWindow
 from groundstation.simulation.drawn_flights import build_flight
 from groundstation.simulation.render_primitives import overlap
 from groundstation.simulation.rendered_camera import RenderedCamera, Shot
+from groundstation.simulation.scene_body import Body
 from groundstation.simulation.traffic.bird_body import BirdBody
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.simulation.world.render_world import built_stations, rendered_cameras
@@ -41,6 +43,13 @@ _IN_THE_AIR_M = 15.0
 # from the width of a bird to the one expected of an aircraft there; and where there is none
 _BIRD_LOG_RATIO = (-0.3, 2.0)
 _MOST_WIDTH_PX = 260.0
+
+
+class BodyLabel(StrEnum):
+    """Classes of the network besides the background."""
+
+    AIRCRAFT = "aircraft"
+    OTHER = "other"
 
 
 def filmed_targets(
@@ -101,12 +110,19 @@ def _filmed(
     cover, other = (np.zeros(lens.image_size_px[::-1], np.uint8) for _ in range(2))
     birds = []
     for body, window in camera.bodies(t_s, *head):
-        bird = isinstance(body, BirdBody)
-        if bird or body is camera.target or body.place(t_s)[2] > _IN_THE_AIR_M:
-            box = _laid_into(other if bird else cover, window)
-            if bird and box is not None:
-                birds.append(box)
+        label = BodyLabel.AIRCRAFT if body is camera.target else label_of(body, t_s)
+        if label is BodyLabel.AIRCRAFT:
+            _laid_into(cover, window)
+        elif label is BodyLabel.OTHER and (box := _laid_into(other, window)) is not None:
+            birds.append(box)
     return _Filmed(shot=shot, cover=cover, other=other, bird_boxes=tuple(birds))
+
+
+def label_of(body: Body, t_s: float) -> BodyLabel | None:
+    """Return what a body of the traffic is learned as; None as background, as cars are."""
+    if isinstance(body, BirdBody):
+        return BodyLabel.OTHER
+    return BodyLabel.AIRCRAFT if body.place(t_s)[2] > _IN_THE_AIR_M else None
 
 
 def _laid_into(plane: ImageArray, window: BodyWindow) -> Box[int] | None:

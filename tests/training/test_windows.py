@@ -10,10 +10,11 @@ from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.errors import InputError
 from groundstation.files.channel_weights import channel_weights
+from groundstation.simulation.traffic import TrafficSpec, traffic_bodies
 from groundstation.simulation.world.draw_world import draw_world
 from groundstation.sources.true_silhouettes import TrueSilhouette
 from training.backgrounds import Background, world_background
-from training.filmed_targets import filmed_targets
+from training.filmed_targets import BodyLabel, filmed_targets, label_of
 from training.kinds import world_kinds
 from training.material import (
     Material,
@@ -202,8 +203,22 @@ def test_a_mined_place_is_one_that_the_channel_mistakes_and_the_target_is_not_th
     assert false_place(channel, np.full((480, 640, 3), 180, np.uint8), cover, np.random.default_rng(1)) is None
 
 
-def test_birds_and_other_aircraft_in_a_picture_are_labelled_as_what_they_are() -> None:
-    """A world with many birds: a window around one has them as others."""
+def test_traffic_is_learned_as_what_it_is() -> None:
+    """Expected: birds are others, another aircraft in the air is an aircraft, a car is background."""
+    worlds = [draw_world(seed) for seed in range(40)]
+    spec = TrafficSpec(
+        birds=next(w.traffic.birds for w in worlds if w.traffic.birds),
+        aircraft=next(w.traffic.aircraft for w in worlds if w.traffic.aircraft),
+        roads=next(w.traffic.roads for w in worlds if any(road.cars for road in w.traffic.roads)),
+    )
+    labels = [label_of(body, 1.0) for body in traffic_bodies(spec)]
+    birds, cars = len(spec.birds), sum(len(road.cars) for road in spec.roads)
+    assert labels == [BodyLabel.OTHER] * birds + [BodyLabel.AIRCRAFT] * len(spec.aircraft) + [None] * cars
+    assert birds
+    assert cars
+
+
+def test_birds_in_a_picture_are_labelled_and_a_window_is_around_one() -> None:
     flocked = next(world for seed in range(60) if len((world := draw_world(seed)).traffic.birds) > 3)
     found = list(filmed_targets(flocked, 25, np.random.default_rng(3)))
     around_birds = [each for each in found if not each.around_target and _at_middle(each.other, each.middle_px) > 0]
