@@ -7,7 +7,7 @@ Pictures are filmed as for training (`training/filmed_targets.py`), once for a f
 window whose middle is off the silhouette's by up to 0.3 of its width and whose scale by 0.6 to 1.6 is hit where the
 strongest response to aircraft is on the silhouette or within 4 px of it, in pictures reduced to targets of at most 66
 px; a window elsewhere, some of them around birds, fires where even odds are reached off the target. Another aircraft in
-the air counts as the target. d² is the nose's normalised square error, 2 where the covariance is true. A sheet shows the
+the air counts as the target. d² is the nose's normalised square error, 2 where the covariance is true. A sheet has the
 hundred worst windows: the picture, and next to it the odds (white is aircraft) with the true silhouette's outline.
 """
 
