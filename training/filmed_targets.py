@@ -71,7 +71,7 @@ def filmed_targets(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Filmed:
+class _LabelledShot:
     """A shot, and what is in it that moves: aircraft in the air with the target, the target alone, and birds.
 
     Each is the share of pixels (h, w) up to 255 that it covers where nothing hides it; ``bird_boxes`` has a box for
@@ -96,7 +96,7 @@ def _moment(flown: Trajectory, camera: RenderedCamera, generator: np.random.Gene
 
 def _filmed(
     camera: RenderedCamera, t_s: float, nose_runway_m: FloatArray, generator: np.random.Generator
-) -> _Filmed | None:
+) -> _LabelledShot | None:
     """Return the picture of a head that follows the nose (3,) badly."""
     lens = camera.station.lens
     aim = aim_at(camera.station.geometry(), nose_runway_m)
@@ -115,7 +115,7 @@ def _filmed(
             _laid_into(cover, window)
         elif label is BodyLabel.OTHER and (box := _laid_into(other, window)) is not None:
             birds.append(box)
-    return _Filmed(shot=shot, cover=cover, other=other, bird_boxes=tuple(birds))
+    return _LabelledShot(shot=shot, cover=cover, other=other, bird_boxes=tuple(birds))
 
 
 def label_of(body: Body, t_s: float) -> BodyLabel | None:
@@ -147,7 +147,7 @@ def _visible(shot: Shot) -> bool:
 
 
 def _targets(
-    filmed: _Filmed, kinds: tuple[str, ...], generator: np.random.Generator, channel: LearnedChannel | None
+    filmed: _LabelledShot, kinds: tuple[str, ...], generator: np.random.Generator, channel: LearnedChannel | None
 ) -> Iterator[RecordedTarget]:
     truth, image = filmed.shot.truth, filmed.shot.picture.whole()
     if float(generator.uniform()) < _CODED_SHARE:

@@ -55,7 +55,7 @@ class WindowStream:
     def batches(self, first: int, last: int, workers: int) -> Iterator[WindowBatch]:
         """Yield the batches of steps from ``first`` to before ``last``, drawn by so many processes; 0 for this one."""
         steps: DataLoader[WindowBatch] = DataLoader(
-            _Steps(self, first, last),
+            _StepBatches(self, first, last),
             batch_size=None,
             num_workers=workers,
             prefetch_factor=_AHEAD if workers else None,
@@ -75,7 +75,7 @@ class WindowStream:
         return self.drawer.draw(generator)
 
 
-class _Steps(Dataset[WindowBatch]):
+class _StepBatches(Dataset[WindowBatch]):
     """The batches of some steps, by their place among these."""
 
     def __init__(self, stream: WindowStream, first: int, last: int) -> None:

@@ -67,6 +67,11 @@ def add_train(commands: Commands) -> None:
         help="the folder material/ of an earlier run, which is used as well; may be repeated",
     )
     train.add_argument("--material-only", action="store_true", help="make the material and do not train")
+    _add_fit(train)
+
+
+def _add_fit(train: argparse.ArgumentParser) -> None:
+    """Add the options of fitting, and of what is left out."""
     train.add_argument(
         "--hard", action="store_true", help="show more often what the weights of --start err on; needs --start"
     )
@@ -97,20 +102,11 @@ def add_train(commands: Commands) -> None:
     )
 
 
-def run_train(options: argparse.Namespace) -> int:
-    """Train and say where the weights are; returns the exit code."""
+def _kinds(options: argparse.Namespace) -> dict[str, tuple[str, ...]]:
+    """Return the kinds that are left out of the material, by what they are of."""
     from groundstation.simulation.airframes.kinds import AirframeFamily
     from groundstation.simulation.scenery import SceneryName, SkyName
 
-    try:
-        from training.fit import FitSettings
-        from training.request import TrainRequest, material_of, train
-    except ModuleNotFoundError as fault:
-        raise InputError("groundstation train", got=str(fault), wanted="pip install 'groundstation[train]'") from fault
-    from training.material import MaterialRequest
-
-    if options.hard and options.start is None:
-        raise InputError("--hard", got="no --start", wanted="the weights whose errors show what is hard")
     kinds = {
         "families": {kind.value for kind in AirframeFamily},
         "sceneries": {kind.value for kind in SceneryName},
@@ -121,10 +117,21 @@ def run_train(options: argparse.Namespace) -> int:
         if unknown:
             wanted = "; ".join(f"{name}: {', '.join(sorted(names))}" for name, names in kinds.items())
             raise InputError(option, got=", ".join(unknown), wanted=wanted)
+    return {name: tuple(word for word in options.without if word in names) for name, names in kinds.items()}
 
-    def chosen(name: str) -> tuple[str, ...]:
-        return tuple(word for word in options.without if word in kinds[name])
 
+def run_train(options: argparse.Namespace) -> int:
+    """Train and say where the weights are; returns the exit code."""
+    try:
+        from training.fit import FitSettings
+        from training.request import TrainRequest, material_of, train
+    except ModuleNotFoundError as fault:
+        raise InputError("groundstation train", got=str(fault), wanted="pip install 'groundstation[train]'") from fault
+    from training.material import MaterialRequest
+
+    if options.hard and options.start is None:
+        raise InputError("--hard", got="no --start", wanted="the weights whose errors show what is hard")
+    without = _kinds(options)
     request = TrainRequest(
         out=options.out,
         material=MaterialRequest(
@@ -135,9 +142,9 @@ def run_train(options: argparse.Namespace) -> int:
             scenes=options.scenes,
             filmed=options.filmed,
             clips=options.clips,
-            without_families=chosen("families"),
-            without_sceneries=chosen("sceneries"),
-            without_skies=chosen("skies"),
+            without_families=without["families"],
+            without_sceneries=without["sceneries"],
+            without_skies=without["skies"],
         ),
         further=tuple(Path(folder) for folder in options.material),
         recordings=tuple(Path(folder) for folder in options.recording),
