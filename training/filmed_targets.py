@@ -38,9 +38,9 @@ _RATE_SIGMA_RAD_S = math.radians(1.5)
 _CODED_SHARE = 0.6
 # of so many drawn moments the one nearest to the ground is filmed, now and then, and of so many places the busiest
 _MOMENTS, _LOW_SHARE, _PLACES = 4, 0.6, 6
-# of traffic: cars are below
+# height from which traffic is in the air: cars are below
 _IN_THE_AIR_M = 15.0
-# from the width of a bird to the one expected of an aircraft there; and where there is none
+# logarithm of the width that is expected of an aircraft where a bird is, over the bird's; and the largest such width
 _BIRD_LOG_RATIO = (-0.3, 2.0)
 _MOST_WIDTH_PX = 260.0
 
@@ -72,10 +72,11 @@ def filmed_targets(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _LabelledShot:
-    """A shot, and what is in it that moves: aircraft in the air with the target, the target alone, and birds.
+    """A shot, and what is in it that moves.
 
-    Each is the share of pixels (h, w) up to 255 that it covers where nothing hides it; ``bird_boxes`` has a box for
-    each bird that covers a pixel by half or more.
+    ``cover``, of the target and other aircraft in the air, and ``other``, of birds, are (h, w) uint8, the share of each
+    pixel up to 255 that is covered where nothing hides it. ``bird_boxes`` has a box, px, for each bird that covers a
+    pixel by half or more.
     """
 
     shot: Shot

@@ -71,8 +71,13 @@ class Trainee:
         self.optimizer = torch.optim.AdamW(network.parameters(), lr=settings.rate, weight_decay=1e-4)
 
     def step(self, number: int, batch: WindowBatch) -> dict[str, Tensor]:
-        """Learn from the batch of a step, float32 on the network's device; returns the loss and its parts."""
+        """Learn from the batch of a step, float32 on the network's device; returns the loss and its parts.
+
+        Nothing is learned, and nothing returned, where each window shows a kind that is left out.
+        """
         batch = batch.without(self.without)
+        if not batch.kinds:
+            return {}
         rate = rate_of(number, self._settings)
         for group in self.optimizer.param_groups:
             group["lr"] = rate

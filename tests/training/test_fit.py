@@ -79,3 +79,12 @@ def test_a_network_that_leaves_a_kind_out_is_not_shown_it(material: Material, tm
     kept = [k for k, kinds in enumerate(batch.kinds) if kinds != ("kind-1",)]
     assert torch.equal(shown.windows, batch.windows[kept])
     assert torch.equal(shown.shares, batch.shares[kept])
+
+
+def test_a_network_without_any_window_left_stays_as_it_began(material: Material, tmp_path: Path) -> None:
+    one = replace(material, filmed=tuple(each for each in material.filmed if each.kinds == ("kind-1",)))
+    fitted = _fit(one, tmp_path, replace(SETTINGS, leave_out=("kind-1",)))
+    torch.manual_seed(SETTINGS.seed)
+    begun = ChannelNetwork()
+    assert _same(fitted.without["kind-1"], begun)
+    assert not _same(fitted.network, begun)
