@@ -24,8 +24,9 @@ output folder."""
 _REPLAY_MORE = """example:
   groundstation replay recordings/landing-1 --out out/landing-1 --from 20
 
-exit code: 0 done; 1 the recording is at fault, and what came before the fault
-is written; 2 wrong usage; 130 interrupted"""
+exit code: 0 done, also where nothing was tracked; 1 the recording is at fault
+(what came before the fault is written), or its inputs contradict each other;
+2 wrong usage; 130 interrupted"""
 
 
 def add_replay(commands: Commands) -> None:
@@ -102,4 +103,7 @@ def run_replay(options: argparse.Namespace) -> int:
         if notice:
             print(f"groundstation: {notice}", file=sys.stderr)
         open_viewer(options.out / "session.rrd", os.environ)
-    return 0 if result.fault is None else 1
+    contradictions = result.evaluation.summary["contradictions"]
+    for line in contradictions:
+        print(f"groundstation: inputs that cannot be right: {line}", file=sys.stderr)
+    return 1 if result.fault is not None or contradictions else 0

@@ -28,8 +28,12 @@ _HEADER = (
 def format_accuracy_table(summary: dict[str, Any]) -> str:
     """Return the summary's accuracy, consistency and reference findings as text for a terminal."""
     blocks = [_title(summary)]
+    blocks += [f"cannot be right: {line}" for line in summary.get("contradictions", ())]
+    if summary.get("no_track"):
+        blocks.append(summary["no_track"])
     for name, table in summary["accuracy"].items():
-        blocks.append(_accuracy_block(_NAMES.get(name, name), table))
+        if table["total"]["ekf"]["epochs"] or table["total"]["triangulation"]["epochs"]:
+            blocks.append(_accuracy_block(_NAMES.get(name, name), table))
     if not summary["accuracy"]:
         blocks.append("no reference: nothing to compare with")
     blocks.append(

@@ -93,6 +93,11 @@ class ResultCollector:
         return tuple(self._stations)
 
     @property
+    def tracked(self) -> bool:
+        """Whether a target was tracked in any epoch."""
+        return bool(np.any(self._epochs.rows()["status"] == TRACK_STATUSES.index(TrackStatus.TRACKING)))
+
+    @property
     def nbytes(self) -> int:
         """Memory held by the tables, in bytes."""
         return self._epochs.nbytes + self._cameras.nbytes

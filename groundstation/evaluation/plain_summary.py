@@ -6,8 +6,11 @@ _CONSISTENT_LOW, _CONSISTENT_HIGH = 0.6, 1.6
 
 
 def plain_summary(summary: dict[str, Any]) -> str:
-    """Return two to four sentences that summarise a run."""
-    sentences = [_coverage(summary)]
+    """Return some sentences that summarise a run: first what of its inputs cannot be right."""
+    sentences = [f"{_sentence(line)}." for line in summary.get("contradictions", ())]
+    sentences.append(_coverage(summary))
+    if summary.get("no_track"):
+        return " ".join([*sentences, f"{_sentence(summary['no_track'])}."])
     for name, words in (("truth", "the exact positions"), ("dgps", "DGPS")):
         table = summary["accuracy"].get(name)
         if table is not None and table["total"]["ekf"]["rmse_m"]:
@@ -27,6 +30,11 @@ def plain_summary(summary: dict[str, Any]) -> str:
     if bad:
         sentences.append(f"Parts of the DGPS log were left out ({', '.join(bad)}).")
     return " ".join(sentences)
+
+
+def _sentence(line: str) -> str:
+    """Return a line of the log as a sentence without its full stop."""
+    return line[0].upper() + line[1:]
 
 
 def _coverage(summary: dict[str, Any]) -> str:

@@ -36,6 +36,7 @@ class RunDescription:
     speed : figures on processing speed, by name.
     fused_late : how many readings and frames came late and were fused in their place, by kind.
     faults : what could not be used (a broken reference file, a video cut short), one line each.
+    contradictions : inputs that cannot be right, one line each.
     carried_errors : the filter's final estimates of the errors of calibration and clocks.
     learnt_until_s : up to this time of the DGPS clock the filter used the DGPS; None if never.
     """
@@ -49,5 +50,6 @@ class RunDescription:
     speed: Mapping[str, float] | None = None
     fused_late: Mapping[str, int] | None = None
     faults: tuple[str, ...] = ()
+    contradictions: tuple[str, ...] = ()
     carried_errors: tuple[CarriedError, ...] = ()
     learnt_until_s: float | None = None

@@ -33,6 +33,7 @@ from groundstation.evaluation.metrics import (
     range_bins,
     statistics,
 )
+from groundstation.evaluation.missing_track import why_no_track
 from groundstation.evaluation.position_series import BoolArray
 from groundstation.evaluation.reference_time_offset import TimeOffset
 from groundstation.evaluation.run_description import RunDescription
@@ -58,10 +59,13 @@ def build_summary(
     run: RunDescription,
 ) -> dict[str, Any]:
     """Put everything that a run has shown into one JSON-ready table."""
+    counts = _counts(epochs, cameras, stations)
     return {
         "format": SUMMARY_FORMAT,
         "session": _session(epochs, stations, run),
         "faults": list(run.faults),
+        "contradictions": list(run.contradictions),
+        "no_track": why_no_track(counts),
         "accuracy": {
             name: _accuracy_tables(comparison, config, run, bounds) for name, comparison in comparisons.items()
         },
@@ -72,7 +76,7 @@ def build_summary(
             "learnt_until_s": run.learnt_until_s,
             "errors": [dataclasses.asdict(error) for error in run.carried_errors],
         },
-        "counts": {**_counts(epochs, cameras, stations), **(run.fused_late or {})},
+        "counts": {**counts, **(run.fused_late or {})},
         "channels": channels,
         "latency_ms": _percentiles(1e3 * epochs["latency_s"].astype(np.float64)),
         "detection_ms": {

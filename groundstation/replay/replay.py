@@ -78,6 +78,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         events = with_reference(without_reference_fixes(recorded_events) if fixes else recorded_events, fixes)
         if outputs.recorder is not None:
             events = outputs.recorder.taken(events)
+        events = outputs.checks.watched(events)
         outcome = run_pipeline(events, pipeline, outputs.sinks(), lambda done: progress(done, total))
     pipeline.finish_smoothing()
     notes = [] if outcome.fault is None else [str(outcome.fault)]
@@ -126,6 +127,7 @@ def _evaluate(
         configuration=config_to_mapping(config),
         speed=speed,
         faults=(*inputs.notes, *notes),
+        contradictions=outputs.checks.contradictions(tracked=outputs.collector.tracked),
         carried_errors=pipeline.carried_errors,
         learnt_until_s=_dgps_time(pipeline.reference_used_until_s, prior),
         fused_late=pipeline.fused_late,

@@ -8,6 +8,7 @@ from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, write_summary
 from groundstation.evaluation.html_report import write_report
 from groundstation.recording.recorder import Recorder
+from groundstation.replay.input_checks import InputChecks
 from groundstation.replay.replay_request import ReplayRequest
 from groundstation.session import Session
 from groundstation.sinks.output_comparison import OutputComparisonSink
@@ -27,6 +28,7 @@ class ReplayOutputs:
         self, request: ReplayRequest, session: Session, comparison: OutputComparisonSink | None, opened: ExitStack
     ) -> None:
         self.collector = ResultCollector()
+        self.checks = InputChecks(session.rig)
         self.recorder: Recorder | None = None
         self.comparison = comparison
         self.smoothed = SmoothedTrackSink() if request.smooth else None
@@ -42,7 +44,7 @@ class ReplayOutputs:
     def sinks(self) -> list[Sink]:
         """Return all sinks, in the order in which they get each report."""
         optional = (self.recorder, self._view, self.smoothed, self.comparison)
-        return [self.collector, self._files, *(sink for sink in optional if sink is not None)]
+        return [self.collector, self.checks, self._files, *(sink for sink in optional if sink is not None)]
 
     def smoothed_track(self) -> ResultCollector | None:
         """Return the smoothed epochs; None if no smoothing was requested."""

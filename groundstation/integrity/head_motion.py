@@ -1,0 +1,285 @@
+"""Comparison of the motion of a station's pictures with the motion of its head's angles.
+
+A head that turns moves the distant scene in the picture by an amount that the angles, the mount and the focal length
+predict. For pairs of frames a fraction of a second apart, s is the measured shift of the scene and p(h) the shift that
+the readings predict under a hypothesis h of how they were stored: those of another station, pan and tilt exchanged, a
+sign reversed, radians taken for degrees, late or early by a constant time, a focal length that is wrong by a factor. A
+pair agrees with h if |s − p(h)| is at most a share of the motion. Readings that are right agree in nearly all pairs.
+If few agree, the hypothesis with which most agree names the fault; with none, only the disagreement is reported.
+
+The scene is what most corners of the picture belong to; an even sky gives no shift and no evidence. A scene that does
+not move at all (a target that fills the picture, dirt on the lens) is no evidence for another hypothesis either.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.box import Box
+from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
+from groundstation.geometry import kernels
+from groundstation.geometry.station import StationGeometry
+from groundstation.integrity.angle_series import AngleSeries
+from groundstation.integrity.reading_hypothesis import RIGHT, ReadingHypothesis, station_hypotheses
+from groundstation.messages import Event, Frame, PtuSample
+
+# between the two frames of a pair: long against the exposure, short against the time a head takes across the picture
+_PAIR_S = 0.2
+_MAX_PAIR_S = 0.45
+# pairs of one station that are kept; more are thinned out
+_MAX_PAIRS = 160
+# a pair decides only if the scene moved, or should have, by this many px and this many sigmas of the noise
+_MOVED_PX, _MOVED_SIGMAS = 4.0, 5.0
+# the shift of a textured scene is measured to 0.2 to 0.7 px (docs/notes/position.md); the rest is the encoders' noise
+_SHIFT_SIGMA_PX = 0.5
+# an agreeing pair differs by at most so many sigmas and such a share of the motion: distortion, depth of the scene
+_AGREE_SIGMAS, _AGREE_SHARE = 2.5, 0.1
+_MIN_DECIDING = 12
+_RIGHT_SHARE, _WRONG_SHARE, _NAMED_SHARE = 0.5, 0.3, 0.6
+# squared normalised difference beyond which a pair counts alike
+_OUTLIER = 4.0
+_FAR_M = 1e7
+_NO_BOX = Box(0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadMotionFault:
+    """Readings of a station that contradict the motion of its pictures.
+
+    ``hypothesis`` agrees with ``agreeing`` of ``pairs`` pairs, and is None if none does; the readings as they are agree
+    with ``agreeing_as_stored`` of ``pairs_as_stored``.
+    """
+
+    station: str
+    hypothesis: ReadingHypothesis | None
+    pairs: int
+    agreeing: int
+    agreeing_as_stored: int
+    pairs_as_stored: int
+
+    def line(self) -> str:
+        """Return the fault as a line for people."""
+        text = (
+            f"station {self.station}: its pictures do not move as its head's angles say "
+            f"({self.agreeing_as_stored} of {self.pairs_as_stored} pairs of pictures agree)"
+        )
+        if self.hypothesis is None:
+            return f"{text}: readings, mount or focal length are wrong"
+        return f"{text}; they do with {self.hypothesis.words()} ({self.agreeing} of {self.pairs})"
+
+
+def fault_lines(faults: Sequence[HeadMotionFault]) -> tuple[str, ...]:
+    """Return a line on each fault, and one on two stations of which each has the other's readings."""
+    source = {fault.station: fault.hypothesis.source for fault in faults if fault.hypothesis is not None}
+    lines = []
+    for fault in faults:
+        other = source.get(fault.station)
+        if other is None or source.get(other) != fault.station:
+            lines.append(fault.line())
+        elif fault.station < other:
+            lines.append(
+                f"stations {fault.station} and {other}: the pictures of each move as the other's head turns "
+                f"({fault.agreeing} of {fault.pairs} pairs of pictures agree so, {fault.agreeing_as_stored} of "
+                f"{fault.pairs_as_stored} as stored): their angles or their videos are exchanged"
+            )
+    return tuple(lines)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PicturePair:
+    """Two frames of a station: their times in s, and the shift (2,) of the scene in px."""
+
+    first_s: float
+    second_s: float
+    shift_px: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Agreement:
+    """Numbers of pairs that decide on a hypothesis and that agree with it, and its mean normalised square."""
+
+    deciding: int
+    agreeing: int
+    cost: float
+
+    @property
+    def share(self) -> float:
+        """Share of the deciding pairs that agree."""
+        return self.agreeing / max(self.deciding, 1)
+
+
+class HeadMotionMonitor:
+    """Collects shifts of the pictures and readings of the heads during a run, and compares them at its end.
+
+    ``stations`` are the stations that turn, by name, and ``angle_sigmas_rad`` one sigma of their readings. Memory is
+    bounded: `_MAX_PAIRS` pairs a station, and readings as in `AngleSeries`.
+    """
+
+    def __init__(self, stations: Mapping[str, StationGeometry], angle_sigmas_rad: Mapping[str, float]) -> None:
+        self._stations = dict(stations)
+        self._angle_sigmas_rad = dict(angle_sigmas_rad)
+        self._angles = {name: AngleSeries() for name in stations}
+        self._pairs: dict[str, list[_PicturePair]] = {name: [] for name in stations}
+        self._kept: dict[str, tuple[float, ImageArray]] = {}
+        self._next_s = dict.fromkeys(stations, -math.inf)
+        self._every_s = dict.fromkeys(stations, _PAIR_S)
+
+    def watched(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Yield the events, and take from them what the comparison needs."""
+        for event in events:
+            if isinstance(event, PtuSample):
+                self.add_reading(event)
+            elif isinstance(event, Frame):
+                self.add_frame(event)
+            yield event
+
+    def add_reading(self, sample: PtuSample) -> None:
+        """Take a reading, in order of time."""
+        if sample.station in self._angles:
+            self._angles[sample.station].add(sample.t_s, sample.pan_rad, sample.tilt_rad)
+
+    def add_frame(self, frame: Frame) -> None:
+        """Take a frame, if its station turns and the last pair is long enough ago."""
+        name, t_s = frame.station, frame.t_s
+        if name not in self._stations or t_s < self._next_s[name] or not frame.image.has_all:
+            return
+        copy = small_copy(frame.image.preview())
+        first = self._kept.pop(name, None)
+        if first is None or not 0.0 < t_s - first[0] <= _MAX_PAIR_S or first[1].shape != copy.shape:
+            self._keep(name, t_s, copy)
+            return
+        self._add_pair(name, first, (t_s, copy))
+        if self._every_s[name] <= _PAIR_S:
+            self._keep(name, t_s, copy)
+        else:
+            self._next_s[name] = first[0] + self._every_s[name]
+
+    def _keep(self, name: str, t_s: float, copy: ImageArray) -> None:
+        """Keep the first frame of a pair."""
+        self._kept[name] = (t_s, copy)
+        self._next_s[name] = t_s + _PAIR_S
+
+    def _add_pair(self, name: str, first: tuple[float, ImageArray], second: tuple[float, ImageArray]) -> None:
+        """Measure the shift of the scene between two frames; of too many pairs every second one is dropped."""
+        if is_cut(first[1], second[1]):
+            return
+        shift_px = picture_shift(first[1], second[1], _NO_BOX)
+        if shift_px is None:
+            return
+        pairs = self._pairs[name]
+        pairs.append(_PicturePair(first_s=first[0], second_s=second[0], shift_px=shift_px))
+        if len(pairs) >= _MAX_PAIRS:
+            del pairs[::2]
+            self._every_s[name] *= 2.0
+
+    def pair_count(self, name: str) -> int:
+        """Return the number of pairs of a station's pictures of which the shift is known."""
+        return len(self._pairs[name])
+
+    def take_pictures_of(self, other: "HeadMotionMonitor") -> None:
+        """Take the shifts that another monitor has measured, to compare them with other readings."""
+        self._pairs = {name: list(other._pairs[name]) for name in self._stations}
+
+    def faults(self) -> tuple[HeadMotionFault, ...]:
+        """Return the stations whose readings contradict their pictures, in the order of the rig."""
+        found = [self._fault(name) for name in self._stations]
+        return tuple(fault for fault in found if fault is not None)
+
+    def _fault(self, name: str) -> HeadMotionFault | None:
+        """Return the fault of a station's readings; None if they are right, or if the pictures do not tell."""
+        stored = self._agreement(name, RIGHT)
+        if stored.deciding < _MIN_DECIDING or stored.share >= _RIGHT_SHARE:
+            return None
+        hypotheses = [(h, self._agreement(name, h)) for h in self._hypotheses(name)]
+        judged = [(h, found) for h, found in hypotheses if found.deciding >= _MIN_DECIDING]
+        best, agreement = min(judged, key=lambda pair: pair[1].cost)
+        if agreement.share >= _NAMED_SHARE and stored.share <= 0.5 * agreement.share:
+            return HeadMotionFault(
+                station=name,
+                hypothesis=best,
+                pairs=agreement.deciding,
+                agreeing=agreement.agreeing,
+                agreeing_as_stored=stored.agreeing,
+                pairs_as_stored=stored.deciding,
+            )
+        if stored.share > _WRONG_SHARE or not self._moves(name):
+            return None
+        return HeadMotionFault(
+            station=name,
+            hypothesis=None,
+            pairs=stored.deciding,
+            agreeing=stored.agreeing,
+            agreeing_as_stored=stored.agreeing,
+            pairs_as_stored=stored.deciding,
+        )
+
+    def _hypotheses(self, name: str) -> Iterator[ReadingHypothesis]:
+        """Yield the hypotheses on a station."""
+        yield from station_hypotheses([other for other in self._stations if other != name])
+        factor = self._focal_factor(name)
+        if factor is not None:
+            yield ReadingHypothesis(focal_factor=factor)
+
+    def _focal_factor(self, name: str) -> float | None:
+        """Return the median ratio of the measured motion to the predicted one, along it; None without motion."""
+        measured, predicted = self._shifts(name, RIGHT)
+        length = np.einsum("ij,ij->i", predicted, predicted)
+        moved = np.einsum("ij,ij->i", measured, measured) >= _MOVED_PX**2
+        ratio = np.einsum("ij,ij->i", measured, predicted)[moved] / np.maximum(length[moved], 1e-12)
+        factor = float(np.median(ratio)) if len(ratio) else 0.0
+        return factor if factor > 0.0 else None
+
+    def _agreement(self, name: str, hypothesis: ReadingHypothesis) -> _Agreement:
+        """Return how well the pairs in which something moved agree with a hypothesis."""
+        measured, predicted = self._shifts(name, hypothesis)
+        lengths = np.maximum(np.linalg.norm(measured, axis=1), np.linalg.norm(predicted, axis=1))
+        noise_px = self._noise_px(name, hypothesis.focal_factor)
+        decides = lengths >= max(_MOVED_PX, _MOVED_SIGMAS * noise_px)
+        limit = _AGREE_SIGMAS * noise_px + _AGREE_SHARE * lengths[decides]
+        square = np.sum((measured - predicted)[decides] ** 2, axis=1) / limit**2
+        return _Agreement(
+            deciding=len(square),
+            agreeing=int(np.count_nonzero(square <= 1.0)),
+            cost=float(np.minimum(square, _OUTLIER).mean()) if len(square) else math.inf,
+        )
+
+    def _noise_px(self, name: str, focal_factor: float = 1.0) -> float:
+        """Return one sigma of the difference of a measured and a predicted shift, px."""
+        focal_px = focal_factor * float(self._stations[name].lens.focal_px.max())
+        return math.hypot(_SHIFT_SIGMA_PX, math.sqrt(2.0) * self._angle_sigmas_rad[name] * focal_px)
+
+    def _moves(self, name: str) -> bool:
+        """Return whether the scene moves in most of the pairs that decide."""
+        measured, predicted = (np.linalg.norm(shifts, axis=1) for shifts in self._shifts(name, RIGHT))
+        least = max(_MOVED_PX, _MOVED_SIGMAS * self._noise_px(name))
+        decides = np.maximum(measured, predicted) >= least
+        return bool(np.mean(measured[decides] >= least) > _RIGHT_SHARE)
+
+    def _shifts(self, name: str, hypothesis: ReadingHypothesis) -> tuple[FloatArray, FloatArray]:
+        """Return measured and predicted shifts (n, 2) of the pairs for which there are readings."""
+        pairs, angles = self._pairs[name], self._angles[hypothesis.source or name]
+        first = angles.at(np.array([p.first_s for p in pairs]) - hypothesis.lag_s)
+        second = angles.at(np.array([p.second_s for p in pairs]) - hypothesis.lag_s)
+        geometry = self._stations[name]
+        measured = np.array([p.shift_px for p in pairs]).reshape(-1, 2)
+        predicted = np.full_like(measured, np.nan)
+        for k, (a, b) in enumerate(zip(hypothesis.angles(first), hypothesis.angles(second), strict=True)):
+            predicted[k] = hypothesis.focal_factor * _shift_of_centre(geometry, a, b)
+        known = np.isfinite(predicted).all(axis=1)
+        return measured[known], predicted[known]
+
+
+def _shift_of_centre(geometry: StationGeometry, first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the shift (2,) px of a distant point in the principal point; not a number where it leaves the view."""
+    origin, direction, pixel, jacobian = np.empty(3), np.empty(3), np.full(2, np.nan), np.empty((2, 5))
+    if not (np.isfinite(first).all() and np.isfinite(second).all()):
+        return np.full(2, np.nan)
+    u, v = geometry.lens.principal_point_px
+    kernels.ray(geometry.packed, u, v, first[0], first[1], origin, direction)
+    depth = kernels.project(geometry.packed, origin + _FAR_M * direction, second[0], second[1], pixel, jacobian)
+    if depth < kernels.MIN_DEPTH_M:
+        return np.full(2, np.inf)
+    return np.asarray(pixel - geometry.lens.principal_point_px)

@@ -1,0 +1,260 @@
+"""Agreement of the stations' rays to the target: do they meet, as pixels, angles and rig are stored?
+
+Two stations that see one point have rays that meet. Pixels or angles exchanged between stations, angles of a wrong sign
+or unit or time, and a wrong focal length turn the rays by degrees, so that they miss each other or diverge; errors of
+calibration and of the detection are of hundredths of a degree. The miss of two rays is an angle: their gap over their
+length where they pass each other in front of both stations, and the angle between their directions where they diverge.
+
+If not most of the rays meet, the hypothesis with which they meet most often and most closely names the fault, if nearly
+all of them do. Rays that are parallel within the tolerance tell nothing; angles in radians make all of them parallel.
+Of two hypotheses that a mirror leads into each other, that which puts the target above the stations is preferred; what
+cannot be told apart (in a symmetric approach pan of a wrong sign and exchanged stations) is named as alternatives.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.geometry import kernels
+from groundstation.geometry.station import StationGeometry
+from groundstation.integrity.angle_series import AngleSeries
+from groundstation.integrity.reading_hypothesis import (
+    RIGHT,
+    ReadingHypothesis,
+    axis_hypotheses,
+    lag_hypotheses,
+    unit_hypotheses,
+)
+from groundstation.messages import Event, PixelMeasurement, PtuSample
+
+# pairs of rays miss each other by at most this: ten times what a usable calibration is off, and some px
+_TOLERANCE_RAD, _TOLERANCE_PX = np.radians(0.2), 4.0
+_MAX_EPOCHS = 200
+_MIN_RAYS = 30
+# shares of the rays that meet: below the first other hypotheses are tried, from the second on one is believed;
+# share of the rays that miss each other from which on a fault is reported without a name
+_RIGHT_SHARE, _NAMED_SHARE, _APART_SHARE = 0.65, 0.85, 0.7
+# hypotheses with such a share of the best one's score are alternatives, of which so many are named
+_ALIKE, _MAX_ALTERNATIVES = 0.97, 3
+_FOCAL_FACTORS = np.geomspace(0.05, 20.0, 53)
+_NO_VIEW = (np.nan, np.nan, np.nan)
+_LEAST_SINE = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RayHypothesis:
+    """A hypothesis on all stations: ``readings`` of those that turn, and two stations whose pixels are exchanged."""
+
+    readings: Mapping[str, ReadingHypothesis] = field(default_factory=dict)
+    pixels_exchanged: tuple[str, str] | None = None
+
+    def kind(self) -> tuple[object, ...]:
+        """Return what is changed, without by how much."""
+        return (self.pixels_exchanged, *((name, h.kind()) for name, h in self.readings.items()))
+
+    def words(self) -> str:
+        """Return what would have to be changed, for a message: "with …"."""
+        if self.pixels_exchanged is not None:
+            return "the pixels of {} and {} exchanged".format(*self.pixels_exchanged)
+        sources = [h.source for h in self.readings.values() if h.source is not None]
+        if len(sources) > 1:
+            return f"the angles of {' and '.join(sorted(sources))} exchanged"
+        changed = {name: h.words() for name, h in self.readings.items() if h.words()}
+        if len(set(changed.values())) == 1 and len(changed) > 1:
+            return next(iter(changed.values()))
+        return " and ".join(f"{words} for station {name}" for name, words in changed.items())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RayFault:
+    """Rays of which too few meet: ``meeting_as_stored`` of ``rays_as_stored``.
+
+    ``meeting`` of ``rays`` do under the first of the hypotheses, which explain the rays equally well; there are none
+    if they meet under none.
+    """
+
+    hypotheses: tuple[RayHypothesis, ...]
+    rays: int
+    meeting: int
+    rays_as_stored: int
+    meeting_as_stored: int
+
+    def line(self) -> str:
+        """Return the fault as a line for people."""
+        share = f"{self.meeting_as_stored} of {self.rays_as_stored}"
+        text = f"the stations' rays to the target meet in {share} pairs of pixels"
+        if not self.hypotheses:
+            return f"{text}: rig, angles, clocks or pixels are wrong"
+        words = ", or with ".join(hypothesis.words() for hypothesis in self.hypotheses)
+        return f"{text}; they do with {words} ({self.meeting} of {self.rays})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _RayCount:
+    """Numbers of pairs of rays: all, those that meet, those that miss; the others are parallel.
+
+    ``score`` is higher the more of them meet, and the closer.
+    """
+
+    rays: int
+    meeting: int
+    apart: int
+    score: float
+
+    @property
+    def parallel(self) -> int:
+        """Pairs that are parallel within the tolerance."""
+        return self.rays - self.meeting - self.apart
+
+
+class RayAgreementMonitor:
+    """Collects target pixels and readings during a run, and compares the stations' rays at its end.
+
+    ``stations`` are all stations of the rig by name, ``turning`` the names of those that turn. Memory is bounded:
+    `_MAX_EPOCHS` epochs, and readings as in `AngleSeries`.
+    """
+
+    def __init__(self, stations: Mapping[str, StationGeometry], turning: Iterable[str]) -> None:
+        self._stations = dict(stations)
+        self._angles = {name: AngleSeries() for name in turning}
+        self._epochs: dict[int, dict[str, tuple[float, float, float]]] = {}
+        self._every = 1
+
+    def watched(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Yield the events, and take from them what the comparison needs."""
+        for event in events:
+            if isinstance(event, PtuSample):
+                if event.station in self._angles:
+                    self._angles[event.station].add(event.t_s, event.pan_rad, event.tilt_rad)
+            elif isinstance(event, PixelMeasurement):
+                self.add_pixel(event.epoch, event.station, event.t_s, (event.u_px, event.v_px))
+            yield event
+
+    def add_pixel(self, epoch: int, station: str, t_s: float, pixel: tuple[float, float]) -> None:
+        """Take the target's pixel in one frame; of too many epochs every second one is dropped."""
+        if station not in self._stations or epoch % self._every:
+            return
+        self._epochs.setdefault(epoch, {})[station] = (t_s, *pixel)
+        if len(self._epochs) >= _MAX_EPOCHS:
+            self._every *= 2
+            self._epochs = {k: views for k, views in self._epochs.items() if k % self._every == 0}
+
+    def fault(self) -> RayFault | None:
+        """Return the fault; None if most rays meet, or if there are too few pixels to tell."""
+        stored = self._count(RayHypothesis())
+        if stored.rays < _MIN_RAYS or stored.meeting >= _RIGHT_SHARE * stored.rays:
+            return None
+        counts = [(hypothesis, self._count(hypothesis)) for hypothesis in self._hypotheses()]
+        found = max((count for _, count in counts), key=lambda count: count.score)
+        named = found.meeting >= _NAMED_SHARE * found.rays and found.rays >= _MIN_RAYS
+        if not named and stored.apart < _APART_SHARE * stored.rays:
+            return None
+        if not named:
+            found = stored
+        return RayFault(
+            hypotheses=_alternatives(counts, found.score) if named else (),
+            rays=found.rays,
+            meeting=found.meeting,
+            rays_as_stored=stored.rays,
+            meeting_as_stored=stored.meeting,
+        )
+
+    def _hypotheses(self) -> Iterator[RayHypothesis]:
+        """Yield hypotheses, the simplest first: those of all stations, then those of one."""
+        turning = list(self._angles)
+        for pair in itertools.combinations(turning, 2):
+            a, b = pair
+            yield RayHypothesis(readings={a: ReadingHypothesis(source=b), b: ReadingHypothesis(source=a)})
+        for pair in itertools.combinations(self._stations, 2):
+            yield RayHypothesis(pixels_exchanged=pair)
+        of_heads = [*axis_hypotheses(), *unit_hypotheses(), *lag_hypotheses()] if turning else []
+        of_lenses = [ReadingHypothesis(focal_factor=float(f)) for f in _FOCAL_FACTORS]
+        for hypothesis in of_heads:
+            yield RayHypothesis(readings=dict.fromkeys(turning, hypothesis))
+        for hypothesis in of_lenses:
+            yield RayHypothesis(readings=dict.fromkeys(self._stations, hypothesis))
+        if len(self._stations) > 1:
+            for name in self._stations:
+                for hypothesis in [*axis_hypotheses(), *unit_hypotheses()] if name in self._angles else []:
+                    yield RayHypothesis(readings={name: hypothesis})
+                for hypothesis in of_lenses:
+                    yield RayHypothesis(readings={name: hypothesis})
+
+    def _count(self, hypothesis: RayHypothesis) -> _RayCount:
+        """Count the pairs of rays of all epochs under a hypothesis."""
+        origins, directions = self._rays(hypothesis)
+        misses, angles, limits, aboves = [], [], [], []
+        for a, b in itertools.combinations(self._stations, 2):
+            miss, angle = _miss(origins[a], directions[a], origins[b], directions[b])
+            focal_px = min(float(self._stations[n].lens.focal_px.min()) for n in (a, b))
+            known = np.isfinite(miss)
+            misses.append(miss[known])
+            angles.append(angle[known])
+            limits.append(np.full(int(known.sum()), _TOLERANCE_RAD + _TOLERANCE_PX / focal_px))
+            aboves.append(directions[a][known, 2] + directions[b][known, 2] > 0.0)
+        miss, angle, limit = np.concatenate(misses), np.concatenate(angles), np.concatenate(limits)
+        above = np.concatenate(aboves)
+        meeting = (miss <= limit) & (angle > limit)
+        return _RayCount(
+            rays=len(miss),
+            meeting=int(meeting.sum()),
+            apart=int((miss > limit).sum()),
+            score=float(np.sum((1.0 - 0.5 * miss / limit + 0.5 * above)[meeting])),
+        )
+
+    def _rays(self, hypothesis: RayHypothesis) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+        """Return origins and directions (n, 3) of each station's rays of n epochs; not a number where there is none."""
+        other = {name: name for name in self._stations}
+        if hypothesis.pixels_exchanged is not None:
+            a, b = hypothesis.pixels_exchanged
+            other[a], other[b] = b, a
+        origins, directions = {}, {}
+        for name, geometry in self._stations.items():
+            views = [views.get(other[name], _NO_VIEW) for views in self._epochs.values()]
+            stored = np.array(views).reshape(-1, 3)
+            reading = hypothesis.readings.get(name, RIGHT)
+            angles = np.zeros((len(stored), 2))
+            if name in self._angles:
+                angles = reading.angles(self._angles[reading.source or name].at(stored[:, 0] - reading.lag_s))
+            origins[name], directions[name] = _rays_of(geometry, stored[:, 1:], angles, reading.focal_factor)
+        return origins, directions
+
+
+def _alternatives(counts: Sequence[tuple[RayHypothesis, _RayCount]], score: float) -> tuple[RayHypothesis, ...]:
+    """Return the hypotheses that are as good as that of the best score, best first, one of each kind."""
+    best_first = sorted(counts, key=lambda pair: -pair[1].score)
+    kinds: dict[str, RayHypothesis] = {}
+    for hypothesis, count in best_first:
+        if count.score >= _ALIKE * score:
+            kinds.setdefault(str(hypothesis.kind()), hypothesis)
+    return tuple(kinds.values())[:_MAX_ALTERNATIVES]
+
+
+def _rays_of(
+    geometry: StationGeometry, pixels: FloatArray, angles: FloatArray, focal_factor: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return origins and directions (n, 3) of the rays of pixels (n, 2) in a lens ``focal_factor`` as long."""
+    origins, directions = np.full((len(pixels), 3), np.nan), np.full((len(pixels), 3), np.nan)
+    centre = geometry.lens.principal_point_px
+    scaled = centre + (pixels - centre) / focal_factor
+    for k in np.flatnonzero(np.isfinite(scaled).all(axis=1) & np.isfinite(angles).all(axis=1)):
+        (u, v), (pan, tilt) = scaled[k], angles[k]
+        if not kernels.ray(geometry.packed, u, v, pan, tilt, origins[k], directions[k]):
+            directions[k] = np.nan
+    return origins, directions
+
+
+def _miss(o1: FloatArray, d1: FloatArray, o2: FloatArray, d2: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return by what angles (n,) n pairs of rays miss each other, and the angles between their directions, rad."""
+    cross = np.cross(d1, d2)
+    sine = np.linalg.norm(cross, axis=1)
+    angle = np.arctan2(sine, np.einsum("ij,ij->i", d1, d2))
+    between, square = o2 - o1, np.maximum(sine**2, _LEAST_SINE**2)
+    along_1 = np.einsum("ij,ij->i", np.cross(between, d2), cross) / square
+    along_2 = np.einsum("ij,ij->i", np.cross(between, d1), cross) / square
+    gap = np.abs(np.einsum("ij,ij->i", between, cross)) / np.sqrt(square)
+    nearer = np.minimum(along_1, along_2)
+    return np.where(nearer > 0.0, np.arctan2(gap, nearer), angle), angle

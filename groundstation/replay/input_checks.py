@@ -1,0 +1,43 @@
+"""Whether a session's angles, pixels, clocks and rig can be right, checked during its replay."""
+
+from collections.abc import Iterable, Iterator
+
+from groundstation.integrity.head_motion import HeadMotionMonitor, fault_lines
+from groundstation.integrity.ray_agreement import RayAgreementMonitor
+from groundstation.messages import Detection, Event, StepReport
+from groundstation.rig.rig import Rig
+
+
+class InputChecks:
+    """Compares a session's inputs with each other; a sink, for the pixels that are found in pictures."""
+
+    def __init__(self, rig: Rig) -> None:
+        geometries = {station.name: station.geometry() for station in rig.stations}
+        turning = [station.name for station in rig.stations if not station.fixed]
+        sigmas_rad = {station.name: station.angle_sigma_rad for station in rig.stations}
+        self._heads = HeadMotionMonitor({name: geometries[name] for name in turning}, sigmas_rad)
+        self._rays = RayAgreementMonitor(geometries, turning)
+
+    def watched(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Yield the events, and take from them what the checks need."""
+        return self._rays.watched(self._heads.watched(events))
+
+    def write(self, report: StepReport) -> None:
+        """Take the pixels that were found."""
+        for camera in report.cameras:
+            if isinstance(camera.result, Detection):
+                self._rays.add_pixel(camera.epoch, camera.station, camera.t_s, (camera.result.u_px, camera.result.v_px))
+
+    def close(self) -> None:
+        """Do nothing: the checks are of what has been seen."""
+
+    def contradictions(self, *, tracked: bool) -> tuple[str, ...]:
+        """Return a line on each contradiction; without a name for the fault only if no target was ``tracked``.
+
+        A near target that fills a picture or a flock of birds can look like a fault of no known kind.
+        """
+        faults = [f for f in self._heads.faults() if f.hypothesis is not None or not tracked]
+        if faults:
+            return fault_lines(faults)
+        rays = self._rays.fault()
+        return () if rays is None or (tracked and not rays.hypotheses) else (rays.line(),)

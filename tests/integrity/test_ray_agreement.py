@@ -1,0 +1,155 @@
+"""Rays that do not meet are noticed and their fault is named; rays that meet, or are parallel, are not doubted."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from groundstation.geometry.camera import Lens
+from groundstation.geometry.station import StationGeometry
+from groundstation.integrity.ray_agreement import RayAgreementMonitor, RayFault
+from groundstation.messages import PixelMeasurement, PtuSample
+from tests.stereo_rig import aim, flight_events, glide, make_rig, make_station
+
+Stored = Callable[[PtuSample], PtuSample]
+NAMES = ("left", "right")
+
+
+def fault_of(
+    rng: np.random.Generator,
+    reading: Stored = lambda sample: sample,
+    *,
+    names: tuple[str, ...] = NAMES,
+    path: Callable[[float], np.ndarray] = glide,
+) -> RayFault | None:
+    """The fault of a flight whose readings are stored so."""
+    rig = make_rig(names)
+    geometries = {station.name: station.geometry() for station in rig.stations}
+    monitor = RayAgreementMonitor(geometries, names)
+    for event in flight_events(rig, path, rng):
+        if isinstance(event, PtuSample):
+            list(monitor.watched([reading(event)]))
+        elif isinstance(event, PixelMeasurement):
+            monitor.add_pixel(event.epoch, event.station, event.t_s, (event.u_px, event.v_px))
+    return monitor.fault()
+
+
+def changed(sample: PtuSample, **values: object) -> PtuSample:
+    fields = {"t_s": sample.t_s, "station": sample.station, "pan_rad": sample.pan_rad, "tilt_rad": sample.tilt_rad}
+    return PtuSample(**{**fields, **values})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("names", [NAMES, (*NAMES, "third")])
+def test_rays_that_meet_are_not_doubted(rng: np.random.Generator, names: tuple[str, ...]) -> None:
+    assert fault_of(rng, names=names) is None
+
+
+FAULTS: dict[str, tuple[Stored, str]] = {
+    "exchanged stations": (
+        lambda s: changed(s, station="right" if s.station == "left" else "left"),
+        "angles of left and right exchanged",
+    ),
+    "exchanged angles": (lambda s: changed(s, pan_rad=s.tilt_rad, tilt_rad=s.pan_rad), "pan and tilt exchanged"),
+    "pan reversed": (lambda s: changed(s, pan_rad=-s.pan_rad), "pan reversed"),
+    "radians": (
+        lambda s: changed(s, pan_rad=math.radians(s.pan_rad), tilt_rad=math.radians(s.tilt_rad)),
+        "angles in radians",
+    ),
+    "one station's tilt": (
+        lambda s: changed(s, tilt_rad=-s.tilt_rad) if s.station == "left" else s,
+        "tilt reversed in sign for station left",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_the_readings_is_named(rng: np.random.Generator, fault: str) -> None:
+    stored, words = FAULTS[fault]
+    found = fault_of(rng, stored)
+    assert found is not None
+    assert words in found.line()
+    assert found.meeting > 0.9 * found.rays
+    assert found.meeting_as_stored < 0.65 * found.rays_as_stored
+
+
+def fixed_station(name: str, x_m: float) -> StationGeometry:
+    lens = Lens(
+        image_size_px=(1280, 960),
+        focal_px=np.array([900.0, 900.0]),
+        principal_point_px=np.array([639.5, 479.5]),
+        distortion=np.zeros(5),
+    )
+    return replace(make_station(name, x_m, fixed=True), lens=lens).geometry()
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_exchanged_pixels_of_fixed_stations_are_named(rng: np.random.Generator, exchanged: bool) -> None:
+    stations = {"left": fixed_station("left", -15.0), "right": fixed_station("right", 15.0)}
+    monitor = RayAgreementMonitor(stations, ())
+    for epoch, t_s in enumerate(np.arange(0.0, 10.0, 0.1)):
+        for name, geometry in stations.items():
+            seen = geometry.project(glide(t_s), 0.0, 0.0)
+            assert seen is not None
+            u, v = seen.pixel + rng.normal(0.0, 0.5, 2)
+            stored = {"left": "right", "right": "left"}[name] if exchanged else name
+            list(monitor.watched([PixelMeasurement(t_s=t_s, station=stored, epoch=epoch, u_px=u, v_px=v)]))
+    found = monitor.fault()
+    if not exchanged:
+        assert found is None
+    else:
+        assert found is not None
+        assert "the pixels of left and right exchanged (100 of 100)" in found.line()
+
+
+@pytest.mark.parametrize("factor", [0.1, 4.0])
+def test_a_wrong_focal_length_is_named(rng: np.random.Generator, factor: float) -> None:
+    """Expected: with a wobble of the heads, so that the target is not always in the middle."""
+    rig = make_rig()
+    monitor = RayAgreementMonitor(
+        {s.name: replace(s, lens=replace(s.lens, focal_px=s.lens.focal_px * factor)).geometry() for s in rig.stations},
+        NAMES,
+    )
+    geometries = {s.name: s.geometry() for s in rig.stations}
+    for epoch, t_s in enumerate(np.arange(0.0, 12.0, 0.1)):
+        for k, (name, geometry) in enumerate(geometries.items()):
+            pan, tilt = aim(geometry, glide(t_s)) + np.radians(
+                [2.0 * math.sin(2 * t_s + k), 2.0 * math.cos(3 * t_s + 2 * k)]
+            )
+            seen = geometry.project(glide(t_s), pan, tilt)
+            assert seen is not None
+            list(monitor.watched([PtuSample(t_s=t_s, station=name, pan_rad=pan, tilt_rad=tilt)]))
+            monitor.add_pixel(epoch, name, t_s, (seen.pixel[0], seen.pixel[1]))
+    found = monitor.fault()
+    assert found is not None
+    best = found.hypotheses[0].readings.values()
+    assert {h.focal_factor for h in best} != {1.0}
+    for hypothesis in best:
+        assert hypothesis.focal_factor == pytest.approx(1.0 / factor, rel=0.1)
+
+
+def test_readings_of_another_flight_are_a_fault_without_a_name(rng: np.random.Generator) -> None:
+    """Expected: a mount turned by some degrees is none of the usual faults."""
+    found = fault_of(rng, lambda s: changed(s, tilt_rad=s.tilt_rad + (0.05 if s.station == "left" else 0.0)))
+    assert found is not None
+    assert found.hypotheses == ()
+    assert "rig, angles, clocks or pixels are wrong" in found.line()
+
+
+def test_a_distant_target_is_no_evidence(rng: np.random.Generator) -> None:
+    """Expected: rays from 30 km away are parallel within the tolerance, whatever is stored."""
+    assert fault_of(rng, path=lambda t_s: np.array([0.0, 30_000.0 - 25.0 * t_s, 800.0])) is None
+
+
+def test_few_pixels_are_no_evidence(rng: np.random.Generator) -> None:
+    monitor = RayAgreementMonitor({s.name: s.geometry() for s in make_rig().stations}, NAMES)
+    for epoch in range(20):
+        for name in NAMES:
+            list(
+                monitor.watched(
+                    [PtuSample(t_s=0.1 * epoch, station=name, pan_rad=0.3 if name == "left" else -0.3, tilt_rad=0.0)]
+                )
+            )
+            monitor.add_pixel(epoch, name, 0.1 * epoch, (640.0, 480.0))
+    assert monitor.fault() is None

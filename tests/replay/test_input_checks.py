@@ -1,0 +1,86 @@
+"""A replay of a session whose inputs contradict each other says which, and exits with 1; results are written."""
+
+import csv
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from groundstation.cli.main import main
+from groundstation.replay.replay import ReplayRequest, replay
+from tests.session.folder import Tiny
+
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
+FROM_S, TO_S = 24.0, 29.0
+Edit = Callable[[dict[str, str]], dict[str, str]]
+
+
+def exchanged(row: dict[str, str]) -> dict[str, str]:
+    """A row of ptu.csv with the columns of left and right exchanged."""
+    other = {"left": "right", "right": "left"}
+    return {"_".join([other.get(k.split("_")[0], k.split("_")[0]), *k.split("_")[1:]]): v for k, v in row.items()}
+
+
+def as_they_are(row: dict[str, str]) -> dict[str, str]:
+    return row
+
+
+@pytest.fixture
+def session(landing_1: Path, tmp_path: Path) -> Callable[[Edit], Path]:
+    """The bundled landing with other rows of ptu.csv."""
+
+    def write(edit: Edit) -> Path:
+        folder = tmp_path / "session"
+        folder.mkdir()
+        for file in landing_1.iterdir():
+            if file.suffix == ".mp4":
+                (folder / file.name).symlink_to(file)
+            elif file.is_file():
+                shutil.copy(file, folder)
+        with (landing_1 / "ptu.csv").open() as stream:
+            rows = list(csv.DictReader(stream))
+        with (folder / "ptu.csv").open("w", newline="") as stream:
+            table = csv.DictWriter(stream, list(rows[0]))
+            table.writeheader()
+            table.writerows(edit(row) for row in rows)
+        return folder
+
+    return write
+
+
+def test_exchanged_stations_are_named_and_the_exit_is_1(
+    session: Callable[[Edit], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    span = ["--from", f"{FROM_S}", "--to", f"{TO_S}"]
+    assert main(["replay", str(session(exchanged)), "--out", str(out), "--no-rerun", *span]) == 1
+    shown = capsys.readouterr()
+    assert "inputs that cannot be right: stations left and right: the pictures of each move" in shown.err
+    assert "exchanged" in shown.out
+    summary = json.loads((out / "summary.json").read_text())
+    assert len(summary["contradictions"]) == 1
+    assert "their angles or their videos are exchanged" in summary["contradictions"][0]
+    assert "their angles or their videos are exchanged" in (out / "report.html").read_text()
+    assert (out / "track.csv").is_file()
+
+
+def test_a_session_as_it_should_be_is_not_doubted(session: Callable[[Edit], Path], tmp_path: Path) -> None:
+    request = ReplayRequest(
+        session=session(as_they_are), out=tmp_path / "out", rerun=False, report=False, from_s=FROM_S, to_s=TO_S
+    )
+    summary = replay(request).evaluation.summary
+    assert summary["contradictions"] == []
+    assert summary["no_track"] is None
+    assert summary["counts"]["track"]["tracking"] > 30
+
+
+def test_a_session_without_a_track_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session, out = Tiny(rows=12).write(tmp_path / "session"), tmp_path / "out"
+    assert main(["replay", str(session), "--out", str(out), "--no-rerun"]) == 0
+    assert "no track: in none of 12 pairs did both cameras show a moving target" in capsys.readouterr().out
+    page = (out / "report.html").read_text()
+    assert "No track: in none of 12 pairs" in page
+    assert "no usable reference" not in page
