@@ -91,14 +91,18 @@ def add_runs(parser: argparse.ArgumentParser, purpose: str) -> None:
     )
 
 
-def add_simulated_flight(parser: argparse.ArgumentParser, rate_hz: float, condition: str = "") -> None:
-    """Add the options of a simulated flight; ``condition`` stands before each one's help."""
+def add_simulated_flight(parser: argparse.ArgumentParser, rate_hz: float | None, condition: str = "") -> None:
+    """Add the options of a simulated flight; ``condition`` stands before each one's help.
+
+    ``rate_hz`` None is what the machine renders.
+    """
+    usual = "what this machine renders" if rate_hz is None else f"{rate_hz:g}"
     parser.add_argument(
         "--rate",
         type=_pairs_per_s,
         default=rate_hz,
         metavar="HZ",
-        help=f"{condition}stereo pairs per s (default: {rate_hz:g})",
+        help=f"{condition}stereo pairs per s (default: {usual})",
     )
     parser.add_argument(
         "--seed", type=whole_number, default=0, metavar="N", help=f"{condition}of all random numbers (default: 0)"

@@ -16,9 +16,11 @@ from groundstation.cli.terminal import print_line
 if TYPE_CHECKING:
     from groundstation.live.command import LiveResult
     from groundstation.live.status_board import LiveStatus
+    from groundstation.simulation.simulated_station import SimulatedStation
     from groundstation.simulation.simulation_score import SimulationScore
 
-_RATE_HZ = 30.0
+# a simulated aircraft is in view from the start, and found within some seconds
+_LEAST_FLIGHT_S = 8.0
 _LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
 follow it, everything is recorded. Ctrl-C parks the heads and ends it within 3 s,
 before it has begun once the step under way is done; parking may take longer
@@ -40,8 +42,9 @@ else befalls a PTU's line is --ptu-fault.
 The station file: docs/live.md
 
 exit code: 0 done; 1 a device or a file is at fault, nothing at all could be
-recorded, or a process that drives the heads was lost, even if it was begun
-again; 2 wrong usage; 130 interrupted before it had begun"""
+recorded, a process that drives the heads was lost, even if it was begun again,
+or a simulated flight was not tracked at all; 2 wrong usage; 130 interrupted
+before it had begun"""
 
 
 def add_live(commands: Commands) -> None:
@@ -53,7 +56,7 @@ def add_live(commands: Commands) -> None:
     live.add_argument("--for", type=duration_s, dest="seconds", metavar="S", help="end after so many seconds")
     live.add_argument("--simulate", action="store_true", help="with a range that is not there")
     live.add_argument("--rig", type=READ, metavar="FILE", help="with --simulate: another rig than the built-in one")
-    add_simulated_flight(live, _RATE_HZ, "with --simulate: ")
+    add_simulated_flight(live, None, "with --simulate: ")
     live.add_argument(
         "--ptu-fault",
         action="append",
@@ -75,22 +78,12 @@ def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or a stop is requested; returns the exit code."""
     from groundstation.live.command import LiveRequest, live
     from groundstation.live.status_watchdog import StatusWatchdog
-    from groundstation.simulation.fault_timetable import simulated_device_faults
-    from groundstation.simulation.flights import FlightModelKind
-    from groundstation.simulation.render_flight import load_faults
-    from groundstation.simulation.simulated_receiver import ReceiverModel
-    from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
     from ptu_drivers.simulated.faults import FAULTS
 
     wrong = _wrong_usage(options, FAULTS)
     if wrong:
         print(f"groundstation live: {wrong}", file=sys.stderr)
         return 2
-    failing = simulated_device_faults(
-        () if options.faults is None else load_faults(options.faults),
-        ReceiverModel() if options.dgps else None,
-        str(options.faults),
-    )
     request = LiveRequest(
         station=options.station,
         out=options.out,
@@ -99,21 +92,7 @@ def run_live(options: argparse.Namespace) -> int:
         record=not options.no_record,
         weights=options.weights,
     )
-    simulator = None
-    if options.simulate:
-        simulator = SimulatedStation(
-            SimulatedStationConfig(
-                seconds=options.seconds,
-                rig=options.rig,
-                rate_hz=options.rate,
-                seed=options.seed,
-                ptu_faults=tuple(options.ptu_fault),
-                receiver=failing.receiver,
-                timetable=failing.timetable,
-                wind_m_s=options.wind,
-                aircraft=FlightModelKind(options.aircraft),
-            )
-        )
+    simulator = _simulator(options) if options.simulate else None
     with StopRequest() as stop, StatusDisplay(sys.stderr) as display, StatusWatchdog(display.silent) as watch:
 
         def show_status(status: "LiveStatus") -> None:
@@ -122,12 +101,46 @@ def run_live(options: argparse.Namespace) -> int:
 
         result = live(request, stop, show_status, lambda text: display.message(f"{text} …"), simulator, end_by_force)
         display.close()
-        print_line(_result_text(result, None if simulator is None else simulator.score(result.begin_s)), sys.stdout)
+        score, missing = (
+            (None, 0) if simulator is None else (simulator.score(result.begin_s), simulator.missing_pictures)
+        )
+        print_line(_result_text(result, score, missing), sys.stdout)
     if result.lost:
         print_line("groundstation: nothing could be recorded", sys.stderr)
     for line in result.losses:
         print_line(f"groundstation: {line}", sys.stderr)
-    return 1 if result.lost or result.losses else 0
+    untracked = _why_untracked(result) if simulator is not None else ""
+    if untracked:
+        print_line(f"groundstation: {untracked}", sys.stderr)
+    return 1 if result.lost or result.losses or untracked else 0
+
+
+def _simulator(options: argparse.Namespace) -> "SimulatedStation":
+    """Return the simulated range that the options ask for; raises `InputError` for faults that are none."""
+    from groundstation.simulation.fault_timetable import simulated_device_faults
+    from groundstation.simulation.flights import FlightModelKind
+    from groundstation.simulation.render_flight import load_faults
+    from groundstation.simulation.simulated_receiver import ReceiverModel
+    from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
+
+    failing = simulated_device_faults(
+        () if options.faults is None else load_faults(options.faults),
+        ReceiverModel() if options.dgps else None,
+        str(options.faults),
+    )
+    return SimulatedStation(
+        SimulatedStationConfig(
+            seconds=options.seconds,
+            rig=options.rig,
+            rate_hz=options.rate,
+            seed=options.seed,
+            ptu_faults=tuple(options.ptu_fault),
+            receiver=failing.receiver,
+            timetable=failing.timetable,
+            wind_m_s=options.wind,
+            aircraft=FlightModelKind(options.aircraft),
+        )
+    )
 
 
 def end_by_force(line: str) -> None:
@@ -143,7 +156,7 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
             return "got no STATION; wanted a station file, or --simulate"
         defaults: dict[str, object] = {
             "rig": None,
-            "rate": _RATE_HZ,
+            "rate": None,
             "seed": 0,
             "wind": 0.0,
             "aircraft": "waves",
@@ -161,8 +174,24 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
     return f"--ptu-fault: got {unknown[0]!r}; wanted one of {', '.join(faults)}" if unknown else ""
 
 
-def _result_text(result: "LiveResult", score: "SimulationScore | None" = None) -> str:
-    """Return the summary of a live run."""
+def _why_untracked(result: "LiveResult") -> str:
+    """Return why a simulated flight was not tracked at all; "" if it was, or if it ended before it could be."""
+    done = result.operation
+    if done.tracked or done.elapsed_s < _LEAST_FLIGHT_S:
+        return ""
+    behind = done.dropped.get("pairs, being behind", 0)
+    if not done.epochs:
+        reason = "no pair of pictures came"
+    elif behind > done.epochs // 2:
+        reason = f"the computer was behind, and {behind} pairs were dropped: try a lower --rate, or end other programs"
+    else:
+        rate = done.epochs / done.elapsed_s
+        reason = f"in none of {done.epochs} pairs ({rate:.1f} per s) was the aircraft found by both cameras"
+    return f"no track: {reason}"
+
+
+def _result_text(result: "LiveResult", score: "SimulationScore | None" = None, missing: int = 0) -> str:
+    """Return the summary of a live run; ``missing`` pictures of a simulator did not come."""
     from groundstation.live.status_board import dropped_text
     from groundstation.simulation.simulation_score import format_score
     from groundstation.tracking.count_descriptions import describe_counts
@@ -182,6 +211,8 @@ def _result_text(result: "LiveResult", score: "SimulationScore | None" = None) -
     lines.append(f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time")
     if result.recorded:
         lines.append(f"recorded: {result.recorded}")
+    if missing:
+        lines.append(f"simulated pictures that did not come (not rendered in time, or a fault's): {missing}")
     if done.dropped:
         lines.append(dropped_text(done.dropped))
     lines += [f"counted: {what}" for what in describe_counts(done.counts)]

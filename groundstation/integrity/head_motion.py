@@ -33,7 +33,7 @@ _MAX_PAIR_S = 0.45
 _MAX_PAIRS = 160
 # a pair decides only if the scene moved, or should have, by this many px and this many sigmas of the noise
 _MOVED_PX, _MOVED_SIGMAS = 4.0, 5.0
-# the shift of a textured scene is measured to 0.2 to 0.7 px (docs/notes/position.md); the rest is the encoders' noise
+# the shift of a textured scene is measured to 0.2 to 0.7 px (docs/notes/program.md); the rest is the encoders' noise
 _SHIFT_SIGMA_PX = 0.5
 # an agreeing pair differs by at most so many sigmas and such a share of the motion: distortion, depth of the scene
 _AGREE_SIGMAS, _AGREE_SHARE = 2.5, 0.1

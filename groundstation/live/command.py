@@ -109,17 +109,17 @@ def _live(
 ) -> LiveResult:
     """Operate into ``out``; ``begun`` is called once everything is open."""
     station = _load(request, out, simulator)
-    file, rig = station.file, station.rig
     # not before all files are known to be good
     out.mkdir(parents=True, exist_ok=True)
     with ExitStack() as opened:
-        shutdown = Shutdown(stop, file.park_s, force_exit=force_exit)
+        shutdown = Shutdown(stop, station.file.park_s, force_exit=force_exit)
         # after everything else, however it ends
         opened.callback(shutdown.done)
         # the bound holds from here on: compiling and opening can hang as operating can
         shutdown.watch()
         if simulator is not None:
-            simulator.open(file, out, opened, say)
+            station = _described(simulator.open(station.file, out, opened, say), station.rig, request)
+        file, rig = station.file, station.rig
         start_s = time.monotonic()
         # they are opened while this process compiles
         heads = HeadManager({s.name: s.head for s in file.stations if s.head is not None}, start_s)
@@ -182,6 +182,11 @@ def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -
     file = with_keep_out(file, rig, time.monotonic(), time.time())
     if simulator is not None:
         simulator.check(rig)
+    return _described(file, rig, request)
+
+
+def _described(file: StationFile, rig: Rig, request: LiveRequest) -> _LiveStation:
+    """Return what follows from the files of a station, and from the rate at which its pictures come."""
     tuning = with_weights(load_config(file.config), request.weights)
     config = live_config(reference_tuning(tuning, file.reference), file.rate_hz)
     header = live_header(file, config)

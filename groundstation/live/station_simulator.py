@@ -30,8 +30,8 @@ class StationSimulator(ABC):
         """Raise `InputError` where what is to be simulated does not fit the rig."""
 
     @abstractmethod
-    def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> None:
-        """Start the devices; ``opened`` ends them."""
+    def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> StationFile:
+        """Start the devices; ``opened`` ends them. Returns the file with the rate at which their pictures come."""
 
     def sinks(self) -> tuple[Sink, ...]:
         """Return what takes the reports of the operation, besides the operation's own files."""

@@ -9,8 +9,9 @@ from pathlib import Path
 from groundstation.live.station_file import StationFile
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.rig.rig import Rig
-from groundstation.simulation.device_simulator import DeviceSimulator, SimulatedCameraDevice
+from groundstation.simulation.device_simulator import DeviceSimulator
 from groundstation.simulation.nose_truth import NoseTruth
+from groundstation.simulation.simulated_camera_device import SimulatedCameraDevice
 from groundstation.sources.cameras.camera import CameraDevice
 
 
@@ -38,8 +39,9 @@ class AttachedSimulator(StationSimulator):
     def check(self, rig: Rig) -> None:
         """Do nothing: there is no fault timetable."""
 
-    def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> None:
-        """Do nothing: the simulator is already running."""
+    def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> StationFile:
+        """Return the file: the simulator is already running."""
+        return file
 
     def begin(self, start_s: float) -> float:
         """Return the start time of the flight, which is not changed."""

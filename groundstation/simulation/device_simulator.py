@@ -10,12 +10,14 @@ import math
 import multiprocessing as mp
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
+from statistics import median
 from types import TracebackType
 
 import numpy as np
@@ -24,7 +26,6 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
 from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.simulated_latency import DelayLine
-from groundstation.picture import BayerPattern
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.device_faults import (
     CAMERA_CLOCK_STEPPED,
@@ -37,16 +38,15 @@ from groundstation.simulation.device_faults import (
     strike,
 )
 from groundstation.simulation.nose_truth import NoseTruth
+from groundstation.simulation.render_rate import FULL_RATE_HZ, sustainable_rate_hz
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.rendered_scene import RenderedScene
+from groundstation.simulation.simulated_camera_device import SLOTS, SimulatedCameraDevice
 from groundstation.simulation.simulated_receiver import ReceiverModel, SimulatedReceiver
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.sources.cameras.camera import (
     CameraDevice,
     CameraError,
-    CameraLostError,
-    GrabbedFrame,
-    SettingsReadBack,
 )
 from groundstation.thread_scheduling import give_way, short_gil_switch_interval
 from ptu_drivers.simulated.flir import FlirModel
@@ -54,11 +54,10 @@ from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
 from ptu_drivers.simulated.line import VirtualLine
 from ptu_drivers.simulated.server import SimulatedServer
 
-_SLOTS = 8
+_MEASURED_PAIRS = 15
 _READY_S = 600.0
 _END_S = 0.5
 _ARCSEC = 3600.0
-_PATTERN = BayerPattern.RG
 # distance of the aircraft before the flight starts, m
 _FAR_OFF_S = 3600.0
 # history of head angles that is kept, s
@@ -74,7 +73,7 @@ class DeviceSimulatorConfig:
     rig : the rig file; the simulated hardware is exactly that.
     folder : where the links to the ptys are made.
     flight : the target point over time; started by `DeviceSimulator.begin`; far away before.
-    frame_rate_hz : of both cameras, triggered together.
+    frame_rate_hz : of both cameras, triggered together; None for what this machine renders next to the pipeline.
     delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
     baud : of the PTUs' lines.
     ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated.faults.FAULTS`, and how often one strikes a PTU
@@ -86,7 +85,7 @@ class DeviceSimulatorConfig:
     rig: Path
     folder: Path
     flight: Trajectory
-    frame_rate_hz: float = 30.0
+    frame_rate_hz: float | None = 30.0
     delivery_s: float = 0.035
     baud: int = 115200
     ptu_faults: tuple[str, ...] = ()
@@ -97,10 +96,13 @@ class DeviceSimulatorConfig:
 
 
 class DeviceSimulator:
-    """The simulator as the station connects to it; a context manager. Raises `CameraError` if it cannot be started."""
+    """The simulator as the station connects to it; a context manager. Raises `CameraError` if it cannot be started.
 
-    def __init__(self, config: DeviceSimulatorConfig) -> None:
-        self._config = config
+    ``search_s`` measures how long the station takes to search a pair of pictures, s, where the rate is to be measured.
+    """
+
+    def __init__(self, config: DeviceSimulatorConfig, search_s: Callable[[], float] = lambda: 0.0) -> None:
+        self._config, self._search_s = config, search_s
         rig = load_rig(config.rig)
         self.urls = {s.name: str(config.folder / f"ptu-{s.name}") for s in rig.stations if not s.fixed}
         self.truth = {name: NoseTruth() for name in rig.names}
@@ -109,6 +111,7 @@ class DeviceSimulator:
         self._pipes: dict[str, Connection] = {}
         self._process: BaseProcess | None = None
         self._control: Connection | None = None
+        self.frame_rate_hz = config.frame_rate_hz or FULL_RATE_HZ
 
     def __enter__(self) -> "DeviceSimulator":
         self._config.folder.mkdir(parents=True, exist_ok=True)
@@ -116,7 +119,7 @@ class DeviceSimulator:
         ends: dict[str, Connection] = {}
         for name, (w, h) in self._sizes.items():
             with terminal_signals_blocked():
-                self._memory[name] = SharedMemory(create=True, size=_SLOTS * w * h)
+                self._memory[name] = SharedMemory(create=True, size=SLOTS * w * h)
             self._pipes[name], ends[name] = context.Pipe(duplex=False)
         self._control, other = context.Pipe()
         blocks = {name: memory.name for name, memory in self._memory.items()}
@@ -127,8 +130,11 @@ class DeviceSimulator:
         for end in (*ends.values(), other):
             end.close()
         try:
-            if not self._control.poll(_READY_S) or self._control.recv() != "ready":
+            if not self._control.poll(_READY_S):
                 raise CameraError("simulated range: got no answer; wanted it to start")
+            pair_s = self._control.recv()
+            self.frame_rate_hz = self._config.frame_rate_hz or sustainable_rate_hz(pair_s, self._search_s())
+            self._control.send(self.frame_rate_hz)
         except EOFError as fault:
             self.__exit__(None, None, None)
             raise CameraError("simulated range: it ended while starting; its own words are above") from fault
@@ -171,39 +177,6 @@ class DeviceSimulator:
         return SimulatedCameraDevice(name, self._memory[name], self._pipes[name], self._sizes[name], self.truth[name])
 
 
-class SimulatedCameraDevice(CameraDevice):
-    """One simulated camera with the interface of `groundstation.sources.cameras`."""
-
-    def __init__(
-        self, name: str, memory: SharedMemory, pipe: Connection, size_px: tuple[int, int], nose_truth: NoseTruth
-    ) -> None:
-        self._name = name
-        self._pipe = pipe
-        self._nose_truth = nose_truth
-        w, h = size_px
-        self._slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
-        self.read_back = SettingsReadBack(
-            model="simulated camera", size_px=size_px, pixel_format=_PATTERN.value, device_clock=True
-        )
-
-    def grab(self, timeout_s: float) -> GrabbedFrame | None:
-        """Return the next frame, or None after the timeout."""
-        try:
-            if not self._pipe.poll(timeout_s):
-                return None
-            slot, number, device_ns, t_s, u_px, v_px = self._pipe.recv()
-        except (EOFError, OSError) as fault:
-            raise CameraLostError(f"{self._name}: the simulated range has ended") from fault
-        self._nose_truth.add(t_s, u_px, v_px)
-        pixels = self._slots[slot].copy()
-        return GrabbedFrame(
-            frame_id=number, device_ns=device_ns, pixels=pixels, pattern=_PATTERN, payload_bytes=int(pixels.nbytes)
-        )
-
-    def close(self) -> None:
-        """Release the shared memory; the simulator keeps running."""
-
-
 # ---------------------------------------------------------------------------------------- its own process
 @dataclass(slots=True)
 class _Station:
@@ -240,9 +213,13 @@ def serve_devices(
     for station in stations:
         # compile the kernels before the first picture is due
         station.camera.picture(time.monotonic(), 0.0, 0.0)
+    control.send(0.0 if config.frame_rate_hz else _rendered_pair_s(stations))
+    rate_hz = control.recv()
     first_s = time.monotonic() + 0.5
     threads = [
-        threading.Thread(target=_deliver, args=(s, memories[s.name], pipes[s.name], config, flight, first_s, stop))
+        threading.Thread(
+            target=_deliver, args=(s, memories[s.name], pipes[s.name], config, rate_hz, flight, first_s, stop)
+        )
         for s in stations
     ]
     threads += [threading.Thread(target=s.server.run, daemon=True) for s in stations]
@@ -255,7 +232,6 @@ def serve_devices(
         thread.daemon = True
         thread.start()
     with short_gil_switch_interval(), contextlib.suppress(EOFError, OSError):
-        control.send("ready")
         while (message := control.recv()) != "stop":
             flight.start_s = float(message)
             for number, s in enumerate(stations):
@@ -305,18 +281,39 @@ def _made(rig: Rig, number: int, world: RenderedScene, config: DeviceSimulatorCo
     return _Station(name=station.name, camera=camera, unit=unit, server=server, arcsec=arcsec)
 
 
+def _rendered_pair_s(stations: Sequence[_Station]) -> float:
+    """Return how long this machine renders one picture of each station now, as it will in operation, s."""
+    times_s: list[float] = []
+    together = threading.Barrier(len(stations), action=lambda: times_s.append(time.monotonic()))
+
+    def render(station: _Station) -> None:
+        give_way()
+        for _ in range(_MEASURED_PAIRS):
+            together.wait()
+            station.camera.picture(time.monotonic(), 0.0, 0.0)
+        together.wait()
+
+    threads = [threading.Thread(target=render, args=(station,), daemon=True) for station in stations]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return median(after - before for before, after in pairwise(times_s))
+
+
 def _deliver(
     station: _Station,
     memory: SharedMemory,
     pipe: Connection,
     config: DeviceSimulatorConfig,
+    rate_hz: float,
     flight: _DelayedTrajectory,
     first_s: float,
     stop: threading.Event,
 ) -> None:
     """Expose, render and deliver frames; a frame that cannot be rendered in time is dropped."""
-    (w, h), period_s, number = station.camera.station.lens.image_size_px, 1.0 / config.frame_rate_hz, 0
-    slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
+    (w, h), period_s, number = station.camera.station.lens.image_size_px, 1.0 / rate_hz, 0
+    slots = np.ndarray((SLOTS, h, w), np.uint8, buffer=memory.buf)
     frozen: ImageArray | None = None
     line = DelayLine(pipe, time.monotonic)
     give_way()  # lowers the priority of rendering only: delivery stays punctual
@@ -339,11 +336,11 @@ def _deliver(
         shown = picture.recordable(Box(0, 0, w, h)).pixels if frozen is None else frozen
         if is_there(config.timetable, CAMERA_FROZEN, station.name, since_s):
             frozen = shown
-        slots[number % _SLOTS] = shown
+        slots[number % SLOTS] = shown
         truth = station.camera.truth(t_s, *angles, silhouette=False)
         u, v = (math.nan, math.nan) if truth.pixel_px is None else (float(x) for x in truth.pixel_px)
         late_s = size_s(config.timetable, CAMERA_LATE, station.name, since_s)
         stamp_s = t_s + size_s(config.timetable, CAMERA_CLOCK_STEPPED, station.name, since_s)
-        line.send(t_s + config.delivery_s + late_s, (number % _SLOTS, number, round(stamp_s * 1e9), t_s, u, v))
+        line.send(t_s + config.delivery_s + late_s, (number % SLOTS, number, round(stamp_s * 1e9), t_s, u, v))
         number += 1
     line.close()

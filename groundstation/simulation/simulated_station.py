@@ -1,8 +1,9 @@
 """`groundstation live --simulate`: simulated devices in place of a station's own, and the score of the flight."""
 
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from groundstation.live.station_file import StationFile, load_station
@@ -12,12 +13,15 @@ from groundstation.simulation.device_faults import TimedFault
 from groundstation.simulation.device_simulator import DeviceSimulator, DeviceSimulatorConfig
 from groundstation.simulation.fault_timetable import check_timetable
 from groundstation.simulation.flights import FlightModelKind
+from groundstation.simulation.render_rate import FULL_RATE_HZ
 from groundstation.simulation.repeated_landings import landings
 from groundstation.simulation.simulated_receiver import ReceiverModel
 from groundstation.simulation.simulated_station_file import simulated_station_file
 from groundstation.simulation.simulation_score import EstimateRecorder, SimulationScore, score
 from groundstation.sinks.sink import Sink
 from groundstation.sources.cameras.camera import CameraDevice
+from groundstation.tracking.config import load_config
+from groundstation.tracking.search_cost import search_pair_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +31,8 @@ class SimulatedStationConfig:
     Attributes
     ----------
     seconds : how long the landings go on, s; None for as long as the operation.
-    rig, rate_hz : of a set-up without a station file: its rig file (None for the standard rig), pictures a second.
+    rig, rate_hz : of a set-up without a station file: its rig file (None for the standard rig), pictures a second
+        (None for what this machine renders).
     ptu_faults : names of `ptu_drivers.simulated.faults`, each over and over on each unit's line.
     receiver : a reference receiver on the aircraft; None for none.
     timetable : what fails when, s from the flight's time zero.
@@ -36,7 +41,7 @@ class SimulatedStationConfig:
 
     seconds: float | None = None
     rig: Path | None = None
-    rate_hz: float = 30.0
+    rate_hz: float | None = 30.0
     seed: int = 0
     ptu_faults: tuple[str, ...] = ()
     receiver: ReceiverModel | None = None
@@ -63,34 +68,52 @@ class SimulatedStation(StationSimulator):
         self._range: DeviceSimulator | None = None
         self._begin_s = 0.0
         self.delivery_s = 0.0
+        self._measures_rate = False
 
     def station_file(self, station: Path | None, out: Path) -> StationFile:
         """Return the given station file, or write a simulated one to ``out`` and return it."""
         if station is not None:
             return load_station(station)
+        self._measures_rate = self._config.rate_hz is None
         rig = None if self._config.rig is None else load_rig(self._config.rig)
-        return simulated_station_file(out, self._config.rate_hz, rig, dgps=self._config.receiver is not None)
+        return simulated_station_file(
+            out, self._config.rate_hz or FULL_RATE_HZ, rig, dgps=self._config.receiver is not None
+        )
 
     def check(self, rig: Rig) -> None:
         """Raise `InputError` if the fault timetable names a device that the rig does not have."""
         check_timetable(self._config.timetable, rig)
         self._rig = rig
 
-    def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> None:
-        """Start the device simulator in its own process."""
+    def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> StationFile:
+        """Start the device simulator in its own process; returns the file with the rate of its pictures."""
         say("building the simulated range")
         hardware = DeviceSimulatorConfig(
             rig=file.rig,
             folder=out,
             flight=self._flight,
-            frame_rate_hz=file.rate_hz,
+            frame_rate_hz=None if self._measures_rate else file.rate_hz,
             seed=self._config.seed,
             ptu_faults=self._config.ptu_faults,
             receiver=self._config.receiver,
             timetable=self._config.timetable,
         )
-        self._range = opened.enter_context(DeviceSimulator(hardware))
+        self._range = opened.enter_context(DeviceSimulator(hardware, lambda: self._search_s(file)))
         self.delivery_s = self._range.delivery_s
+        rate_hz = self._range.frame_rate_hz
+        if self._measures_rate:
+            say(f"{rate_hz:g} pairs/s is what this machine renders and searches: using it")
+        return replace(file, rate_hz=rate_hz)
+
+    def _search_s(self, file: StationFile) -> float:
+        """Return how long the station takes here to search a pair of pictures, s."""
+        lenses = [station.lens for station in load_rig(file.rig).stations]
+        return search_pair_s(lenses, time.perf_counter, load_config(file.config).detection.detector)
+
+    @property
+    def missing_pictures(self) -> int:
+        """Pictures that were due and did not come, of all cameras: not rendered in time, or a fault's."""
+        return 0 if self._range is None else sum(truth.missing for truth in self._range.truth.values())
 
     def sinks(self) -> tuple[Sink, ...]:
         """Return the sink that records the estimates for `score`."""

@@ -73,6 +73,38 @@ def test_without_a_recording_the_exit_code_is_an_error(
     assert reported.err == ("groundstation: nothing could be recorded\n" if lost else "")
 
 
+@pytest.mark.parametrize(
+    ("epochs", "behind", "words"),
+    [
+        (0, 0, "no track: no pair of pictures came"),
+        (40, 30, "no track: the computer was behind, and 30 pairs were dropped: try a lower --rate"),
+        (40, 3, "no track: in none of 40 pairs (4.0 per s) was the aircraft found by both cameras"),
+    ],
+)
+def test_a_simulated_flight_without_a_track_says_why_and_exits_with_1(
+    epochs: int, behind: int, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = ended(epochs=epochs, tracked=0)
+    operation = replace(result.operation, dropped={"pairs, being behind": behind} if behind else {})
+    monkeypatch.setattr("groundstation.live.command.live", lambda *_, **__: replace(result, operation=operation))
+    assert main(["live", "--simulate", "--out", "x"]) == 1
+    reported = capsys.readouterr().err
+    assert words in reported
+    assert len(reported.splitlines()) == 1
+
+
+def test_a_flight_too_short_to_be_found_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = ended(epochs=4, tracked=0)
+    operation = replace(result.operation, elapsed_s=2.0)
+    monkeypatch.setattr("groundstation.live.command.live", lambda *_, **__: replace(result, operation=operation))
+    assert main(["live", "--simulate", "--out", "x"]) == 0
+
+
+def test_simulated_pictures_that_did_not_come_are_counted() -> None:
+    assert "did not come (not rendered in time, or a fault's): 17" in _result_text(ended(), missing=17)
+    assert "did not come" not in _result_text(ended())
+
+
 def test_a_lost_process_of_the_heads_is_exit_code_1(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
