@@ -3,6 +3,7 @@
 import argparse
 import os
 import sys
+import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 
 from groundstation import __version__
@@ -47,6 +48,8 @@ _COMMANDS: tuple[Callable[[Commands], None], ...] = (
     ),
 )
 # FFmpeg and OpenCV write directly to the terminal; the program prints its own message
+# a file system may count in whole seconds
+_FILE_CLOCK_S = 1.0
 _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}
 
 
@@ -54,10 +57,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 1 the input stopped it, 2 wrong usage, 130 interrupted."""
     parser = build_parser()
     options = parser.parse_args(arguments)
+    options.words = tuple(sys.argv[1:] if arguments is None else arguments)
     if options.command is None:
         parser.print_help(sys.stderr)
         return 2
     _silence(os.environ, _QUIET)
+    began_s = time.time()
     try:
         check_paths(parser, options)
         run: Callable[[argparse.Namespace], int] = options.run
@@ -74,8 +79,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print_line(f"groundstation: {error}", sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print_line("groundstation: interrupted; the tables hold what was done until then", sys.stderr)
+        print_line(f"groundstation: interrupted; {_left_by(options, began_s)}", sys.stderr)
         return 130
+
+
+def _left_by(options: argparse.Namespace, began_s: float) -> str:
+    """Return what an interrupted command has written since ``began_s``, by the clock of files."""
+    out = getattr(options, "out", None)
+    files = (
+        []
+        if out is None or not out.exists()
+        else [out]
+        if out.is_file()
+        else [f for f in out.rglob("*") if f.is_file()]
+    )
+    if any(file.stat().st_mtime >= began_s - _FILE_CLOCK_S for file in files):
+        return f"{out} holds what was done until then"
+    return "nothing was written"
 
 
 def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str]) -> None:

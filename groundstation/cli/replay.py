@@ -88,6 +88,7 @@ def run_replay(options: argparse.Namespace) -> int:
         record=options.record,
         smooth=options.smooth,
         weights=options.weights,
+        command=options.words,
     )
     with ProgressLine(sys.stderr, "replay") as line:
         result = replay(request, line.update)

@@ -219,13 +219,24 @@ def _events(events: Sequence[tuple[float, str, str]]) -> str:
     return f"<h2>Log</h2><details><summary>{len(events)} events</summary><pre>{escape(lines)}</pre></details>"
 
 
+def _provenance(table: dict[str, Any]) -> str:
+    """Return a table of where the run's data come from; nothing if that is not known."""
+    rows = []
+    for name, value in table.items():
+        parts = value if isinstance(value, dict) else {"": value}
+        for part, text in parts.items():
+            label = f"{name} {part}".strip().replace("_", " ")
+            rows.append(("", [plain(label), plain("–" if text is None else str(text))]))
+    return page_table((Column("run"), Column("", text=True)), rows, stacked=False) if rows else ""
+
+
 def _appendix(summary: dict[str, Any]) -> str:
-    """Return configuration and versions."""
+    """Return provenance, configuration and versions."""
     configuration = escape(json.dumps(summary["configuration"], indent=1, ensure_ascii=False))
     rows = [("", [plain(k), plain(v)]) for k, v in summary["versions"].items()]
     versions = page_table((Column("part"), Column("version", text=True)), rows, stacked=False)
     return (
-        "<h2>Configuration and versions</h2>"
+        f"<h2>Provenance, configuration and versions</h2>{_provenance(summary['provenance'])}"
         f"<details><summary>Resolved configuration</summary><pre class=long>{configuration}</pre></details>"
         "<details open><summary>Versions</summary>"
         f"{versions}</details>"

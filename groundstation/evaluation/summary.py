@@ -86,6 +86,7 @@ def build_summary(
         "speed": {k: _number(v) for k, v in (run.speed or {}).items()},
         "configuration": dict(run.configuration or {}),
         "versions": versions(),
+        "provenance": dict(run.provenance),
     }
 
 

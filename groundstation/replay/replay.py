@@ -3,10 +3,12 @@
 A fault in the recording ends the run early; the results up to it are written, and the fault is returned.
 """
 
+import json
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from groundstation.errors import InputError
 from groundstation.evaluation.collector import ResultCollector
@@ -14,6 +16,7 @@ from groundstation.evaluation.evaluate import Evaluation, evaluate_run
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.messages import ReferenceFix
 from groundstation.replay.initial_state import initial_state
+from groundstation.replay.provenance import provenance
 from groundstation.replay.recording_replay import (
     apply_filter_resets,
     recorder_for,
@@ -86,7 +89,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     notes += _pipeline_notes(pipeline, fixes)
     smoothed_track = outputs.smoothed_track()
     speed = _speed(outcome, span_s, prepared_s)
-    evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed)
+    written = provenance(request, session, json.dumps(config_to_mapping(config), sort_keys=True))
+    evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed, written)
     # frees the fixes (one object each) before the figures are drawn
     del inputs
     files = outputs.write(evaluation, smoothed_track, config.evaluation)
@@ -115,6 +119,7 @@ def _evaluate(
     smoothed_track: ResultCollector | None,
     notes: list[str],
     speed: dict[str, float],
+    written: dict[str, Any],
 ) -> Evaluation:
     """Evaluate a finished run against DGPS and truth; ``notes`` follow those on the inputs."""
     session, config, prior, dgps = inputs.session, inputs.config, inputs.prior, inputs.dgps
@@ -127,6 +132,7 @@ def _evaluate(
         configuration=config_to_mapping(config),
         speed=speed,
         faults=(*inputs.notes, *notes),
+        provenance=written,
         contradictions=outputs.checks.contradictions(tracked=outputs.collector.tracked),
         carried_errors=pipeline.carried_errors,
         learnt_until_s=_dgps_time(pipeline.reference_used_until_s, prior),

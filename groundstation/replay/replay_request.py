@@ -15,6 +15,7 @@ class ReplayRequest:
     Up to ``learn_until_s`` of its clock the DGPS updates the filter and its calibration states; None uses it for
     comparison only. ``smooth`` also writes the smoothed track. ``record`` is the path of a recording to write.
     ``weights`` are one's own for the learned channel, which then detects.
+    ``command`` are the words of the command line, if there was one, for the record.
     ``report`` False leaves out report.html, whose figures take longer than a short replay.
     """
 
@@ -30,6 +31,7 @@ class ReplayRequest:
     record: Path | None = None
     report: bool = True
     weights: Path | None = None
+    command: tuple[str, ...] = ()
 
     @property
     def unmodified(self) -> bool:

@@ -1,5 +1,6 @@
 """The command line as a user meets it: output, exit codes, and what lies in the folder afterwards."""
 
+import os
 import subprocess
 import sys
 import tomllib
@@ -235,3 +236,25 @@ def test_an_interrupt_is_no_crash(
     monkeypatch.setattr("groundstation.replay.replay.run_pipeline", interrupted)
     assert main(["replay", str(session), "--out", str(session.parent / "out"), "--no-rerun"]) == 130
     assert "interrupted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("written", "words"), [(False, "interrupted; nothing was written"), (True, "out holds what was done until then")]
+)
+def test_an_interrupt_says_truly_what_is_there(
+    session: Path, written: bool, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = session.parent / "out"
+    out.mkdir()
+    old = out / "track.csv"
+    old.write_text("of an earlier run")
+    os.utime(old, (1.0, 1.0))
+
+    def interrupted(*_: object) -> None:
+        if written:
+            (out / "triangulation.csv").write_text("t_s")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("groundstation.replay.replay.replay", interrupted)
+    assert main(["replay", str(session), "--out", str(out), "--no-rerun"]) == 130
+    assert words in capsys.readouterr().err

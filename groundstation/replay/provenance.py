@@ -1,0 +1,99 @@
+"""Where a run's results come from: date, program, command, inputs with their hashes, and machine."""
+
+import hashlib
+import os
+import platform
+import shlex
+import subprocess
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from groundstation import __version__
+from groundstation.replay.replay_request import ReplayRequest
+from groundstation.session import Session
+
+_ROOT = Path(__file__).resolve().parent.parent.parent
+_GIT_S = 5.0
+# a larger file is hashed in so many blocks, evenly spread over it, the first and the last among them
+_WHOLE_BYTES, _BLOCKS, _BLOCK_BYTES = 256 << 20, 64, 1 << 20
+_READ_BYTES = 1 << 20
+
+
+def provenance(request: ReplayRequest, session: Session, configuration: str) -> dict[str, Any]:
+    """Return the provenance of a replay for `summary.json`; ``configuration`` is the tuning as text, with all defaults.
+
+    ``session`` and its rig are hashed as they lie on the disk; a file that cannot be read any more has no hash.
+    """
+    path = request.session.resolve()
+    inputs = [path] if path.is_file() else sorted(file for file in path.iterdir() if file.is_file())
+    rig = request.rig.resolve() if request.rig is not None else None if session.recorded else path / "rig.toml"
+    return {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "version": __version__,
+        "commit": commit_of(_ROOT),
+        "command": shlex.join(("groundstation", *request.command)) if request.command else None,
+        "session": {"path": str(path), "sha256": hash_of(inputs)},
+        "rig": {"path": str(path if rig is None else rig), "sha256": hash_of([path if rig is None else rig])},
+        "configuration": {
+            "path": None if request.config is None else str(request.config.resolve()),
+            "sha256": hashlib.sha256(configuration.encode()).hexdigest(),
+        },
+        "machine": {
+            "name": platform.node(),
+            "system": platform.platform(),
+            "processor": _processor(),
+            "cores": os.cpu_count(),
+        },
+    }
+
+
+def hash_of(files: Sequence[Path]) -> str | None:
+    """Return one SHA-256 over the names, sizes and contents of files, in order; None if one cannot be read.
+
+    Of a file of more than 256 MB 64 blocks of 1 MB are hashed, evenly spread over it, instead of all.
+    """
+    total = hashlib.sha256()
+    try:
+        for file in files:
+            size = file.stat().st_size
+            total.update(f"{file.name}\0{size}\0".encode())
+            with file.open("rb") as stream:
+                for start, end in _parts(size):
+                    stream.seek(start)
+                    while block := stream.read(min(end - stream.tell(), _READ_BYTES)):
+                        total.update(block)
+    except OSError:
+        return None
+    return total.hexdigest()
+
+
+def _parts(size: int) -> Iterable[tuple[int, int]]:
+    """Return the parts of a file that are hashed, as start and end."""
+    if size <= _WHOLE_BYTES:
+        return [(0, size)]
+    step = (size - _BLOCK_BYTES) / (_BLOCKS - 1)
+    return [(round(k * step), round(k * step) + _BLOCK_BYTES) for k in range(_BLOCKS)]
+
+
+def commit_of(root: Path) -> str | None:
+    """Return the commit of a checkout, with "-dirty" if it is changed; None outside of one, or without git."""
+    if not (root / ".git").exists():
+        return None
+    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    try:
+        found = subprocess.run(command, capture_output=True, text=True, timeout=_GIT_S, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return found.stdout.strip() or None if found.returncode == 0 else None
+
+
+def _processor() -> str:
+    """Return the processor's name as the system states it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
