@@ -41,6 +41,10 @@ _STEP = 0.54
 # target widths of the grid, px, up to this share of the frame's width
 _GRID_SPANS_PX = tuple(TARGET_PX * 2.0**k for k in range(6))
 _WIDEST = 0.5
+# widths at which something of a known size is looked at, as shares of it: what outlines show may be a part or a rim
+_WIDTHS = (1.0, 1.5, 0.7)
+# a region that is narrower by more is a part of it, such as a letter on a sign
+_ALIKE = 2.0
 # a window of the grid whose levels vary less, one sigma, is an even sky: an aircraft there stands out, and is proposed
 _FLAT = 1.0
 # candidates nearer to each other than this share of their width are one, unless one is so much wider: a window that is
@@ -112,6 +116,13 @@ class LearnedFinder:
         self._kept = likeliest_places([c for c in found if _odds(c) > 0.0])[:_KEPT]
         self._camera_from_runway = camera_from_runway
         return tuple(sorted(found, key=lambda c: -c.score)[: self._most])
+
+    def aircraft_odds(self, image: ImageArray | Picture, box: Box[float]) -> float:
+        """Return the log odds of an aircraft that is about as wide as a box of a frame; minus infinity without one."""
+        picture, length = as_picture(image), max(box.w, box.h)
+        looks = (_Look(centre_px=_middle(box), span_px=share * length) for share in _WIDTHS)
+        seen = [c for look in looks for c in self._seen_at(picture, look, 1.0)]
+        return max((_odds(c) for c in seen if length <= _ALIKE * max(c.box.w, c.box.h)), default=-math.inf)
 
     # --------------------------------------------------------------------------------------- where to look
     def places_kept(self, camera_from_runway: FloatArray | None = None) -> list[FloatArray]:

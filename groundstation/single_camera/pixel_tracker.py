@@ -19,6 +19,7 @@ from groundstation.single_camera.pixel_identity import TargetAppearance, appeara
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_target import PixelTarget
 from groundstation.single_camera.pixel_tracker_config import PixelTrackerConfig
+from groundstation.single_camera.target_review import TargetReview
 from groundstation.single_camera.target_view import TargetView, in_place, is_off_path, is_second_object, on_path
 
 Look = tuple[Box[int] | None, Detection | Miss]
@@ -47,6 +48,7 @@ class PixelTracker:
         self._image_size = image_size_px = self._picture.size_px
         self._view = TargetView(self._config, image_size_px)
         self._confirmation = TargetConfirmation(self._config.search, self._config.acquisition, image_size_px)
+        self._review = TargetReview(image_size_px)
         self._target: PixelTarget | None = None
         self._given: Box[float] | None = None  # where a start that is on trial was last seen
         self.start_confirmed = True
@@ -78,6 +80,7 @@ class PixelTracker:
         target = self._begin(t_s, place, size, None, 2.0 + 0.1 * max(w, h))
         target.whole_px = None if sight is None else sight.size_px
         self._given, self.start_confirmed = given, False
+        self._review.reset(given=True)
         return in_full(self._on_trial(target, given, working, t_s), scale)
 
     def step(self, image: ImageArray, t_s: float) -> PixelTrack:
@@ -89,7 +92,7 @@ class PixelTracker:
         else:
             target.motion.predict(t_s - target.newest_s)
             if self._given is None:
-                track = self._follow(target, working, t_s)
+                track = self._reviewed(self._follow(target, working, t_s), working, t_s)
             else:
                 track = self._on_trial(target, self._given, working, t_s)
         return in_full(track, self._picture.scale)
@@ -104,8 +107,13 @@ class PixelTracker:
         miss = Miss(reason=MissReason.NOT_ACQUIRED)
         return PixelTrack(t_s=t_s, status=status, result=miss, roi=None, predicted_px=None)
 
-    def _take(self, image: ImageArray, t_s: float, found: ConfirmedTarget | None) -> PixelTrack | None:
-        """Begin with a confirmed target; None if there is none or the detector does not see it there."""
+    def _take(
+        self, image: ImageArray, t_s: float, found: ConfirmedTarget | None, *, another: bool = False
+    ) -> PixelTrack | None:
+        """Begin with a confirmed target; None if there is none or the detector does not see it there.
+
+        ``another`` target is known not to be the one that is held.
+        """
         if found is None:
             return None
         c = found.candidate
@@ -113,7 +121,11 @@ class PixelTracker:
         target = self._begin(t_s, (c.u_px, c.v_px), c.box.size, found.velocity_px_s, 2.0 + 0.05 * c.box.length)
         target.whole_px = c.box.length
         roi, result = self._view.look(target, image)
-        if isinstance(result, Detection) and overlap(result.box, c.box) and self._may_be(held, image, result, t_s):
+        if (
+            isinstance(result, Detection)
+            and overlap(result.box, c.box)
+            and (another or self._may_be(held, image, result, t_s))
+        ):
             self._confirmation.reset()
             self._saw(target, result, t_s)
             target.small = small_copy(image)
@@ -134,6 +146,7 @@ class PixelTracker:
     ) -> PixelTarget:
         c = self._config
         self._view.detector.reset()
+        self._review.reset(given=False)
         self._target = PixelTarget(
             motion=PixelMotion(
                 place, velocity, sigma_px=sigma_px, least_shake_px=c.least_shake_px, most_shake_px=c.most_shake_px
@@ -150,6 +163,18 @@ class PixelTracker:
         return self._target
 
     # --------------------------------------------------------------------------------------- with a target
+    def _reviewed(self, track: PixelTrack, image: ImageArray, t_s: float) -> PixelTrack:
+        """Return the track of a frame, of another target where the review replaces the one that is held."""
+        if self._target is None or not isinstance(track.result, Detection):
+            return track
+        rival = self._review.rival(image, t_s, track.result.box)
+        if rival is None:
+            return track
+        middle = (0.5 * (rival.box.x0 + rival.box.x1), 0.5 * (rival.box.y0 + rival.box.y1))
+        found = ConfirmedTarget(candidate=replace(rival, u_px=middle[0], v_px=middle[1]), velocity_px_s=(0.0, 0.0))
+        taken = self._take(image, t_s, found, another=True)
+        return track if taken is None else taken
+
     def _on_trial(self, target: PixelTarget, given: Box[float], image: ImageArray, t_s: float) -> PixelTrack:
         """Follow what a start was given until it is sure, or until it is sure that there is nothing."""
         c = self._config.search
