@@ -5,8 +5,8 @@ import argparse
 from groundstation.cli.command_arguments import Commands, add_command
 from groundstation.cli.path_arguments import READ
 
-_CONFIG = """Print the whole tuning as TOML, with every default that FILE does not change:
-a file to start from for replay's --config."""
+_CONFIG = """Print the whole tuning as TOML, with every default that FILE does not change, and
+the meaning and the bounds of each key: a file to start from for replay's --config."""
 
 
 def add_config(commands: Commands) -> None:
@@ -17,7 +17,8 @@ def add_config(commands: Commands) -> None:
 
 def run_config(options: argparse.Namespace) -> int:
     """Print the resolved tuning."""
-    from groundstation.tracking.config import config_to_mapping, config_to_toml, load_config
+    from groundstation.tracking.config import load_config
+    from groundstation.tracking.config_comments import commented_toml
 
-    print(config_to_toml(config_to_mapping(load_config(options.config))))
+    print(commented_toml(load_config(options.config)))
     return 0

@@ -180,7 +180,7 @@ class InitiationConfig:
     size_tolerance : when it is, the apparent width may be this factor smaller or larger; where the learned channel sees
         an aircraft in both cameras, it may also be as small as min_size_m: the fuselage alone.
     size_agreement : two cameras' widths may differ by this factor.
-    candidate_sigma_px : noise of a candidate's centre, and candidate_sigma_share of its width besides.
+    candidate_sigma_px, candidate_sigma_share : noise of a candidate's centre, and as a share of its width besides.
     moving_sigma_share : that of a candidate found by its motion, as a share of the whole aircraft's width …
     usual_span_m : … for which this span is taken where none is given.
     residual_gate_sigma : rays further apart than this don't belong together.

@@ -41,7 +41,12 @@ class TrackStart(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
-    """The whole tuning, one table per component."""
+    """The whole tuning, one table per component.
+
+    Attributes
+    ----------
+    start : how the track begins; "auto" is from [initial] where the session has it, else by searching.
+    """
 
     start: TrackStart = TrackStart.AUTO
     detection: DetectionConfig = field(default_factory=DetectionConfig)
@@ -75,9 +80,19 @@ def with_weights(config: Config, path: Path | None) -> Config:
     return dataclasses.replace(config, detection=detection)
 
 
+_HINTS: dict[type, dict[str, Any]] = {}
+
+
+def type_hints(kind: type) -> dict[str, Any]:
+    """Return the types of a dataclass' fields, found once."""
+    if kind not in _HINTS:
+        _HINTS[kind] = get_type_hints(kind)
+    return _HINTS[kind]
+
+
 def config_from_mapping(kind: type[T], values: Mapping[str, Any], where: str) -> T:
     """Build the dataclass ``kind`` from a TOML table; raises `ConfigError` for unknown keys or wrong types."""
-    hints = get_type_hints(kind)
+    hints = type_hints(kind)
     names = {f.name for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     arguments: dict[str, Any] = {}
     for key, value in values.items():
@@ -98,7 +113,7 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         converted = _one(option, value, where)
         if converted is not _NO:
             return converted
-    wanted = " or ".join(_describe(o) for o in options if o is not NoneType)
+    wanted = " or ".join(describe_type(o) for o in options if o is not NoneType)
     raise ConfigError(where, got=quoted(value), wanted=wanted)
 
 
@@ -128,12 +143,12 @@ def _one(kind: Any, value: Any, where: str) -> Any:
     return value if kind in (int, str) and isinstance(value, kind) else _NO
 
 
-def _describe(kind: Any) -> str:
+def describe_type(kind: Any) -> str:
     """Say in words what a field takes."""
     if isinstance(kind, type) and issubclass(kind, StrEnum):
         return "one of " + ", ".join(repr(m.value) for m in kind)
     if get_origin(kind) is tuple:
-        return "a list of " + " and ".join(_describe(p) for p in get_args(kind) if p is not Ellipsis)
+        return "a list of " + " and ".join(describe_type(p) for p in get_args(kind) if p is not Ellipsis)
     return {float: "a finite number", int: "a whole number", str: "a string", bool: "true or false"}.get(
         kind, "a table"
     )
