@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
-from groundstation.cli.number_arguments import parse_number
+from groundstation.cli.number_arguments import parse_number, port
 from groundstation.cli.path_arguments import READ, REPORT_FOLDER, WRITTEN_FILE, WrittenFolder
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 Run = Callable[[argparse.Namespace], int]
@@ -89,6 +89,17 @@ def add_runs(parser: argparse.ArgumentParser, purpose: str) -> None:
     parser.add_argument(
         "--out", type=WrittenFolder(), metavar="DIR", help="keep what is replayed there, a folder for each run"
     )
+
+
+def add_port(parser: argparse.ArgumentParser) -> None:
+    """Add `--port`, of the page that `--web` serves."""
+    parser.add_argument("--port", type=port, metavar="PORT", help="with --web: the page's port (default: any free one)")
+
+
+def require_web(options: argparse.Namespace) -> None:
+    """Raise `UsageError` for a port without a page."""
+    if options.port is not None and not options.web:
+        raise UsageError("--port", got=f"{options.port} without --web", wanted="both: it is the page's port")
 
 
 def add_simulated_flight(parser: argparse.ArgumentParser, rate_hz: float | None, condition: str = "") -> None:

@@ -30,7 +30,9 @@ def add_convert(commands: Commands) -> None:
         _CONVERT,
         _CONVERT_MORE,
     )
-    convert.add_argument("source", type=READ, metavar="IN", help="a session folder, or a recording (.mcap)")
+    convert.add_argument(
+        "source", type=READ, metavar="IN", help="a session folder, a recording (.mcap), or the folder of a live run"
+    )
     convert.add_argument(
         "out", type=NEW_FOLDER, metavar="OUT", help="the other: a file ending in .mcap, or a new folder"
     )

@@ -6,7 +6,14 @@ import sys
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from groundstation.cli.command_arguments import Commands, add_command, add_simulated_flight, add_weights_option
+from groundstation.cli.command_arguments import (
+    Commands,
+    add_command,
+    add_port,
+    add_simulated_flight,
+    add_weights_option,
+    require_web,
+)
 from groundstation.cli.number_arguments import duration_s
 from groundstation.cli.path_arguments import NEW_FOLDER, READ
 from groundstation.cli.status_display import StatusDisplay
@@ -72,10 +79,12 @@ def add_live(commands: Commands) -> None:
     screen = live.add_mutually_exclusive_group()
     screen.add_argument("--view", action="store_true", help="the operator's screen in the desktop viewer")
     screen.add_argument("--web", action="store_true", help="the operator's screen in a browser on this machine")
+    add_port(live)
 
 
 def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or a stop is requested; returns the exit code."""
+    require_web(options)
     from groundstation.live.command import LiveRequest, live
     from groundstation.live.status_watchdog import StatusWatchdog
     from ptu_drivers.simulated.faults import FAULTS
@@ -91,6 +100,7 @@ def run_live(options: argparse.Namespace) -> int:
         screen="desktop" if options.view else "browser" if options.web else "none",
         record=not options.no_record,
         weights=options.weights,
+        web_port=options.port,
     )
     simulator = _simulator(options) if options.simulate else None
     with StopRequest() as stop, StatusDisplay(sys.stderr) as display, StatusWatchdog(display.silent) as watch:

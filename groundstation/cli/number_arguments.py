@@ -43,6 +43,12 @@ def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
     parser._negative_number_matcher = _NEGATIVE_NUMBERS
 
 
+def port(text: str) -> int:
+    """Return the number of a TCP port that needs no privileges."""
+    wanted = "a port from 1024 to 65535"
+    return int(parse_number(text, wanted, lambda value: 1024 <= value <= 65535 and value.is_integer()))
+
+
 def count(text: str) -> int:
     """Return a whole number from 1 on."""
     return int(parse_number(text, "a whole number from 1 on", lambda value: value >= 1.0 and value.is_integer()))

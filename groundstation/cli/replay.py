@@ -35,7 +35,10 @@ def add_replay(commands: Commands) -> None:
         commands, "replay", run_replay, "recorded stereo session in, scored 3-D track out", _REPLAY, _REPLAY_MORE
     )
     replay.add_argument(
-        "session", type=READ, metavar="SESSION", help="session folder (session.toml, rig.toml, videos …) or .mcap"
+        "session",
+        type=READ,
+        metavar="SESSION",
+        help="session folder (session.toml, rig.toml, videos …), .mcap, or the folder of a live run",
     )
     add_result_folder(replay, REPLAY_FILES)
     replay.add_argument("--rig", type=READ, metavar="FILE", help="another rig than the session's rig.toml")

@@ -9,7 +9,7 @@ import threading
 import webbrowser
 from pathlib import Path
 
-from groundstation.cli.command_arguments import Commands, add_command, add_runs
+from groundstation.cli.command_arguments import Commands, add_command, add_port, add_runs, require_web
 from groundstation.cli.path_arguments import WRITTEN_FILE
 from groundstation.cli.progress import ProgressDisplay
 from groundstation.errors import UsageError
@@ -46,6 +46,7 @@ def add_view(commands: Commands) -> None:
     where = view.add_mutually_exclusive_group()
     where.add_argument("--view", action="store_true", help="in the desktop viewer (default where there is a display)")
     where.add_argument("--web", action="store_true", help="in a browser, served to this machine alone")
+    add_port(view)
     view.add_argument(
         "--save", type=WRITTEN_FILE, metavar="FILE.rrd", help="write it to a file; opens it only with the above"
     )
@@ -59,6 +60,7 @@ def run_view(options: argparse.Namespace) -> int:
 
     if options.save is not None and options.save.suffix != ".rrd":
         raise UsageError("--save", got=str(options.save), wanted="a name that ends in .rrd, which the viewer opens")
+    require_web(options)
     shows = options.view or options.web or options.save is None
     if shows and not options.web and not has_display(os.environ):
         # before the replays, which take minutes
@@ -80,11 +82,11 @@ def run_view(options: argparse.Namespace) -> int:
             print(f"wrote {options.save}")
         if shows:
             print(names_line(result, options.sources), flush=True)
-            _show(result.recording, web=options.web)
+            _show(result.recording, web=options.web, port=options.port)
     return 0
 
 
-def _show(recording: Path, *, web: bool) -> None:
+def _show(recording: Path, *, web: bool, port: int | None) -> None:
     """Show it and wait for the end of the viewer or of the user's patience."""
     from groundstation.viewer import viewer_process as rerun_viewer
     from groundstation.viewer.viewer_process import has_display, open_viewer, serve_recording, stop_viewer
@@ -93,7 +95,7 @@ def _show(recording: Path, *, web: bool) -> None:
     if notice:
         print(f"groundstation: {notice}", file=sys.stderr)
     if web:
-        address, process = serve_recording(recording, os.environ)
+        address, process = serve_recording(recording, os.environ, port)
         print(f"open {address}\nCtrl-C ends it", flush=True)
         if has_display(os.environ):
             webbrowser.open(address)

@@ -30,13 +30,13 @@ from groundstation.messages import StepReport
 from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.replay.reference_prior import ReferencePrior
 from groundstation.rig.rig import Rig, load_rig
+from groundstation.session.load import LIVE_RECORDING
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.tracking.config import Config, load_config, with_weights
 from groundstation.tracking.warm_up import warm_up
 
 _BEGIN_AFTER_S = 3.0
-_RECORDING = "flight.mcap"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +44,8 @@ class LiveRequest:
     """Options of one run of `groundstation live`.
 
     ``station`` None only with a simulator. ``out`` None is a folder of its own below the station file's [record]
-    folder. ``seconds`` None continues until ``stop``. ``screen`` is "desktop", "browser" or "none". ``weights``
+    folder. ``seconds`` None continues until ``stop``. ``screen`` is "desktop", "browser" or "none",
+    ``web_port`` the browser's page's port, None for any. ``weights``
     are one's own for the learned channel, which then detects.
     """
 
@@ -54,6 +55,7 @@ class LiveRequest:
     screen: str = "none"
     record: bool = True
     weights: Path | None = None
+    web_port: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +133,7 @@ def _live(
         recorder = outputs.open_recorder(station) if request.record else None
         if recorder is not None:
             shutdown.watch_recorder(lambda: recorder.status.written_bytes)
-        outputs.open_screen(request.screen, station, shutdown, say)
+        outputs.open_screen(request, station, shutdown, say)
         errors = station.reference_errors()
         operation = Operation(
             file, rig, station.config, outputs.of_operation(), start_s=start_s, reference_errors=errors
@@ -211,15 +213,27 @@ class _Outputs:
 
     def open_recorder(self, station: _LiveStation) -> LiveRecorder:
         """Open the recorder."""
-        self._recorder = self._opened.enter_context(open_recorder(self._out / _RECORDING, station.rig, station.header))
+        self._recorder = self._opened.enter_context(
+            open_recorder(self._out / LIVE_RECORDING, station.rig, station.header)
+        )
         self._sinks.append(self._recorder)
         return self._recorder
 
-    def open_screen(self, kind: str, station: _LiveStation, shutdown: Shutdown, say: Callable[[str], None]) -> None:
-        """Open the operator's screen, "desktop", "browser" or "none"."""
-        self._keep_images = kind != "none"
+    def open_screen(
+        self, request: LiveRequest, station: _LiveStation, shutdown: Shutdown, say: Callable[[str], None]
+    ) -> None:
+        """Open the operator's screen that is requested."""
+        self._keep_images = request.screen != "none"
         self._screen_status = open_screen(
-            kind, station.rig, station.file, self._opened, shutdown, self._sinks, self._operators, say
+            request.screen,
+            station.rig,
+            station.file,
+            self._opened,
+            shutdown,
+            self._sinks,
+            self._operators,
+            say,
+            request.web_port,
         )
 
     def of_operation(self) -> OperationOutputs:
@@ -236,7 +250,7 @@ class _Outputs:
         """Return the result of the run, after everything was closed."""
         recorder = self._recorder
         if recorder is not None and recorder.status.trouble:
-            self.faults.insert(0, f"{_RECORDING}: {recorder.summary()}")
+            self.faults.insert(0, f"{LIVE_RECORDING}: {recorder.summary()}")
         return LiveResult(
             operation=result,
             files=written_files(self._out),

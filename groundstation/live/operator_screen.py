@@ -35,8 +35,12 @@ def open_screen(
     sinks: list[Sink],
     operators: list[StatusSink],
     say: Callable[[str], None],
+    web_port: int | None = None,
 ) -> Callable[[], str]:
-    """Open the operator's screen, "desktop", "browser" or "none"; returns what it has to say of itself."""
+    """Open the operator's screen, "desktop", "browser" or "none"; returns what it has to say of itself.
+
+    ``web_port`` is the port of the browser's page, None for any that is free.
+    """
     if kind == "none":
         return lambda: ""
     from groundstation.viewer.live_view import LiveView
@@ -45,7 +49,7 @@ def open_screen(
     if kind == "desktop":
         stream = open_live_stream("groundstation", os.environ, "--web shows the same in a browser")
     else:
-        stream, address, process = open_web_stream("groundstation", os.environ)
+        stream, address, process = open_web_stream("groundstation", os.environ, web_port)
         opened.callback(lambda: stop_viewer(process, shutdown.left_s(_SCREEN_S)))
         say(f"operator's screen: {address}")
     view = LiveView(stream, rig, file.name)

@@ -28,14 +28,15 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
     """
     path = request.session.resolve()
     inputs = [path] if path.is_file() else sorted(file for file in path.iterdir() if file.is_file())
-    rig = request.rig.resolve() if request.rig is not None else None if session.recorded else path / "rig.toml"
+    own_rig = path / "rig.toml" if session.recorded is None else session.recorded.path.resolve()
+    rig = own_rig if request.rig is None else request.rig.resolve()
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "version": __version__,
         "commit": commit_of(_ROOT),
         "command": shlex.join(("groundstation", *request.command)) if request.command else None,
         "session": {"path": str(path), "sha256": hash_of(inputs)},
-        "rig": {"path": str(path if rig is None else rig), "sha256": hash_of([path if rig is None else rig])},
+        "rig": {"path": str(rig), "sha256": hash_of([rig])},
         "configuration": {
             "path": None if request.config is None else str(request.config.resolve()),
             "sha256": hashlib.sha256(configuration.encode()).hexdigest(),

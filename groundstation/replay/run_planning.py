@@ -11,12 +11,12 @@ from groundstation.files.output_names import below
 from groundstation.files.overwriting import Output, refuse_overwriting
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.replay.result_files import REPLAY_FILES
+from groundstation.session.load import LIVE_RECORDING
 
 RECORDING = "session.rrd"
 SUMMARY = "summary.json"
 TRACK = "track.csv"
 # the recording in a live run's output folder
-LIVE_RECORDING = "flight.mcap"
 _WANTED = "a session folder, a recording (.mcap), a replay's output folder or its session.rrd"
 
 

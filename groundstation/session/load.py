@@ -11,12 +11,19 @@ from groundstation.rig.rig import load_rig
 from groundstation.session.folder import RecordingInfo, Session, load_folder, read_session
 from groundstation.session.media import Medium, MediumKind
 
+# the recording in the folder of a run of `groundstation live`
+LIVE_RECORDING = "flight.mcap"
+
 
 def load_session(path: Path, rig_path: Path | None = None) -> Session:
     """Read a session folder or a recording (.mcap) and check what can be checked without reading all of it.
 
+    The folder of a live run is its recording.
+
     Raises `SessionError`, `RecordingError` or `RigError` with the place, the value found and the value expected.
     """
+    if (path / LIVE_RECORDING).is_file() and not (path / "session.toml").exists():
+        path = path / LIVE_RECORDING
     if path.is_file():
         return _load_recording(path, rig_path)
     if not path.exists() and path.suffix == ".mcap":

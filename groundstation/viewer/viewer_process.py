@@ -85,14 +85,17 @@ def browser_notice(path: Path) -> str:
     )
 
 
-def serve_recording(path: Path, environment: Mapping[str, str]) -> tuple[str, subprocess.Popen[bytes]]:
+def serve_recording(
+    path: Path, environment: Mapping[str, str], web_port: int | None = None
+) -> tuple[str, subprocess.Popen[bytes]]:
     """Serve a recording to browsers on this machine alone; returns the address, and the server's process.
 
-    Raises `ViewerError` where there is no file or the server stops at once.
+    ``web_port`` is the page's port; None takes any that is free. Raises `ViewerError` where there is no file, the port
+    is not free or the server stops at once.
     """
     if not path.is_file():
         raise ViewerError(f"{path}: no such recording")
-    port, web_port = _free_port(), _free_port()
+    port, web_port = _free_port(), _free_port(web_port)
     process = _start(web_viewer_command(path, port, web_port), environment)
     code = _stopped(process)
     if code is not None:
@@ -129,13 +132,13 @@ def open_live_stream(application: str, environment: Mapping[str, str], instead: 
 
 
 def open_web_stream(
-    application: str, environment: Mapping[str, str]
+    application: str, environment: Mapping[str, str], web_port: int | None = None
 ) -> tuple[rr.RecordingStream, str, subprocess.Popen[bytes]]:
     """Serve a viewer to browsers on this machine alone; returns a stream to it, its address, and its process.
 
-    Raises `ViewerError` where the server stops at once.
+    ``web_port`` as in `serve_recording`. Raises `ViewerError` where the port is not free or the server stops at once.
     """
-    port, web_port = _free_port(), _free_port()
+    port, web_port = _free_port(), _free_port(web_port)
     command = [sys.executable, "-m", "rerun", "--serve-web", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--web-viewer-port", str(web_port), "--server-memory-limit", _SERVER_MEMORY]
     process = _start(command, environment)
@@ -164,9 +167,14 @@ def stop_viewer(process: subprocess.Popen[bytes], within_s: float = _END_S) -> N
         process.wait(_END_S)
 
 
-def _free_port() -> int:
+def _free_port(port: int | None = None) -> int:
+    """Return a free port of this machine, ``port`` if it is given; raises `ViewerError` if that is not free."""
     with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
+        free.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            free.bind(("127.0.0.1", port or 0))
+        except OSError as fault:
+            raise ViewerError(f"--port: got {port}, which is in use ({fault.strerror}); wanted a free one") from fault
         return int(free.getsockname()[1])
 
 

@@ -99,8 +99,10 @@ def answered(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             time.sleep(0.05)
         os.kill(os.getpid(), signal.SIGINT)
 
-    def serve_and_ask(path: Path, environment: Mapping[str, str]) -> tuple[str, subprocess.Popen[bytes]]:
-        address, process = serve(path, environment)
+    def serve_and_ask(
+        path: Path, environment: Mapping[str, str], web_port: int | None = None
+    ) -> tuple[str, subprocess.Popen[bytes]]:
+        address, process = serve(path, environment, web_port)
         threading.Thread(target=ask, args=(address,), daemon=True).start()
         return address, process
 

@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from groundstation.cli.main import main
 from groundstation.errors import InputError, SessionError
 from groundstation.rig.rig import ClockModel
 from groundstation.session import MediumKind, load_session
+from groundstation.session.load import LIVE_RECORDING
 from tests.complaints import complaint, only
 from tests.mutation import damaged
 from tests.session.folder import SESSION, Tiny, replace_in, rig_text, write_video
@@ -285,3 +287,18 @@ def test_arbitrary_bytes_raise_only_project_errors(tmp_path_factory: pytest.Temp
     (folder / "session.toml").write_bytes(content)
     with only(InputError):
         load_session(folder)
+
+
+def test_the_folder_of_a_live_run_is_its_recording(tmp_path: Path) -> None:
+    """Expected: as `replay` and `convert` get it; a folder that is a session of its own stays one."""
+    session, live = Tiny(rows=3).write(tmp_path / "session"), tmp_path / "live"
+    live.mkdir()
+    assert main(["convert", str(session), str(live / LIVE_RECORDING)]) == 0
+    recorded = load_session(live).recorded
+    assert recorded is not None
+    assert recorded.path == live / LIVE_RECORDING
+    assert main(["replay", str(live), "--out", str(tmp_path / "out"), "--no-rerun"]) == 0
+    assert main(["convert", str(live), str(tmp_path / "back")]) == 0
+    assert load_session(tmp_path / "back").recorded is None
+    (session / LIVE_RECORDING).write_bytes((live / LIVE_RECORDING).read_bytes())
+    assert load_session(session).recorded is None

@@ -68,8 +68,15 @@ def test_a_server_that_is_stopped_leaves_nothing(tmp_path: Path) -> None:
     stream.log("a", rr.Points3D([[0.0, 0.0, 0.0]]))
     stream.flush()
     stream.disconnect()
-    address, process = serve_recording(path, os.environ)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        wanted = int(taken.getsockname()[1])
+        with pytest.raises(ViewerError, match=f"--port: got {wanted}, which is in use .*; wanted a free one"):
+            serve_recording(path, os.environ, wanted)
+    address, process = serve_recording(path, os.environ, wanted)
     port = int(address.split("/?")[0].rsplit(":", 1)[1])
+    assert port == wanted
     deadline = time.monotonic() + 60.0
     while not _answers(port) and time.monotonic() < deadline:
         time.sleep(0.2)
