@@ -5,8 +5,9 @@ import argparse
 from groundstation.cli.command_arguments import Commands, add_command
 from groundstation.cli.path_arguments import READ
 
-_CONFIG = """Print the whole tuning as TOML, with every default that FILE does not change, and
-the meaning and the bounds of each key: a file to start from for replay's --config."""
+_CONFIG = """Print the whole tuning as TOML, with every default that FILE does not
+change, and the meaning and the bounds of each key: a file to start from for
+replay's --config."""
 
 
 def add_config(commands: Commands) -> None:

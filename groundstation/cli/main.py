@@ -25,6 +25,7 @@ from groundstation.cli.recover import add_recover
 from groundstation.cli.replay import add_replay
 from groundstation.cli.reproduce import add_reproduce
 from groundstation.cli.simulate import add_simulate
+from groundstation.cli.suggesting_parser import SuggestingParser
 from groundstation.cli.terminal import print_line
 from groundstation.cli.track import add_track
 from groundstation.cli.train import add_train
@@ -106,7 +107,7 @@ def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str])
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line; the documentation prints its help."""
-    parser = argparse.ArgumentParser(
+    parser: argparse.ArgumentParser = SuggestingParser(
         prog="groundstation",
         description="Track an approaching aircraft in 3-D with two cameras on pan-tilt units, without GNSS.",
     )

@@ -258,3 +258,28 @@ def test_an_interrupt_says_truly_what_is_there(
     monkeypatch.setattr("groundstation.replay.replay.replay", interrupted)
     assert main(["replay", str(session), "--out", str(out), "--no-rerun"]) == 130
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["replya", "x"], "replay"),
+        (["replay", "x", "--out", "y", "--no-rerum"], "--no-rerun"),
+        (["calibrate", "filght", "x"], "flight"),
+        (["view", "x", "--align", "strat"], "start"),
+        (["live", "--simulat", "--oout", "x"], "--out"),
+    ],
+)
+def test_a_misspelt_word_gets_a_suggestion(
+    arguments: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    assert left.value.code == 2
+    assert f"did you mean {meant}?" in capsys.readouterr().err
+
+
+def test_a_word_unlike_any_gets_none(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["replay", "x", "--out", "y", "--qqqq"])
+    assert "did you mean" not in capsys.readouterr().err

@@ -1,0 +1,44 @@
+"""An argument parser that names what may have been meant by a misspelt command, option or choice."""
+
+import argparse
+import difflib
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any, NoReturn
+
+_CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
+_CUTOFF = 0.6
+
+
+class SuggestingParser(argparse.ArgumentParser):
+    """Adds a suggestion to the error of a word that it does not know; the parsers of its commands are of this class."""
+
+    def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """Return the options; exits with 2 for words that are none, and names what may have been meant."""
+        found, rest = self.parse_known_args(args, namespace)
+        if rest:
+            hints = getattr(found, "suggestions", [])
+            meant = f"; did you mean {', '.join(hints)}?" if hints else ""
+            self.error(f"unrecognized arguments: {' '.join(rest)}{meant}")
+        return found
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Return what is known and the rest; the namespace keeps ``suggestions`` for the rest, also a command's."""
+        found, rest = super().parse_known_args(args, namespace)
+        options = [name for action in self._actions for name in action.option_strings]
+        hints = [suggestion(word.split("=")[0], options) for word in rest if word.startswith("-")]
+        found.suggestions = [*getattr(found, "suggestions", []), *filter(None, hints)]
+        return found, rest
+
+    def error(self, message: str) -> NoReturn:
+        """Print usage and message, with a suggestion for a wrong choice where there is one, and exit with 2."""
+        choice = _CHOICE.search(message)
+        if choice is not None:
+            hint = suggestion(choice[1], [name.strip(" '") for name in choice[2].split(",")])
+            message += f"; did you mean {hint}?" if hint else ""
+        super().error(message)
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return the known word that is nearest to one that is not; "" for none."""
+    return next(iter(difflib.get_close_matches(word, sorted(set(known)), n=1, cutoff=_CUTOFF)), "")
