@@ -5,6 +5,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from pathlib import Path
 
 from groundstation import __version__
 from groundstation.cli.bank import add_bank
@@ -48,9 +49,9 @@ _COMMANDS: tuple[Callable[[Commands], None], ...] = (
         add_config,
     ),
 )
-# FFmpeg and OpenCV write directly to the terminal; the program prints its own message
 # a file system may count in whole seconds
 _FILE_CLOCK_S = 1.0
+# FFmpeg and OpenCV write directly to the terminal; the program prints its own message
 _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}
 
 
@@ -80,23 +81,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print_line(f"groundstation: {error}", sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print_line(f"groundstation: interrupted; {_left_by(options, began_s)}", sys.stderr)
+        print_line(f"groundstation: interrupted{_left_by(options, began_s)}", sys.stderr)
         return 130
 
 
 def _left_by(options: argparse.Namespace, began_s: float) -> str:
-    """Return what an interrupted command has written since ``began_s``, by the clock of files."""
+    """Return what an interrupted command has written to `--out` since ``began_s``; "" if that is not known."""
     out = getattr(options, "out", None)
-    files = (
-        []
-        if out is None or not out.exists()
-        else [out]
-        if out.is_file()
-        else [f for f in out.rglob("*") if f.is_file()]
-    )
-    if any(file.stat().st_mtime >= began_s - _FILE_CLOCK_S for file in files):
-        return f"{out} holds what was done until then"
-    return "nothing was written"
+    if not isinstance(out, Path):
+        return ""
+    try:
+        files = [out] if out.is_file() else [file for file in out.rglob("*") if file.is_file()]
+        written = any(file.stat().st_mtime >= began_s - _FILE_CLOCK_S for file in files)
+    except OSError:
+        return ""
+    return f"; {out} holds what was done until then" if written else f"; nothing was written to {out}"
 
 
 def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str]) -> None:

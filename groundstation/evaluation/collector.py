@@ -93,9 +93,10 @@ class ResultCollector:
         return tuple(self._stations)
 
     @property
-    def tracked(self) -> bool:
-        """Whether a target was tracked in any epoch."""
-        return bool(np.any(self._epochs.rows()["status"] == TRACK_STATUSES.index(TrackStatus.TRACKING)))
+    def tracked_share(self) -> float:
+        """Share of the epochs in which a target was tracked; 0 without epochs."""
+        tracked = self._epochs.rows()["status"] == TRACK_STATUSES.index(TrackStatus.TRACKING)
+        return float(np.mean(tracked)) if len(tracked) else 0.0
 
     @property
     def nbytes(self) -> int:

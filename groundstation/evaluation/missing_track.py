@@ -3,6 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
+from groundstation.detection_messages import MissReason
+
+# share of a station's pictures without an angle from which on that is why
+_MOST_BLIND = 0.5
+
 
 def why_no_track(counts: Mapping[str, Any]) -> str | None:
     """Return in one line why nothing was tracked, from the counts of a summary; None if something was."""
@@ -14,12 +19,17 @@ def why_no_track(counts: Mapping[str, Any]) -> str | None:
         return "no track: no pair of pictures was processed"
     if track["coasting"] or track["lost"]:
         return f"no track: in {total} pairs a target was found and lost again before two cameras confirmed it"
-    empty = [name for name, station in counts["detection"].items() if not sum(station["status"].values())]
-    if empty:
-        return f"no track: {' and '.join(empty)} delivered no picture with angles in {total} pairs"
+    stations = counts["detection"]
+    if len(stations) < 2:
+        names = " and ".join(stations)
+        return f"no track: {f'only {names}' if names else 'no station'} delivered pictures or pixels, in {total} pairs"
+    for name, station in stations.items():
+        looks, blind = sum(station["status"].values()), station["miss_reason"][MissReason.NO_PTU_ANGLE.value]
+        if blind > _MOST_BLIND * looks:
+            return f"no track: {blind} of {looks} pictures of {name} had no angle"
     if track["acquiring"]:
         return (
-            f"no track: of {total} pairs, {track['acquiring']} had a candidate in both cameras, "
+            f"no track: of {total} pairs, {track['acquiring']} had a candidate in two cameras, "
             "and none moved as an aircraft for long enough"
         )
-    return f"no track: in none of {total} pairs did both cameras show a moving target at places that agree"
+    return f"no track: in none of {total} pairs did two cameras show a moving target at places that agree"

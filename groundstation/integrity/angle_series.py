@@ -13,7 +13,7 @@ _MAX_GAP_S = 0.5
 
 
 class AngleSeries:
-    """Pan and tilt of one head in order of time; 1.2 kB/s, and none of a shorter interval than 20 ms."""
+    """Pan and tilt of one head in order of time; 1.2 kB a second of flight, and none of less than 20 ms apart."""
 
     def __init__(self) -> None:
         self._t_s, self._pan_rad, self._tilt_rad = array("d"), array("d"), array("d")
@@ -38,5 +38,5 @@ class AngleSeries:
         after = np.clip(np.searchsorted(times, t_s), 1, len(times) - 1)
         known = (times[0] <= t_s) & (t_s <= times[-1]) & (times[after] - times[after - 1] <= _MAX_GAP_S)
         for column, angles in enumerate((self._pan_rad, self._tilt_rad)):
-            result[known, column] = np.interp(t_s[known], times, np.frombuffer(angles))
+            result[known, column] = np.interp(t_s[known], times, np.unwrap(np.frombuffer(angles)))
         return result

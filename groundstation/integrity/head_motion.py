@@ -8,7 +8,8 @@ pair agrees with h if |s − p(h)| is at most a share of the motion. Readings th
 If few agree, the hypothesis with which most agree names the fault; with none, only the disagreement is reported.
 
 The scene is what most corners of the picture belong to; an even sky gives no shift and no evidence. A scene that does
-not move at all (a target that fills the picture, dirt on the lens) is no evidence for another hypothesis either.
+not move at all (a target that fills the picture, dirt on the lens) is no evidence for another hypothesis either, nor is
+one that drifts by the same in all pairs, as clouds do, or that shakes while the head rests.
 """
 
 import math
@@ -38,6 +39,8 @@ _SHIFT_SIGMA_PX = 0.5
 # an agreeing pair differs by at most so many sigmas and such a share of the motion: distortion, depth of the scene
 _AGREE_SIGMAS, _AGREE_SHARE = 2.5, 0.1
 _MIN_DECIDING = 12
+# a fault without a name needs more pairs, in which the head turns: a mast that shakes moves the pictures, too
+_MIN_TURNING = 24
 _RIGHT_SHARE, _WRONG_SHARE, _NAMED_SHARE = 0.5, 0.3, 0.6
 # squared normalised difference beyond which a pair counts alike
 _OUTLIER = 4.0
@@ -191,7 +194,9 @@ class HeadMotionMonitor:
     def _fault(self, name: str) -> HeadMotionFault | None:
         """Return the fault of a station's readings; None if they are right, or if the pictures do not tell."""
         stored = self._agreement(name, RIGHT)
-        if stored.deciding < _MIN_DECIDING or stored.share >= _RIGHT_SHARE:
+        # drifting clouds move by the same in each pair
+        drifting = self._agreement(name, RIGHT, drift=True)
+        if stored.deciding < _MIN_DECIDING or max(stored.share, drifting.share) >= _RIGHT_SHARE:
             return None
         hypotheses = [(h, self._agreement(name, h)) for h in self._hypotheses(name)]
         judged = [(h, found) for h, found in hypotheses if found.deciding >= _MIN_DECIDING]
@@ -205,15 +210,16 @@ class HeadMotionMonitor:
                 agreeing_as_stored=stored.agreeing,
                 pairs_as_stored=stored.deciding,
             )
-        if stored.share > _WRONG_SHARE or not self._moves(name):
+        turning = self._agreement(name, RIGHT, turning=True)
+        if turning.deciding < _MIN_TURNING or turning.share > _WRONG_SHARE or not self._moves(name):
             return None
         return HeadMotionFault(
             station=name,
             hypothesis=None,
-            pairs=stored.deciding,
-            agreeing=stored.agreeing,
-            agreeing_as_stored=stored.agreeing,
-            pairs_as_stored=stored.deciding,
+            pairs=turning.deciding,
+            agreeing=turning.agreeing,
+            agreeing_as_stored=turning.agreeing,
+            pairs_as_stored=turning.deciding,
         )
 
     def _hypotheses(self, name: str) -> Iterator[ReadingHypothesis]:
@@ -232,10 +238,19 @@ class HeadMotionMonitor:
         factor = float(np.median(ratio)) if len(ratio) else 0.0
         return factor if factor > 0.0 else None
 
-    def _agreement(self, name: str, hypothesis: ReadingHypothesis) -> _Agreement:
-        """Return how well the pairs in which something moved agree with a hypothesis."""
+    def _agreement(
+        self, name: str, hypothesis: ReadingHypothesis, *, drift: bool = False, turning: bool = False
+    ) -> _Agreement:
+        """Return how well the pairs in which something moved agree with a hypothesis.
+
+        With ``drift`` the scene may have a motion of its own, the same in all pairs; with ``turning`` only pairs count
+        in which the head turns by the readings.
+        """
         measured, predicted = self._shifts(name, hypothesis)
-        lengths = np.maximum(np.linalg.norm(measured, axis=1), np.linalg.norm(predicted, axis=1))
+        if drift and len(measured):
+            predicted = predicted + np.median(measured - predicted, axis=0)
+        turned = np.linalg.norm(predicted, axis=1)
+        lengths = turned if turning else np.maximum(np.linalg.norm(measured, axis=1), turned)
         noise_px = self._noise_px(name, hypothesis.focal_factor)
         decides = lengths >= max(_MOVED_PX, _MOVED_SIGMAS * noise_px)
         limit = _AGREE_SIGMAS * noise_px + _AGREE_SHARE * lengths[decides]

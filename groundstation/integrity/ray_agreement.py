@@ -148,14 +148,15 @@ class RayAgreementMonitor:
         if stored.rays < _MIN_RAYS or stored.meeting >= _RIGHT_SHARE * stored.rays:
             return None
         counts = [(hypothesis, self._count(hypothesis)) for hypothesis in self._hypotheses()]
-        found = max((count for _, count in counts), key=lambda count: count.score)
-        named = found.meeting >= _NAMED_SHARE * found.rays and found.rays >= _MIN_RAYS
+        explaining = [
+            pair for pair in counts if pair[1].meeting >= _NAMED_SHARE * pair[1].rays >= _NAMED_SHARE * _MIN_RAYS
+        ]
+        named = bool(explaining)
+        found = max(explaining, key=lambda pair: pair[1].score)[1] if named else stored
         if not named and stored.apart < _APART_SHARE * stored.rays:
             return None
-        if not named:
-            found = stored
         return RayFault(
-            hypotheses=_alternatives(counts, found.score) if named else (),
+            hypotheses=_alternatives(explaining, found.score) if named else (),
             rays=found.rays,
             meeting=found.meeting,
             rays_as_stored=stored.rays,
@@ -172,13 +173,14 @@ class RayAgreementMonitor:
             yield RayHypothesis(pixels_exchanged=pair)
         of_heads = [*axis_hypotheses(), *unit_hypotheses(), *lag_hypotheses()] if turning else []
         of_lenses = [ReadingHypothesis(focal_factor=float(f)) for f in _FOCAL_FACTORS]
+        of_heads = [hypothesis for hypothesis in of_heads if hypothesis != RIGHT]
         for hypothesis in of_heads:
             yield RayHypothesis(readings=dict.fromkeys(turning, hypothesis))
         for hypothesis in of_lenses:
             yield RayHypothesis(readings=dict.fromkeys(self._stations, hypothesis))
         if len(self._stations) > 1:
             for name in self._stations:
-                for hypothesis in [*axis_hypotheses(), *unit_hypotheses()] if name in self._angles else []:
+                for hypothesis in [h for h in of_heads if not h.lag_s] if name in self._angles else []:
                     yield RayHypothesis(readings={name: hypothesis})
                 for hypothesis in of_lenses:
                     yield RayHypothesis(readings={name: hypothesis})

@@ -35,6 +35,7 @@ class InputChecks:
         """Return a line on each contradiction; without a name for the fault only if no target was ``tracked``.
 
         A near target that fills a picture or a flock of birds can look like a fault of no known kind.
+        ``tracked`` is whether a target was tracked in a good part of the epochs.
         """
         faults = [f for f in self._heads.faults() if f.hypothesis is not None or not tracked]
         if faults:

@@ -12,6 +12,7 @@ from typing import Any
 
 from groundstation import __version__
 from groundstation.replay.replay_request import ReplayRequest
+from groundstation.replay.result_files import REPLAY_FILES
 from groundstation.session import Session
 
 _ROOT = Path(__file__).resolve().parent.parent.parent
@@ -24,10 +25,9 @@ _READ_BYTES = 1 << 20
 def provenance(request: ReplayRequest, session: Session, configuration: str) -> dict[str, Any]:
     """Return the provenance of a replay for `summary.json`; ``configuration`` is the tuning as text, with all defaults.
 
-    ``session`` and its rig are hashed as they lie on the disk; a file that cannot be read any more has no hash.
+    ``session`` and its rig are hashed as they lie on the disk; where a file cannot be read there is no hash.
     """
     path = request.session.resolve()
-    inputs = [path] if path.is_file() else sorted(file for file in path.iterdir() if file.is_file())
     own_rig = path / "rig.toml" if session.recorded is None else session.recorded.path.resolve()
     rig = own_rig if request.rig is None else request.rig.resolve()
     return {
@@ -35,7 +35,7 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
         "version": __version__,
         "commit": commit_of(_ROOT),
         "command": shlex.join(("groundstation", *request.command)) if request.command else None,
-        "session": {"path": str(path), "sha256": hash_of(inputs)},
+        "session": {"path": str(path), "sha256": hash_of(_inputs(path, session))},
         "rig": {"path": str(rig), "sha256": hash_of([rig])},
         "configuration": {
             "path": None if request.config is None else str(request.config.resolve()),
@@ -48,6 +48,19 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
             "cores": os.cpu_count(),
         },
     }
+
+
+def _inputs(path: Path, session: Session) -> list[Path]:
+    """Return the files of a session: a recording, or a folder's tables, videos and pictures, without results in it."""
+    if session.recorded is not None:
+        return [session.recorded.path.resolve()]
+    results = set(REPLAY_FILES) - {"detections.csv"} if session.detections_only else set(REPLAY_FILES)
+    folders = [path, *(medium.path for medium in session.media.values() if medium.path.is_dir())]
+    try:
+        files = [file for folder in folders for file in sorted(folder.iterdir()) if file.is_file()]
+    except OSError:
+        return [path / "session.toml"]
+    return [file for file in files if not any(file.match(pattern) for pattern in results)]
 
 
 def hash_of(files: Sequence[Path]) -> str | None:

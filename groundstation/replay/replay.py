@@ -37,6 +37,9 @@ from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.warm_up import warm_up
 
+# a run that tracked less of its epochs has not tracked its aircraft
+_TRACKED_SHARE = 0.2
+
 __all__ = ["ReplayRequest", "ReplayResult", "replay"]
 
 
@@ -57,6 +60,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         opened.enter_context(source)
         fixes = learning_fixes(request, inputs)
         learns = bool(fixes) or _learns_as_recorded(request, inputs)
+        written = provenance(request, session, json.dumps(config_to_mapping(config), sort_keys=True))
         initial = initial_state(request, config, session, inputs.dgps, source.span_s[0])
         _make_folder(request.out)
         warm_up(config.detection.detector)
@@ -89,7 +93,6 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     notes += _pipeline_notes(pipeline, fixes)
     smoothed_track = outputs.smoothed_track()
     speed = _speed(outcome, span_s, prepared_s)
-    written = provenance(request, session, json.dumps(config_to_mapping(config), sort_keys=True))
     evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed, written)
     # frees the fixes (one object each) before the figures are drawn
     del inputs
@@ -133,7 +136,7 @@ def _evaluate(
         speed=speed,
         faults=(*inputs.notes, *notes),
         provenance=written,
-        contradictions=outputs.checks.contradictions(tracked=outputs.collector.tracked),
+        contradictions=outputs.checks.contradictions(tracked=outputs.collector.tracked_share >= _TRACKED_SHARE),
         carried_errors=pipeline.carried_errors,
         learnt_until_s=_dgps_time(pipeline.reference_used_until_s, prior),
         fused_late=pipeline.fused_late,

@@ -135,9 +135,12 @@ class DeviceSimulator:
             pair_s = self._control.recv()
             self.frame_rate_hz = self._config.frame_rate_hz or sustainable_rate_hz(pair_s, self._search_s())
             self._control.send(self.frame_rate_hz)
-        except EOFError as fault:
+        except (EOFError, OSError) as fault:
             self.__exit__(None, None, None)
             raise CameraError("simulated range: it ended while starting; its own words are above") from fault
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
         return self
 
     def __exit__(
@@ -214,7 +217,10 @@ def serve_devices(
         # compile the kernels before the first picture is due
         station.camera.picture(time.monotonic(), 0.0, 0.0)
     control.send(0.0 if config.frame_rate_hz else _rendered_pair_s(stations))
-    rate_hz = control.recv()
+    try:
+        rate_hz = control.recv()
+    except (EOFError, OSError):
+        return
     first_s = time.monotonic() + 0.5
     threads = [
         threading.Thread(
@@ -288,10 +294,16 @@ def _rendered_pair_s(stations: Sequence[_Station]) -> float:
 
     def render(station: _Station) -> None:
         give_way()
-        for _ in range(_MEASURED_PAIRS):
+        try:
+            for _ in range(_MEASURED_PAIRS):
+                together.wait()
+                station.camera.picture(time.monotonic(), 0.0, 0.0)
             together.wait()
-            station.camera.picture(time.monotonic(), 0.0, 0.0)
-        together.wait()
+        except threading.BrokenBarrierError:
+            return
+        except BaseException:
+            together.abort()
+            raise
 
     threads = [threading.Thread(target=render, args=(station,), daemon=True) for station in stations]
     for thread in threads:

@@ -9,13 +9,15 @@ _RENDERING_SHARE = 0.3
 # a search with so many looks per s, measured alone, finds an aircraft although pairs are dropped; a slower one has to
 # keep up with the pictures. Two cores next to two other programs that compute (6 looks per s, half of it in operation):
 # at 5 pairs/s the aircraft was not found in 40 s, at 3 late, at 2 it was tracked in 65 % of the pairs
-_ENOUGH_LOOKS_HZ, _SEARCHING_SHARE = 9.0, 0.28
+_SLOW_LOOKS_HZ, _FAST_LOOKS_HZ, _SEARCHING_SHARE = 7.0, 11.0, 0.28
 
 
 def sustainable_rate_hz(pair_s: float, search_s: float) -> float:
     """Return the rate in pairs per s where rendering a pair takes ``pair_s`` and searching one ``search_s``, s."""
     most_hz = _RENDERING_SHARE / max(pair_s, 1e-6)
     looks_hz = 1.0 / max(search_s, 1e-6)
-    if looks_hz < _ENOUGH_LOOKS_HZ:
-        most_hz = min(most_hz, _SEARCHING_SHARE * looks_hz)
+    # from keeping up with a slow search to no limit by a fast one
+    slow_hz = _SEARCHING_SHARE * looks_hz
+    share = min(max((looks_hz - _SLOW_LOOKS_HZ) / (_FAST_LOOKS_HZ - _SLOW_LOOKS_HZ), 0.0), 1.0)
+    most_hz = min(most_hz, slow_hz ** (1.0 - share) * FULL_RATE_HZ**share)
     return next((rate for rate in _RATES_HZ if rate <= most_hz), _RATES_HZ[-1])

@@ -56,6 +56,7 @@ class PixelTracker:
     def reset(self) -> None:
         """Forget the target and everything that might become one."""
         self._target = self._given = None
+        self._review.reset(given=False)
         self._view.detector.reset()
         self._confirmation.reset()
 
@@ -127,6 +128,8 @@ class PixelTracker:
             and (another or self._may_be(held, image, result, t_s))
         ):
             self._confirmation.reset()
+            if another or held is None:
+                self._review.reset(given=False)
             self._saw(target, result, t_s)
             target.small = small_copy(image)
             place = target.motion.place()
@@ -146,7 +149,6 @@ class PixelTracker:
     ) -> PixelTarget:
         c = self._config
         self._view.detector.reset()
-        self._review.reset(given=False)
         self._target = PixelTarget(
             motion=PixelMotion(
                 place, velocity, sigma_px=sigma_px, least_shake_px=c.least_shake_px, most_shake_px=c.most_shake_px

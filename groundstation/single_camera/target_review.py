@@ -94,11 +94,12 @@ class TargetReview:
     def _seen_again(self, found: Candidate | None, t_s: float) -> Candidate | None:
         """Count a sight of the rival; return it once it has been seen often enough."""
         if found is None:
+            self._rival, self._sights = None, 0
             return None
         if self._rival is not None:
             before_s, before = self._rival
             away = math.hypot(found.u_px - before.u_px, found.v_px - before.v_px)
-            if away > (_GATE + _SPEED * (t_s - before_s)) * max(found.box.w, before.box.w):
+            if away > (_GATE + _SPEED * min(t_s - before_s, _REVIEW_S)) * max(found.box.w, before.box.w):
                 self._sights = 0
         self._rival = (t_s, found)
         self._sights += 1

@@ -239,7 +239,7 @@ def test_an_interrupt_is_no_crash(
 
 
 @pytest.mark.parametrize(
-    ("written", "words"), [(False, "interrupted; nothing was written"), (True, "out holds what was done until then")]
+    ("written", "words"), [(False, "interrupted; nothing was written to"), (True, "out holds what was done until then")]
 )
 def test_an_interrupt_says_truly_what_is_there(
     session: Path, written: bool, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -123,7 +123,7 @@ def test_only_the_station_at_fault_is_named(rng: np.random.Generator) -> None:
     assert [f.station for f in found] == ["right"]
 
 
-@pytest.mark.parametrize("factor", [0.1, 0.6, 2.0, 10.0])
+@pytest.mark.parametrize("factor", [0.1, 0.4, 2.0, 10.0])
 def test_a_wrong_focal_length_is_named_with_its_factor(rng: np.random.Generator, factor: float) -> None:
     for fault in watched(rng, focal_px=factor * FOCAL_PX).faults() or pytest.fail("no fault"):
         assert fault.hypothesis is not None
@@ -135,7 +135,7 @@ def test_a_fault_of_no_known_kind_is_reported_without_a_name(rng: np.random.Gene
     walk: dict[str, NDArray[np.float64]] = {n: np.zeros(2) for n in NAMES}
 
     def stored(name: str, t_s: float, pan: float, tilt: float) -> tuple[str, float, float, float]:
-        walk[name] = walk[name] + rng.normal(0.0, 4e-4, 2)
+        walk[name] = walk[name] + rng.normal(0.0, 1.5e-3, 2)
         return (name, t_s, *walk[name])
 
     found = watched(rng, stored).faults()
@@ -152,6 +152,33 @@ def test_an_even_sky_is_no_evidence(rng: np.random.Generator, stored: Stored) ->
 def test_a_scene_that_does_not_move_is_no_evidence(rng: np.random.Generator) -> None:
     """Expected: a target that fills the picture is followed by the head, and rests in it."""
     assert watched(rng, resting=True).faults() == ()
+
+
+@pytest.mark.parametrize("pan_rate_deg_s", [0.0, 0.5])
+def test_drifting_clouds_are_no_evidence(rng: np.random.Generator, pan_rate_deg_s: float) -> None:
+    """Expected: over a head that rests or turns steadily they move by the same in each pair, whatever its lens."""
+    scene, monitor = panorama(rng), HeadMotionMonitor({"left": geometry()}, {"left": math.radians(0.01)})
+    for t_s in np.arange(0.0, DURATION_S, 0.02):
+        pan, tilt = np.radians([pan_rate_deg_s * t_s, 3.0]) + rng.normal(0.0, math.radians(0.01), 2)
+        monitor.add_reading(PtuSample(t_s=t_s, station="left", pan_rad=pan, tilt_rad=tilt))
+    for epoch, t_s in enumerate(np.arange(0.0, DURATION_S, 0.2)):
+        seen = picture(scene, math.radians(pan_rate_deg_s * t_s) + 0.01 * t_s, math.radians(3.0))
+        monitor.add_frame(Frame(t_s=t_s, station="left", epoch=epoch, image=seen))
+    assert monitor.pair_count("left") > 30
+    assert monitor.faults() == ()
+
+
+def test_a_mast_that_shakes_is_no_evidence(rng: np.random.Generator) -> None:
+    scene, monitor = panorama(rng), HeadMotionMonitor({"left": geometry()}, {"left": math.radians(0.01)})
+    for t_s in np.arange(0.0, DURATION_S, 0.02):
+        pan, tilt = np.radians([0.0, 3.0]) + rng.normal(0.0, math.radians(0.01), 2)
+        monitor.add_reading(PtuSample(t_s=t_s, station="left", pan_rad=pan, tilt_rad=tilt))
+    for epoch, t_s in enumerate(np.arange(0.0, DURATION_S, 0.2)):
+        shake = rng.normal(0.0, 4.0 / FOCAL_PX, 2)
+        seen = picture(scene, shake[0], math.radians(3.0) + shake[1])
+        monitor.add_frame(Frame(t_s=t_s, station="left", epoch=epoch, image=seen))
+    assert monitor.pair_count("left") > 30
+    assert monitor.faults() == ()
 
 
 def test_memory_is_bounded(rng: np.random.Generator) -> None:

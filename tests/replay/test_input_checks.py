@@ -80,7 +80,7 @@ def test_a_session_as_it_should_be_is_not_doubted(session: Callable[[Edit], Path
 def test_a_session_without_a_track_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session, out = Tiny(rows=12).write(tmp_path / "session"), tmp_path / "out"
     assert main(["replay", str(session), "--out", str(out), "--no-rerun"]) == 0
-    assert "no track: in none of 12 pairs did both cameras show a moving target" in capsys.readouterr().out
+    assert "no track: in none of 12 pairs did two cameras show a moving target" in capsys.readouterr().out
     page = (out / "report.html").read_text()
     assert "No track: in none of 12 pairs" in page
     assert "no usable reference" not in page

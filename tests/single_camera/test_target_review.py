@@ -8,6 +8,8 @@ import pytest
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box, box_of_size
+from groundstation.detection.candidate_finder import Candidate
+from groundstation.detection.target_confirmation import ConfirmedTarget
 from groundstation.messages import Detection
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.single_camera.target_review import TargetReview
@@ -106,6 +108,32 @@ def test_a_given_target_that_was_never_recognised_is_kept(rng: np.random.Generat
     review = TargetReview((W, H))
     review.reset(given=True)
     assert reviewed(rng, review, [(200.0, 100.0)], 60) is None
+
+
+def test_sights_far_apart_in_time_replace_nothing(rng: np.random.Generator) -> None:
+    """Expected: a rival has to be seen in frames running."""
+    review = TargetReview((W, H))
+    for k in range(90):
+        places = [(100.0 + 4.0 * k, 100.0)] if k % 12 == 0 else []
+        assert review.rival(sky_with(rng, places), k / RATE_HZ, SQUARE) is None
+
+
+def test_a_refused_candidate_does_not_make_a_given_target_a_found_one(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: what is given stays given until another target is taken."""
+    tracker = PixelTracker((W, H))
+    resets: list[bool] = []
+    monkeypatch.setattr(tracker._review, "reset", lambda *, given: resets.append(given))
+    tracker.start(sky_with(rng, [(200.0, 100.0)]), 0.0, box_of_size(180.0, 85.0, 40.0, 25.0))
+    assert resets[-1] is True
+    empty = sky_with(rng, [], square=False)
+    candidate = Candidate(
+        u_px=500.0, v_px=50.0, box=box_of_size(480.0, 40.0, 40.0, 20.0), score=9.0, moving=True, motion_px_s=None
+    )
+    found = ConfirmedTarget(candidate=candidate, velocity_px_s=(0.0, 0.0))
+    assert tracker._take(empty, 0.1, found) is None
+    assert resets[-1] is True
 
 
 def test_an_aircraft_is_not_left_for_another(rng: np.random.Generator) -> None:
