@@ -143,6 +143,7 @@ def notes_page(summary: dict[str, Any], baseline: dict[str, Any]) -> str:
     those = baseline["settings"]
     last = those["first"] + those["sessions"] - 1
     worst = ", ".join(str(seed) for seed in summary["worst"])
+    sessions, rows = summary["settings"]["sessions"], summary["sha256"][:16]
     failed = len(summary["failed"])
     return f"""# Drawn worlds
 
@@ -152,7 +153,7 @@ definitions are on its page. This page is written by `benchmarks/bank_notes.py` 
 ## Validate set
 
 {worlds_text(summary)} {failed} sessions failed. Command:
-`groundstation bank benchmarks/bank/validate.toml --out DIR`. SHA-256 of the rows: `{summary["sha256"][:16]}`.
+`groundstation bank benchmarks/bank/validate.toml --out DIR` with `sessions = {sessions}`. SHA-256 of the rows: `{rows}`.
 
 {pooled_table(summary)}
 
