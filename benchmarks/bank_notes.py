@@ -153,7 +153,7 @@ definitions are on its page. This page is written by `benchmarks/bank_notes.py` 
 ## Validate set
 
 {worlds_text(summary)} {failed} sessions failed. Command:
-`groundstation bank benchmarks/bank/validate.toml --out DIR` with `sessions = {sessions}`. SHA-256 of the rows: `{rows}`.
+`groundstation bank benchmarks/bank/validate.toml --out DIR` with `sessions = {sessions}`. SHA-256 of rows: `{rows}`.
 
 {pooled_table(summary)}
 
