@@ -7,7 +7,7 @@ _CONSISTENT_LOW, _CONSISTENT_HIGH = 0.6, 1.6
 
 def plain_summary(summary: dict[str, Any]) -> str:
     """Return some sentences that summarise a run: first what of its inputs cannot be right."""
-    sentences = [f"{_sentence(line)}." for line in summary.get("contradictions", ())]
+    sentences = [f"The inputs cannot be right: {line}." for line in summary.get("contradictions", ())]
     sentences.append(_coverage(summary))
     if summary.get("no_track"):
         return " ".join([*sentences, f"{_sentence(summary['no_track'])}."])
