@@ -7,16 +7,16 @@ import numpy as np
 from groundstation.arrays import FloatArray
 
 # readings closer together add nothing to an interpolation over tenths of a second
-_APART_S = 0.02
+_APART_S = 0.04
 # a gap between readings that is not bridged
 _MAX_GAP_S = 0.5
 
 
 class AngleSeries:
-    """Pan and tilt of one head in order of time; 1.2 kB a second of flight, and none of less than 20 ms apart."""
+    """Pan and tilt of one head in order of time; 0.4 kB a second of flight, and none of less than 40 ms apart."""
 
     def __init__(self) -> None:
-        self._t_s, self._pan_rad, self._tilt_rad = array("d"), array("d"), array("d")
+        self._t_s, self._pan_rad, self._tilt_rad = array("d"), array("f"), array("f")
 
     def __len__(self) -> int:
         """Return the number of readings kept."""
@@ -38,5 +38,7 @@ class AngleSeries:
         after = np.clip(np.searchsorted(times, t_s), 1, len(times) - 1)
         known = (times[0] <= t_s) & (t_s <= times[-1]) & (times[after] - times[after - 1] <= _MAX_GAP_S)
         for column, angles in enumerate((self._pan_rad, self._tilt_rad)):
-            result[known, column] = np.interp(t_s[known], times, np.unwrap(np.frombuffer(angles)))
+            result[known, column] = np.interp(
+                t_s[known], times, np.unwrap(np.frombuffer(angles, np.float32).astype(np.float64))
+            )
         return result

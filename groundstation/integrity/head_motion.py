@@ -117,8 +117,8 @@ class _Agreement:
 class HeadMotionMonitor:
     """Collects shifts of the pictures and readings of the heads during a run, and compares them at its end.
 
-    ``stations`` are the stations that turn, by name, and ``angle_sigmas_rad`` one sigma of their readings. Memory is
-    bounded: `_MAX_PAIRS` pairs a station, and readings as in `AngleSeries`.
+    ``stations`` are the stations that turn, by name, and ``angle_sigmas_rad`` one sigma of their readings. At
+    most `_MAX_PAIRS` pairs a station are kept; the readings grow with the run (`AngleSeries`).
     """
 
     def __init__(self, stations: Mapping[str, StationGeometry], angle_sigmas_rad: Mapping[str, float]) -> None:
@@ -202,25 +202,11 @@ class HeadMotionMonitor:
         judged = [(h, found) for h, found in hypotheses if found.deciding >= _MIN_DECIDING]
         best, agreement = min(judged, key=lambda pair: pair[1].cost)
         if agreement.share >= _NAMED_SHARE and stored.share <= 0.5 * agreement.share:
-            return HeadMotionFault(
-                station=name,
-                hypothesis=best,
-                pairs=agreement.deciding,
-                agreeing=agreement.agreeing,
-                agreeing_as_stored=stored.agreeing,
-                pairs_as_stored=stored.deciding,
-            )
+            return _fault_of(name, best, agreement, stored)
         turning = self._agreement(name, RIGHT, turning=True)
         if turning.deciding < _MIN_TURNING or turning.share > _WRONG_SHARE or not self._moves(name):
             return None
-        return HeadMotionFault(
-            station=name,
-            hypothesis=None,
-            pairs=turning.deciding,
-            agreeing=turning.agreeing,
-            agreeing_as_stored=turning.agreeing,
-            pairs_as_stored=turning.deciding,
-        )
+        return _fault_of(name, None, turning, turning)
 
     def _hypotheses(self, name: str) -> Iterator[ReadingHypothesis]:
         """Yield the hypotheses on a station."""
@@ -285,6 +271,20 @@ class HeadMotionMonitor:
             predicted[k] = hypothesis.focal_factor * _shift_of_centre(geometry, a, b)
         known = np.isfinite(predicted).all(axis=1)
         return measured[known], predicted[known]
+
+
+def _fault_of(
+    station: str, hypothesis: ReadingHypothesis | None, found: _Agreement, stored: _Agreement
+) -> HeadMotionFault:
+    """Return a fault with the pairs that agree under the hypothesis and with the readings as they are stored."""
+    return HeadMotionFault(
+        station=station,
+        hypothesis=hypothesis,
+        pairs=found.deciding,
+        agreeing=found.agreeing,
+        agreeing_as_stored=stored.agreeing,
+        pairs_as_stored=stored.deciding,
+    )
 
 
 def _shift_of_centre(geometry: StationGeometry, first: FloatArray, second: FloatArray) -> FloatArray:

@@ -113,8 +113,8 @@ class _RayCount:
 class RayAgreementMonitor:
     """Collects target pixels and readings during a run, and compares the stations' rays at its end.
 
-    ``stations`` are all stations of the rig by name, ``turning`` the names of those that turn. Memory is bounded:
-    `_MAX_EPOCHS` epochs, and readings as in `AngleSeries`.
+    ``stations`` are all stations of the rig by name, ``turning`` the names of those that turn. At most
+    `_MAX_EPOCHS` epochs are kept; the readings grow with the run (`AngleSeries`).
     """
 
     def __init__(self, stations: Mapping[str, StationGeometry], turning: Iterable[str]) -> None:
