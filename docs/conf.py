@@ -15,7 +15,12 @@ sys.path[:0] = [str(_HERE.parent), str(_HERE / "_ext")]
 project = "Groundstation"
 author = "the Groundstation authors"
 html_title = "Groundstation"
-extensions = ["myst_parser", "command_help"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "command_help", "docstring_fields"]
+# docstrings give shapes and units, which types do not
+autodoc_typehints = "none"
+napoleon_attr_annotations = False
+autodoc_member_order = "bysource"
+default_role = "code"
 source_suffix = {".md": "markdown"}
 root_doc = "index"
 exclude_patterns = ["_ext"]

@@ -49,6 +49,7 @@ class MissReason(StrEnum):
     NOT_ACQUIRED = "not_acquired"
     LATE = "late"
     NOT_RECORDED = "not_recorded"
+    NOT_SEARCHED = "not_searched"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,7 +87,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Miss:
-    """No target point, and why; ``detail`` explains it in words."""
+    """No target point; ``reason`` says why, and ``detail`` explains it in words."""
 
     reason: MissReason
     detail: str = ""

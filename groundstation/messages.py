@@ -21,7 +21,7 @@ from groundstation.picture import Picture
 # --------------------------------------------------------------------------------------------- events in
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PtuSample:
-    """One reading of a station's pan and tilt, as measured, at session time ``t_s``."""
+    """One reading of a station's pan and tilt as measured, ``pan_rad`` and ``tilt_rad``, at session time ``t_s``."""
 
     t_s: float
     station: str
@@ -44,20 +44,24 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PixelMeasurement:
-    """A target pixel that someone else has found (a detections-only session)."""
+    """A target pixel that someone else has found (a detections-only session).
+
+    ``sigma_px`` is one sigma of u and of v, its noise white; None takes the tuning's (``labelled_sigma_px``).
+    """
 
     t_s: float
     station: str
     epoch: int
     u_px: float
     v_px: float
+    sigma_px: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Epoch:
     """All frames of stereo pair ``epoch`` have been sent; ``t_s`` is the mean of their stamps.
 
-    The pipeline answers it with one `TrackEstimate` at ``t_s``.
+    ``stations`` are those of the pair. The pipeline answers it with one `TrackEstimate` at ``t_s``.
     """
 
     t_s: float
@@ -153,10 +157,15 @@ class TriangulationStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Triangulation:
-    """The baseline's answer for one pair: midpoint and maximum-likelihood point, (3,) each, runway frame.
+    """The baseline's answer for one pair.
 
-    ``covariance_m2`` (3, 3) belongs to the maximum-likelihood point; ``gap_m`` is the rays' distance and
-    ``residual_sigma`` the maximum-likelihood reprojection residual in sigmas (root of chi-square).
+    Attributes
+    ----------
+    midpoint_runway_m : (3,) the point halfway between the rays.
+    point_runway_m : (3,) the maximum-likelihood point.
+    covariance_m2 : (3, 3) of the maximum-likelihood point.
+    gap_m : the rays' distance.
+    residual_sigma : the maximum-likelihood reprojection residual in sigmas (root of chi-square).
     """
 
     midpoint_runway_m: FloatArray
@@ -179,7 +188,14 @@ class Innovation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InitialState:
-    """A start that someone gives: position and velocity (3,) in the runway frame with 1-sigma per axis (3,)."""
+    """A start that is given, in the runway frame.
+
+    Attributes
+    ----------
+    t_s : session time.
+    position_runway_m, velocity_runway_m_s : (3,) position and velocity.
+    sigma_position_m, sigma_velocity_m_s : (3,) one sigma per axis.
+    """
 
     t_s: float
     position_runway_m: FloatArray
@@ -190,7 +206,13 @@ class InitialState:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Kinematics:
-    """Position and velocity of the target point in the runway frame with their (6, 6) covariance."""
+    """Position and velocity of the target point in the runway frame.
+
+    Attributes
+    ----------
+    position_runway_m, velocity_runway_m_s : (3,) position and velocity.
+    covariance : (6, 6) of both, m², m²/s and m²/s².
+    """
 
     position_runway_m: FloatArray
     velocity_runway_m_s: FloatArray
@@ -201,11 +223,18 @@ class Kinematics:
 class CameraReport:
     """One camera's part in one step.
 
-    ``pan_rad`` and ``tilt_rad`` are the station's angles at mid-exposure, as the filter used them, or None
-    if no reading covers it. ``predicted_px`` is (2,), the target point expected before looking, or None when
-    nothing is predicted. ``roi`` is None when the detector did not look. ``innovation`` is None unless the
-    filter judged the pixel. ``elapsed_s`` is detection time. ``channel_contrast`` is, in some frames, the
-    silhouette's contrast-to-noise on each channel, the paper's saturation among them.
+    Attributes
+    ----------
+    status, result : the outcome; a `Detection`, or a `Miss` with its reason.
+    roi : where the detector looked; None when it did not look.
+    predicted_px : (2,) the target point expected before looking, None when nothing is predicted.
+    predicted_covariance_px2 : (2, 2) its covariance.
+    pan_rad, tilt_rad : the station's angles at mid-exposure, as the filter used them; None if no reading covers it.
+    innovation : None unless the filter judged the pixel.
+    elapsed_s : time of the detection.
+    channel_contrast : in some frames, the silhouette's contrast-to-noise on each channel, the paper's saturation among
+        them.
+    image : the picture, where reports keep them.
     """
 
     t_s: float
@@ -247,9 +276,13 @@ class InitialPixel:
 class TrackEstimate:
     """The answer to one stereo pair: the state of knowledge and, if there is one, the estimate at ``t_s``.
 
-    ``triangulation`` is None unless two or more cameras gave a point. ``latency_s`` is the time from the
-    arrival of the pair's first frame to this answer. ``seen_by`` are the stations whose pixel the filter accepted: of
-    one alone only the bearing is measured.
+    Attributes
+    ----------
+    status : the state of knowledge.
+    kinematics : the estimate, None without one.
+    triangulation_status, triangulation : the baseline's answer; None unless two or more cameras gave a point.
+    latency_s : time from the arrival of the pair's first frame to this answer.
+    seen_by : the stations whose pixel the filter accepted: of one alone only the bearing is measured.
     """
 
     t_s: float

@@ -30,6 +30,7 @@ gc.set_threshold(100_000, 50, 50)
 # The files that take longest start first: a worker takes whole files, and all others would wait for one started last.
 LONGEST_FILES = (
     "docs/test_commands.py",
+    "api/test_examples.py",
     "experiments/test_reproduce.py",
     "replay/test_rendered_sessions.py",
     "calibration/flight/test_real_flight.py",

@@ -88,10 +88,12 @@ def _labelled(session: Session) -> dict[str, _Pixels]:
     labels, fault = read_detections(session)
     if fault is not None:
         raise fault
-    return {
-        name: _Pixels(rows=rows, sigma_px=np.full((len(rows), 2), _ASSUMED_SIGMA_PX), sigma_given=False)
-        for name, rows in labels.items()
-    }
+    found = {}
+    for name, rows in labels.items():
+        given = np.isfinite(rows[:, 3:])
+        sigma = np.where(given, rows[:, 3:], _ASSUMED_SIGMA_PX)
+        found[name] = _Pixels(rows=rows[:, :3], sigma_px=sigma, sigma_given=bool(len(rows) and given.all()))
+    return found
 
 
 def _replayed(session: Session, path: Path) -> dict[str, _Pixels]:

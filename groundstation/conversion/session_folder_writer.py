@@ -51,7 +51,7 @@ class SessionFolderWriter:
         self._stations = {s.name: s for s in session.rig.stations}
         self._rows: dict[int, dict[str, float]] = {}
         self._readings = {s.name: array("d") for s in session.rig.stations if not s.fixed}
-        self._pixels: dict[str, list[tuple[float, float, float]]] = {}
+        self._pixels: dict[str, list[tuple[float, ...]]] = {}
         self.done = WrittenCounts()
         with _writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -71,7 +71,7 @@ class SessionFolderWriter:
             self._frame(event)
         elif isinstance(event, PixelMeasurement):
             t_s = _device_time(self._session.camera_clock(self._stations[event.station]), event.t_s)
-            self._pixels.setdefault(event.station, []).append((t_s, event.u_px, event.v_px))
+            self._pixels.setdefault(event.station, []).append((t_s, event.u_px, event.v_px, *(event.sigma_px or ())))
             self.done.pixels += 1
         elif isinstance(event, ReferenceFix):
             self.done.references += 1
@@ -87,7 +87,7 @@ class SessionFolderWriter:
                 with below(self._folder, name).open("xb") as file:
                     file.write(remark + data.removeprefix(b"\xef\xbb\xbf"))
             if self._session.detections_only:
-                self._table("detections.csv", ["t_s", "station", "u_px", "v_px"], self._pixel_rows())
+                self._write_pixels()
             else:
                 self._table("frames.csv", ["index", *(f"{n}_t_s" for n in self._stations)], self._frame_rows())
             if self._readings:
@@ -135,12 +135,19 @@ class SessionFolderWriter:
                 cells += ["", ""] if angles is None else [repr(angle) for angle in angles]
             yield cells
 
-    def _pixel_rows(self) -> Iterable[list[str]]:
+    def _write_pixels(self) -> None:
+        """Write detections.csv, with columns of sigma where any pixel carries its own."""
+        sigmas = any(len(row) > 3 for rows in self._pixels.values() for row in rows)
+        columns = ["t_s", "station", "u_px", "v_px", *(("sigma_u_px", "sigma_v_px") if sigmas else ())]
+        self._table("detections.csv", columns, self._pixel_rows(len(columns)))
+
+    def _pixel_rows(self, width: int) -> Iterable[list[str]]:
         for name, rows in self._pixels.items():
             newest = -math.inf
-            for t_s, u, v in sorted(rows):
+            for t_s, *values in sorted(rows):
                 if t_s > newest:
-                    yield [repr(t_s), name, repr(u), repr(v)]
+                    cells = [repr(t_s), name, *map(repr, values)]
+                    yield cells + [""] * (width - len(cells))
                 else:
                     self.done.out_of_order += 1
                 newest = max(newest, t_s)

@@ -251,4 +251,4 @@ class LiveCore:
 def _numbered(item: TimedPicture | PixelMeasurement, epoch: int) -> Frame | PixelMeasurement:
     if isinstance(item, TimedPicture):
         return Frame(t_s=item.t_s, station=item.station, epoch=epoch, image=item.picture)
-    return PixelMeasurement(t_s=item.t_s, station=item.station, epoch=epoch, u_px=item.u_px, v_px=item.v_px)
+    return replace(item, epoch=epoch)

@@ -112,6 +112,8 @@ def event_values(n: int, event: Event) -> dict[str, Any]:
     elif isinstance(event, PixelMeasurement):
         values |= {"station": event.station, "epoch": int(event.epoch)}
         values |= {"u_px": float(event.u_px), "v_px": float(event.v_px)}
+        if event.sigma_px is not None:
+            values |= {"sigma_px": [float(v) for v in event.sigma_px]}
     elif isinstance(event, Epoch):
         values |= {"epoch": int(event.epoch), "stations": list(event.stations)}
     elif isinstance(event, FilterReset):
@@ -183,8 +185,7 @@ class _EventFields:
         if kind == "frame":
             return self._frame(t_s)
         if kind == "pixel":
-            u, v = (self._number(key, self._values.get(key)) for key in ("u_px", "v_px"))
-            return PixelMeasurement(t_s=t_s, station=self._station(), epoch=self._whole("epoch"), u_px=u, v_px=v)
+            return self._pixel(t_s)
         if kind == "epoch":
             return Epoch(t_s=t_s, epoch=self._whole("epoch"), stations=self._stations())
         if kind == "reference":
@@ -195,6 +196,19 @@ class _EventFields:
         if kind == "begun anew":
             return FilterReset(t_s=t_s, why=self._text("why"), in_vain=self._flag("in_vain"))
         raise self._fault("kind", kind, ", ".join([*_KINDS.values(), "pixels", "dropped"]) + " or lost")
+
+    def _pixel(self, t_s: float) -> PixelMeasurement:
+        u, v = (self._number(key, self._values.get(key)) for key in ("u_px", "v_px"))
+        given, sigma = self._values.get("sigma_px"), None
+        if given is not None:
+            if not isinstance(given, list) or len(given) != 2:
+                raise self._fault("sigma_px", given, "two numbers > 0, or none")
+            sigma = (self._number("sigma_px", given[0]), self._number("sigma_px", given[1]))
+            if min(sigma) <= 0.0:
+                raise self._fault("sigma_px", given, "two numbers > 0, or none")
+        return PixelMeasurement(
+            t_s=t_s, station=self._station(), epoch=self._whole("epoch"), u_px=u, v_px=v, sigma_px=sigma
+        )
 
     def _frame(self, t_s: float) -> FrameHeader:
         station, given, pattern = self._station(), self._values.get("size_px"), self._values.get("pattern")

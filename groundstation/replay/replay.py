@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from groundstation.detection.detector_callback import for_stations
 from groundstation.errors import InputError
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run
@@ -76,6 +77,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
             stopwatch=time.perf_counter,
             reference_errors=inputs.prior.errors if learns else None,
             keep_images=outputs.wants_pictures,
+            callbacks=for_stations(request.detector, session.rig.names),
         )
         if outputs.smoothed is not None:
             outputs.smoothed.want = pipeline.smooth(outputs.smoothed.found)

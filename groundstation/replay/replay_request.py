@@ -1,8 +1,10 @@
 """Arguments of a replay and its result."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from groundstation.detection.detector_callback import DetectorCallback
 from groundstation.errors import InputError
 from groundstation.evaluation.evaluate import Evaluation
 from groundstation.sinks.output_comparison import OutputComparison
@@ -17,6 +19,7 @@ class ReplayRequest:
     ``weights`` are one's own for the learned channel, which then detects.
     ``command`` are the words of the command line, if there was one, for the record.
     ``report`` False leaves out report.html, whose figures take longer than a short replay.
+    ``detector`` is a function in place of the program's own detector, one for all stations or one for each by name.
     """
 
     session: Path
@@ -32,11 +35,13 @@ class ReplayRequest:
     report: bool = True
     weights: Path | None = None
     command: tuple[str, ...] = ()
+    detector: DetectorCallback | Mapping[str, DetectorCallback] | None = None
 
     @property
     def unmodified(self) -> bool:
         """Whether a recording is replayed with its own rig, tuning and time span."""
-        return all(v is None for v in (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s))
+        others = (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s, self.detector)
+        return all(v is None for v in others)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

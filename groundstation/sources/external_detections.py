@@ -1,6 +1,7 @@
 """detections.csv: pixels of an external detector, as events."""
 
 import heapq
+import math
 from array import array
 from collections.abc import Iterator
 
@@ -8,16 +9,20 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import SessionError
+from groundstation.files.csv_table import CsvTable, Row
 from groundstation.files.toml_table import quoted
 from groundstation.messages import Epoch, Event, PixelMeasurement
 from groundstation.session import Session
 from groundstation.session.folder import detections_table
 
+_SIGMAS = ("sigma_u_px", "sigma_v_px")
+
 
 def read_detections(session: Session) -> tuple[dict[str, FloatArray], SessionError | None]:
-    """Read detections.csv: by station an array (n, 3) of session time, u, v; and the fault that ended it, if any.
+    """Read detections.csv: by station an array (n, 5), and the fault that ended it, if any.
 
-    Stations may come one after the other or mixed; each one's own times must grow.
+    Columns are session time, u, v and one sigma of u and of v, which are not numbers where the table has none. Stations
+    may come one after the other or mixed; each one's own times must grow.
     """
     table = detections_table(session)
     clocks = {s.name: session.camera_clock(s) for s in session.rig.stations}
@@ -34,15 +39,27 @@ def read_detections(session: Session) -> tuple[dict[str, FloatArray], SessionErr
             t = table.advance(row, "t_s", newest.get(name))
             u, v = table.number(row, "u_px"), table.number(row, "v_px")
             newest[name] = t
-            found[name].extend((clocks[name].session_from_device(t), u, v))
+            found[name].extend((clocks[name].session_from_device(t), u, v, *_sigma(table, row)))
     except SessionError as error:
         fault = error
-    return {n: np.array(rows, dtype=np.float64).reshape(-1, 3) for n, rows in found.items()}, fault
+    return {n: np.array(rows, dtype=np.float64).reshape(-1, 5) for n, rows in found.items()}, fault
+
+
+def _sigma(table: CsvTable, row: Row) -> tuple[float, float]:
+    """Return one sigma of u and of v, not a number where the row has none."""
+    u, v = (table.optional_number(row, name) if name in table.columns else None for name in _SIGMAS)
+    if u is None and v is None:
+        return math.nan, math.nan
+    if u is None or v is None or min(u, v) <= 0.0:
+        got = ", ".join(f"{name} = {row.text.get(name, '').strip() or 'empty'}" for name in _SIGMAS)
+        raise table.fault(row.line, got=got, wanted="both > 0, or both empty")
+    return u, v
 
 
 def detection_events(labels: dict[str, FloatArray], leader: str) -> Iterator[tuple[float, Event]]:
     """Yield the pixels in order of time, each with that time, and an epoch at each stamp of station ``leader``.
 
+    ``labels`` has columns as `read_detections` returns them, those of sigma may be missing.
     An epoch follows all pixels with its own time, of every station.
     """
     epochs = labels[leader][:, 0]
@@ -62,6 +79,6 @@ def detection_events(labels: dict[str, FloatArray], leader: str) -> Iterator[tup
 def _station_labels(name: str, rows: FloatArray, epochs: FloatArray) -> Iterator[tuple[float, PixelMeasurement]]:
     """Yield one station's pixels, each in the epoch at or after it."""
     numbers = np.minimum(np.searchsorted(epochs, rows[:, 0]), len(epochs) - 1)
-    for number, (t, u, v) in zip(numbers, rows, strict=True):
-        pixel = PixelMeasurement(t_s=float(t), station=name, epoch=int(number), u_px=float(u), v_px=float(v))
-        yield pixel.t_s, pixel
+    for number, (t, u, v, *sigma) in zip(numbers, rows.tolist(), strict=True):
+        known = (sigma[0], sigma[1]) if sigma and not math.isnan(sigma[0]) else None
+        yield t, PixelMeasurement(t_s=t, station=name, epoch=int(number), u_px=u, v_px=v, sigma_px=known)

@@ -16,6 +16,7 @@ from groundstation.arrays import FloatArray, MaskArray
 from groundstation.box import Box
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.detector import DetectionHint
+from groundstation.detection.detector_callback import DetectorCallback
 from groundstation.detection.make_detector import make_detector, make_finder
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.camera_candidate import CameraCandidate
@@ -91,14 +92,14 @@ class SpanModel:
 
 
 class CameraTracker:
-    """Detects the target in the frames of one camera."""
+    """Detects the target in the frames of one camera; ``callback`` takes the place of the program's own detector."""
 
-    def __init__(self, station: Station, config: Config) -> None:
+    def __init__(self, station: Station, config: Config, callback: DetectorCallback | None = None) -> None:
         self.station = station
         self.geometry = station.geometry()
         self._config = config
-        self._detector = make_detector(config.detection, station.lens.image_size_px)
-        self._finder = make_finder(config.acquisition, config.detection, station.lens)
+        self._detector = make_detector(config.detection, station.lens.image_size_px, callback, station.name)
+        self._finder = make_finder(config.acquisition, config.detection, station.lens, callback, station.name)
         self._extent = _NO_EXTENT
         self._px_per_m: float | None = None
         self._direction = FlightDirection()
@@ -146,7 +147,7 @@ class CameraTracker:
                 t_s=frame.t_s,
                 station=frame.station,
                 pixel=np.array([c.u_px, c.v_px]),
-                width_px=c.box.w,
+                width_px=c.box.w if c.box.w > 0.0 else None,
                 score=c.score,
                 pan_rad=pan_rad,
                 tilt_rad=tilt_rad,
@@ -181,7 +182,7 @@ class CameraTracker:
         result = self._detector.detect(frame.image, roi, hint)
         contrast = None
         if isinstance(result, Detection):
-            if self._detections % _CONTRAST_EVERY == 0:
+            if self._detections % _CONTRAST_EVERY == 0 and len(result.contour_px) > 0:
                 contrast = measure_channels(frame.image, roi, silhouette_mask(result, roi))
             self._detections += 1
         return SearchResult(roi=roi, result=result, channel_contrast=contrast)

@@ -38,6 +38,7 @@ from groundstation.picture import as_picture
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
 from groundstation.tracking.epoch_buffer import EpochBuffer, EpochView
+from groundstation.tracking.labelled_pixel import labelled_candidate, labelled_detection
 from groundstation.tracking.station_health import StationHealth
 from groundstation.tracking.synchronise import AngleFault, InterpolatedAngles, ReadyFrame
 from groundstation.tracking.track_manager import TrackManager
@@ -205,17 +206,7 @@ class FrameUpdate:
             found = self._cameras[record.station].search(record, angles.pan_rad, angles.tilt_rad, sigma_rad, places)
             self._track_manager.add_search(record.station, record.t_s, found)
             return found
-        label = CameraCandidate(
-            t_s=record.t_s,
-            station=record.station,
-            pixel=np.array([record.u_px, record.v_px]),
-            width_px=None,
-            score=1.0,
-            pan_rad=angles.pan_rad,
-            tilt_rad=angles.tilt_rad,
-            angle_sigma_rad=sigma_rad,
-            labelled=True,
-        )
+        label = labelled_candidate(record, angles.pan_rad, angles.tilt_rad, sigma_rad)
         self._track_manager.add_label(label)
         return [label]
 
@@ -228,7 +219,8 @@ class FrameUpdate:
         camera, ekf = self._cameras[record.station], self._ekf
         spread = ekf.pixel_covariance(prediction)
         if isinstance(record, PixelMeasurement):
-            return _Outcome(DetectionStatus.MISS, self._labelled(record), prediction.pixel, spread)
+            found = labelled_detection(record, self._config.estimation.labelled_sigma_px)
+            return _Outcome(DetectionStatus.MISS, found, prediction.pixel, spread)
         visible = probability_in_view(prediction.pixel, spread, camera.geometry.image_size_px)
         look = None
         if visible >= self._config.estimation.min_view_probability:
@@ -280,7 +272,7 @@ class FrameUpdate:
                 track.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance)
                 if found.log_odds is not None:
                     track.recognition.add(record.station, record.t_s, found.log_odds)
-                if not found.cut:
+                if not found.cut and found.box.w > 0.0:
                     self._use_width(camera, found, record.t_s)
             self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
         view = TriangulationView(
@@ -342,18 +334,3 @@ class FrameUpdate:
         geometry = self._cameras[record.station].geometry
         projection = geometry.project(self._track_manager.predictor.predict(own), pan, tilt)
         return prediction.pixel if projection is None else projection.pixel
-
-    def _labelled(self, record: PixelMeasurement) -> Detection:
-        """Return a labelled pixel as a detection with the configured noise and no silhouette."""
-        return Detection(
-            u_px=record.u_px,
-            v_px=record.v_px,
-            covariance_px2=np.eye(2) * self._config.estimation.labelled_sigma_px**2,
-            noise_px2=np.eye(2) * self._config.estimation.labelled_sigma_px**2,
-            centroid_px=np.array([record.u_px, record.v_px]),
-            box=Box(record.u_px, record.v_px, record.u_px, record.v_px),
-            area_px=0.0,
-            contour_px=np.zeros((0, 2), dtype=np.float32),
-            contrast_to_noise=0.0,
-            channel="labelled",
-        )

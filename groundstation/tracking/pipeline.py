@@ -6,9 +6,11 @@ runs over the same events give the same reports. The stopwatch passed by the cal
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
+from groundstation.detection.detector_callback import DetectorCallback
 from groundstation.estimation.encoders import EncoderFeed
 from groundstation.estimation.implementation import filter_arithmetic
 from groundstation.estimation.journal import ROUNDING_S, FilterJournal
@@ -59,6 +61,7 @@ class Pipeline:
     stopwatch : returns the elapsed processing time in s; the default disables the measurement.
     keep_images : whether reports contain the images (for a viewer without a video).
     reference_errors : prior of the errors of the reference positions: receiver clock and antenna offset.
+    callbacks : functions that take the place of the program's detector, by station.
     """
 
     def __init__(
@@ -71,12 +74,13 @@ class Pipeline:
         stopwatch: Callable[[], float] = lambda: 0.0,
         keep_images: bool = False,
         reference_errors: ParameterPrior | None = None,
+        callbacks: Mapping[str, DetectorCallback] = MappingProxyType({}),
     ) -> None:
         rig.require_known()
         self._rig, self._config, self._span_m = rig, config, span_m
         self._stopwatch = stopwatch
         self._keep_images = keep_images
-        self._reference_errors = reference_errors
+        self._reference_errors, self._callbacks = reference_errors, callbacks
         self._counts_before_restart: Counter[str] = Counter()
         self._on_smoothed: Callable[[float, Kinematics], None] | None = None
         self.reference_used_until_s: float | None = None
@@ -85,7 +89,7 @@ class Pipeline:
     def _set_up(self, initial: InitialState | None) -> None:
         """Create all components from the rig and the configuration."""
         rig, config, span_m = self._rig, self._config, self._span_m
-        self._cameras = {s.name: CameraTracker(s, config) for s in rig.stations}
+        self._cameras = {s.name: CameraTracker(s, config, self._callbacks.get(s.name)) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
         prior = rig_prior(rig, self._reference_errors).with_span(span_prior_sigma(span_m))

@@ -11,7 +11,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.__main__",),
     ("groundstation.cli",),
     ("training",),
-    ("groundstation.bank", "groundstation.experiments"),
+    ("groundstation.api", "groundstation.bank", "groundstation.experiments"),
     ("groundstation.onboard",),
     ("groundstation.simulation",),
     ("groundstation.live",),

@@ -64,8 +64,14 @@ def test_a_converted_folder_replays_as_the_folder(tmp_path: Path) -> None:
 def test_pixels_that_others_found_go_both_ways(tmp_path: Path) -> None:
     first = Tiny(rows=5, video="").write(tmp_path / "first")
     (first / "frames.csv").unlink()
-    rows = [f"{1.0 + 0.1 * k},{n},{30 + k}.25,20.125" for k in range(8) for n in ("left", "right")]
-    (first / "detections.csv").write_text("\n".join(["t_s,station,u_px,v_px", *rows]) + "\n")
+    # every other pixel carries its sigma
+    rows = [
+        f"{1.0 + 0.1 * k},{n},{30 + k}.25,20.125,{'0.5,0.75' if k % 2 else ','}"
+        for k in range(8)
+        for n in ("left", "right")
+    ]
+    header = "t_s,station,u_px,v_px,sigma_u_px,sigma_v_px"
+    (first / "detections.csv").write_text("\n".join([header, *rows]) + "\n")
     packed, second = tmp_path / "packed.mcap", tmp_path / "second"
     assert main(["convert", str(first), str(packed)]) == 0
     assert main(["convert", str(packed), str(second)]) == 0

@@ -28,11 +28,20 @@ from groundstation.recording.window_merging import MAX_PARTS, merge_windows
 
 SIZES = {"left": (64, 48), "right": (64, 48)}
 numbers = st.floats(-1e9, 1e9, allow_nan=False)
+sigmas = st.floats(1e-6, 1e6)
 names = st.sampled_from(sorted(SIZES))
 whole = st.integers(0, 2**40)
 simple_events: st.SearchStrategy[Event] = st.one_of(
     st.builds(PtuSample, t_s=numbers, station=names, pan_rad=numbers, tilt_rad=numbers),
-    st.builds(PixelMeasurement, t_s=numbers, station=names, epoch=whole, u_px=numbers, v_px=numbers),
+    st.builds(
+        PixelMeasurement,
+        t_s=numbers,
+        station=names,
+        epoch=whole,
+        u_px=numbers,
+        v_px=numbers,
+        sigma_px=st.none() | st.tuples(sigmas, sigmas),
+    ),
     st.builds(Epoch, t_s=numbers, epoch=whole, stations=st.lists(names, max_size=3).map(tuple)),
     st.builds(FilterReset, t_s=numbers, why=st.text(max_size=9), in_vain=st.booleans()),
     st.builds(Heartbeat, t_s=numbers),
@@ -51,7 +60,7 @@ values = st.recursive(
 keys = st.sampled_from(
     (
         *("n", "kind", "t_s", "station", "epoch", "stations", "size_px", "pattern"),
-        *("of", "parts", "colour", "why", "position_runway_m", "sigma_m", "in_vain"),
+        *("of", "parts", "colour", "why", "position_runway_m", "sigma_m", "in_vain", "u_px", "v_px", "sigma_px"),
     )
 )
 kinds = st.sampled_from(

@@ -133,3 +133,24 @@ def test_every_row_of_a_real_recording(shared_data: Path) -> None:
     leader = [p for p in played.pixels if p.station == "gopro3"]
     assert len(played.epochs) == len(leader)
     assert leader[0].t_s == pytest.approx(0.016683 + 61.95)
+
+
+def with_sigmas(folder: Path, cells: str) -> Path:
+    """The table with columns of sigma, the first row's as given and the others' empty."""
+    lines = (labelled(folder) / "detections.csv").read_text().splitlines()
+    rows = [lines[0] + ",sigma_u_px,sigma_v_px", lines[1] + "," + cells, *(line + ",," for line in lines[2:])]
+    (folder / "detections.csv").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def test_a_pixel_carries_the_sigma_of_its_row(tmp_path: Path) -> None:
+    pixels = play(with_sigmas(tmp_path, "0.25,1.5")).pixels
+    assert pixels[0].sigma_px == (0.25, 1.5)
+    assert {pixel.sigma_px for pixel in pixels[1:]} == {None}
+
+
+@pytest.mark.parametrize("cells", ["0.25,", "0.0,1.0", "1.0,-1.0"])
+def test_a_sigma_that_is_none_is_refused(tmp_path: Path, cells: str) -> None:
+    played = play(with_sigmas(tmp_path, cells))
+    assert "detections.csv: line 2" in str(played.fault)
+    assert "wanted both > 0, or both empty" in str(played.fault)

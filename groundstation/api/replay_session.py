@@ -2,6 +2,7 @@
 
 import importlib
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
+from groundstation.detection.detector_callback import DetectorCallback
 from groundstation.errors import InputError
 from groundstation.evaluation.collector import DETECTION_STATUSES, TRACK_STATUSES
 from groundstation.evaluation.evaluate import Evaluation
@@ -103,12 +105,14 @@ def replay_session(
     config: str | Path | None = None,
     from_s: float | None = None,
     to_s: float | None = None,
+    detector: DetectorCallback | Mapping[str, DetectorCallback] | None = None,
 ) -> ReplayedSession:
     """Replay a session folder, a recording (.mcap) or the folder of a live run, and return its track.
 
     ``rig`` and ``config`` are files that take the place of the session's own rig and of the default tuning; ``from_s``
     and ``to_s`` a part of its time, s. ``out`` is a folder for the files of `groundstation replay`; without it none
-    are kept. Raises `InputError` for a session that cannot be loaded.
+    are kept. ``detector`` is a function in place of the program's detector, as of `Tracker`. Raises `InputError` for a
+    session that cannot be loaded.
     """
     with tempfile.TemporaryDirectory(prefix="groundstation-replay-") as scratch:
         request = ReplayRequest(
@@ -120,6 +124,7 @@ def replay_session(
             to_s=to_s,
             rerun=out is not None,
             report=out is not None,
+            detector=detector,
         )
         result = replay(request)
     return _arrays(result.evaluation, result.fault)
