@@ -13,6 +13,7 @@ from groundstation.cli.calibrate import add_calibrate
 from groundstation.cli.cameras import add_cameras
 from groundstation.cli.check import add_check
 from groundstation.cli.command_arguments import Commands
+from groundstation.cli.completion import add_completion
 from groundstation.cli.config import add_config
 from groundstation.cli.convert import add_convert
 from groundstation.cli.evaluate import add_evaluate
@@ -47,6 +48,7 @@ _COMMANDS: tuple[Callable[[Commands], None], ...] = (
         add_evaluate,
         add_reproduce,
         add_config,
+        add_completion,
     ),
 )
 # a file system may count in whole seconds
