@@ -10,10 +10,11 @@ SHELLS = ("bash", "zsh", "tcsh")
 _COMPLETION = """Print a script with which a shell completes the commands, options and
 choices of groundstation, and paths where one is wanted."""
 _COMPLETION_MORE = """examples:
-  groundstation completion bash > ~/.local/share/bash-completion/completions/groundstation
-  groundstation completion zsh > "${fpath[1]}/_groundstation"
+  groundstation completion bash
+  groundstation completion zsh
 
-A shell that is started afterwards completes; print it again after an update."""
+Bash reads ~/.local/share/bash-completion/completions/groundstation, zsh a file
+_groundstation in a folder of $fpath; print it there again after an update."""
 
 
 def add_completion(commands: Commands) -> None:
