@@ -1,6 +1,6 @@
 """Between the two forms of a session: a plain folder and a recording."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,7 +57,7 @@ def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int
     """Write a recording of whole frames, set up as a replay of the folder would be."""
     header = build_header(session, None, load_config(None), initial=session.initial, learns_from_reference=False)
     with Recorder(out, session.rig, header, PATIENT, whole_frames=True) as recorder:
-        events, fault = _pass_on(stream, recorder.take, progress)
+        events, fault = pass_on(stream, recorder.take, progress, stream.epoch_count)
     notes = (recorder.status.line(),) if recorder.status.trouble else ()
     return ConversionResult(out=out, events=events, notes=notes, fault=fault)
 
@@ -69,16 +69,16 @@ def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[i
         # before anything is written, not after
         below(out, name)
     folder = SessionFolderWriter(out, session)
-    events, fault = _pass_on(stream, folder.take, progress)
+    events, fault = pass_on(stream, folder.take, progress, stream.epoch_count)
     remark = _partial(folder.done)
     folder.finish(files, "".join(remark))
     return ConversionResult(out=out, events=events, notes=(*remark, *_notes(folder.done, stream)), fault=fault)
 
 
-def _pass_on(
-    stream: Source, take: Callable[[Event], None], progress: Callable[[int, int], None]
+def pass_on(
+    stream: Iterable[Event], take: Callable[[Event], None], progress: Callable[[int, int], None], total: int
 ) -> tuple[int, InputError | None]:
-    """Pass on all events; returns their number and the fault that ended them."""
+    """Pass on all events; ``total`` is the number of epochs. Return their number and the fault that ended them."""
     events = epochs = 0
     try:
         for event in stream:
@@ -86,7 +86,7 @@ def _pass_on(
             events += 1
             if isinstance(event, Epoch):
                 epochs += 1
-                progress(epochs, stream.epoch_count)
+                progress(epochs, total)
     except InputError as fault:
         return events, fault
     return events, None

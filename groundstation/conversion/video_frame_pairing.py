@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -15,23 +15,28 @@ _SHARE = 0.5
 def frames_csv(stamps_s: Mapping[str, FloatArray]) -> str:
     """Return frames.csv for stations' stamps (n,) in s: each frame in one row, with its number in its own video."""
     names = list(stamps_s)
-    tolerance = _SHARE * min(float(np.median(np.diff(t))) for t in stamps_s.values())
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["index", *(f"{n}_t_s" for n in names), *(f"{n}_index" for n in names)])
     place = dict.fromkeys(names, 0)
-    row = 0
-    while True:
-        waiting = {n: float(stamps_s[n][place[n]]) for n in names if place[n] < len(stamps_s[n])}
-        if not waiting:
-            return out.getvalue()
-        first = min(waiting.values())
-        taken = {n: t for n, t in waiting.items() if t - first <= tolerance}
+    for row, taken in enumerate(frames_rows(stamps_s)):
         times = [f"{taken[n]:.6f}" if n in taken else "" for n in names]
         writer.writerow([row, *times, *(place[n] if n in taken else "" for n in names)])
         for n in taken:
             place[n] += 1
-        row += 1
+    return out.getvalue()
+
+
+def frames_rows(stamps_s: Mapping[str, FloatArray]) -> Iterator[dict[str, float]]:
+    """Yield the frames that belong together, by station their stamps, in order of time; each frame comes once."""
+    tolerance = _SHARE * min(float(np.median(np.diff(t))) for t in stamps_s.values())
+    place = dict.fromkeys(stamps_s, 0)
+    while waiting := {n: float(t[place[n]]) for n, t in stamps_s.items() if place[n] < len(t)}:
+        first = min(waiting.values())
+        taken = {n: t for n, t in waiting.items() if t - first <= tolerance}
+        for n in taken:
+            place[n] += 1
+        yield taken
 
 
 def paired(stamps_s: Mapping[str, FloatArray]) -> int:

@@ -234,7 +234,7 @@ def test_commands_in_sentences_exist(page: Path) -> None:
         if name == "groundstation":
             own = [{"--help", "--version"}]
         assert own, f"no such command: {spoken}"
-        for option in re.findall(r"(?<=[ \[])--[a-z][a-z-]*", spoken):
+        for option in re.findall(r"(?<=[ \[])--[a-z][a-z0-9-]*", spoken):
             assert any(option in options for options in own), f"{spoken}: no {option}"
 
 

@@ -1,0 +1,108 @@
+"""Between a session and a ROS 2 bag."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+from groundstation.conversion.convert import ConversionResult, pass_on
+from groundstation.conversion.ros_bag_reader import RosBag
+from groundstation.conversion.ros_bag_writer import RosBagWriter
+from groundstation.conversion.session_folder_writer import SessionFolderWriter
+from groundstation.errors import InputError
+from groundstation.files.text_file import AttachedFiles
+from groundstation.messages import Event, Frame, PixelMeasurement, PtuSample
+from groundstation.rig.rig import load_rig
+from groundstation.session import Session, load_dgps, load_session
+from groundstation.session.folder import read_session
+from groundstation.session.media import Medium, MediumKind
+from groundstation.sources.session_source import session_source
+
+_KEPT = ("session.toml", "rig.toml")
+_METADATA = "metadata.yaml"
+
+
+def is_ros_bag(path: Path) -> bool:
+    """Return whether a path is the folder of a ROS 2 bag."""
+    return (path / _METADATA).is_file() and not (path / "session.toml").exists()
+
+
+def to_ros_bag(
+    source: Path,
+    out: Path,
+    *,
+    run: Path | None = None,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> ConversionResult:
+    """Write a session as a ROS 2 bag, with the track of a run (a folder with track.csv) if one is given.
+
+    Raises `InputError`, or `MissingExtraError` without rosbags.
+    """
+    session = load_session(source)
+    session.rig.require_known()
+    notes: list[str] = []
+    files = {name: (session.folder / name).read_bytes() for name in _KEPT}
+    fixes = load_dgps(session, lambda fault: notes.append(str(fault)), notes.append)
+    with session_source(session, from_s, to_s) as stream:
+        begins_s = min([stream.span_s[0] - 1.0, *(fix.t_s for fix in fixes[:1])])
+        with RosBagWriter(out, session, begins_s, files) as bag:
+            events, fault = pass_on(stream, bag.take, progress, stream.epoch_count)
+            bag.write_reference(fixes)
+            if run is not None:
+                notes.append(f"{bag.write_track(run / 'track.csv')} estimates of {run} are on /track")
+    return ConversionResult(out=out, events=events, notes=tuple(notes), fault=fault)
+
+
+def from_ros_bag(
+    source: Path,
+    out: Path,
+    *,
+    rig: Path | None = None,
+    topics: Mapping[str, str] | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> ConversionResult:
+    """Write a ROS 2 bag as a session folder.
+
+    ``rig`` is a rig file, which a bag that this program has written carries; ``topics`` as of `RosBag.topics`.
+    Raises `InputError`, or `MissingExtraError` without rosbags.
+    """
+    with RosBag(source) as bag:
+        files = {name: data for name, data in bag.files.items() if name in _KEPT}
+        files.setdefault("session.toml", b'origin = "a ROS 2 bag"\n')
+        if rig is not None:
+            files["rig.toml"] = rig.read_bytes() if rig.is_file() else _no_rig(rig)
+        if "rig.toml" not in files:
+            raise InputError(str(source), got="a bag without a calibration of the stations", wanted="--rig FILE")
+        attached = AttachedFiles(source.name, files)
+        known = load_rig(attached / "rig.toml")
+        chosen = bag.topics(known, topics or {})
+        medium = Medium(kind=MediumKind.IMAGES, path=source)
+        session = read_session(attached, source.name, known, frozenset(), dict.fromkeys(chosen.images, medium))
+        folder = SessionFolderWriter(out, session)
+        stream = bag.events(chosen, known)
+        if not bag.is_ours:
+            stream = _by_the_devices_clocks(stream, session)
+        events, fault = pass_on(stream, folder.take, progress, bag.pairs(chosen))
+        if chosen.reference is not None:
+            files["dgps.csv"] = bag.reference_csv(chosen.reference)
+        folder.finish(files, "")
+    return ConversionResult(out=out, events=events, notes=(), fault=fault)
+
+
+def _by_the_devices_clocks(events: Iterable[Event], session: Session) -> Iterator[Event]:
+    """Yield events at session time, whose stamps are the devices': as the rig says of their clocks."""
+    for event in events:
+        if isinstance(event, PtuSample):
+            clock = session.ptu_clock(session.rig[event.station])
+        elif isinstance(event, Frame | PixelMeasurement):
+            clock = session.camera_clock(session.rig[event.station])
+        else:
+            yield event
+            continue
+        yield replace(event, t_s=clock.session_from_device(event.t_s))
+
+
+def _no_rig(path: Path) -> NoReturn:
+    raise InputError(str(path), got="no such file", wanted="a rig file")

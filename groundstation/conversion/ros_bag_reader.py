@@ -1,0 +1,322 @@
+"""A ROS 2 bag as a session: images, joint states and reference positions as events, and the files of the session.
+
+Only messages of ROS's own types are decoded, of topics that are named or can be told by station and type; types that a
+bag defines itself are never compiled.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from groundstation.conversion.ros_types import OFFSET_KEY, RosTypes, pixel_topic
+from groundstation.conversion.video_frame_pairing import frames_rows
+from groundstation.errors import SessionError
+from groundstation.files.image_header import is_decodable
+from groundstation.files.output_names import name_fault
+from groundstation.files.toml_table import quoted, shown
+from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample
+from groundstation.picture import BayerPattern, BgrPicture, Picture, RawPicture
+from groundstation.rig.rig import Rig
+
+IMAGE_KINDS = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+JOINT_KIND, REFERENCE_KIND = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseWithCovarianceStamped"
+PIXEL_KIND = "geometry_msgs/msg/PointStamped"
+# a picture of the largest size that is decoded, in 16 bits and three colours
+_MOST_MESSAGE_BYTES = 500_000_000
+_MOST_JOINTS = 1000
+_MOST_METADATA_BYTES = 20_000_000
+_LISTED = 12
+_BAYER = {
+    "bayer_rggb8": BayerPattern.RG,
+    "bayer_grbg8": BayerPattern.GR,
+    "bayer_gbrg8": BayerPattern.GB,
+    "bayer_bggr8": BayerPattern.BG,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosTopics:
+    """Topics by station; ``images`` is empty for a bag of pixels. ``reference`` is None without one."""
+
+    images: Mapping[str, str]
+    joints: Mapping[str, str]
+    pixels: Mapping[str, str] = field(default_factory=dict)
+    reference: str | None = None
+
+
+class RosBag:
+    """A bag that is open; to be used as a context manager.
+
+    Raises `SessionError` for a folder that is none, or is damaged.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._ros = RosTypes()
+        from rosbags.rosbag2 import Reader, ReaderError
+
+        self.folder = folder
+        # what the library raises for files that are damaged
+        self._faults = (
+            ReaderError,
+            ValueError,
+            KeyError,
+            OSError,
+            RuntimeError,
+            TypeError,
+            AttributeError,
+            AssertionError,
+        )
+        try:
+            metadata = self._metadata()
+            self._reader = Reader(folder)
+            self._reader.open()
+        except SessionError:
+            raise
+        except self._faults as error:
+            raise SessionError(
+                str(folder),
+                got=f"no ROS 2 bag ({shown(str(error))})",
+                wanted="a folder with metadata.yaml and its files",
+            ) from error
+        custom = metadata.get("custom_data")
+        self._custom = custom if isinstance(custom, dict) else {}
+
+    def _metadata(self) -> dict[str, Any]:
+        """Return the metadata; raises `SessionError` where they are too long, or the bag has no limit when unpacked."""
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import YAMLError
+
+        path = self.folder / "metadata.yaml"
+        size = path.stat().st_size
+        if size > _MOST_METADATA_BYTES:
+            raise SessionError(str(path), got=f"{size} bytes", wanted=f"at most {_MOST_METADATA_BYTES}")
+        try:
+            found = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        except YAMLError as error:
+            raise ValueError(str(error)) from error
+        mode = str(found.get("compression_mode", "")).lower()
+        if mode not in ("", "none"):
+            wanted = "none: `ros2 bag convert` writes it without (compression of MCAP chunks is read)"
+            raise SessionError(str(path), got=f"compression by {shown(mode)}", wanted=wanted)
+        return dict(found)
+
+    def __enter__(self) -> "RosBag":
+        """Return the bag."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the files."""
+        self._reader.close()
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """Files of a session that this program has put into the bag, by name."""
+        prefix = "groundstation/"
+        return {
+            key.removeprefix(prefix): str(text).encode("utf-8", "surrogateescape")
+            for key, text in self._custom.items()
+            if key.startswith(prefix) and key != OFFSET_KEY and name_fault(key.removeprefix(prefix)) is None
+        }
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether this program has written the bag: its stamps are session time."""
+        return OFFSET_KEY in self._custom
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """Type of each topic."""
+        return {c.topic: c.msgtype for c in self._reader.connections}
+
+    def offset_s(self) -> int:
+        """Return the whole seconds that session time is behind the stamps."""
+        kept = str(self._custom.get(OFFSET_KEY, ""))
+        if kept.isascii() and kept.isdigit() and len(kept) < 10:
+            return int(kept)
+        return int(self._reader.start_time // 10**9)
+
+    def topics(self, rig: Rig, given: Mapping[str, str]) -> RosTopics:
+        """Return the topics of the rig's stations: ``given`` ("left.image": topic), else the one that names a station.
+
+        Raises `SessionError`, with the bag's topics, where one is missing or several could be meant.
+        """
+        turning = [s.name for s in rig.stations if not s.fixed]
+        for key in given:
+            allowed = [*(f"{n}.image" for n in rig.names), *(f"{n}.joints" for n in turning), "reference"]
+            if key not in allowed:
+                raise SessionError("--topic", got=quoted(key), wanted="one of " + ", ".join(allowed))
+        pixels = {n: pixel_topic(n) for n in rig.names if self.kinds.get(pixel_topic(n)) == PIXEL_KIND}
+        images = {} if pixels else {n: self._topic(f"{n}.image", n, IMAGE_KINDS, given) for n in rig.names}
+        joints = {n: self._topic(f"{n}.joints", n, (JOINT_KIND,), given) for n in turning}
+        references = [t for t, kind in self.kinds.items() if kind == REFERENCE_KIND]
+        reference = given.get("reference", references[0] if len(references) == 1 else None)
+        if reference is not None and self.kinds.get(reference) != REFERENCE_KIND:
+            raise self._no_topic("reference", f"{quoted(reference)}", (REFERENCE_KIND,))
+        return RosTopics(images=images, joints=joints, pixels=pixels, reference=reference)
+
+    def events(self, topics: RosTopics, rig: Rig) -> Iterator[Event]:
+        """Yield readings, frames and epochs in the bag's order. Raises `SessionError` for a damaged message."""
+        epochs = self._epochs(topics.images or topics.pixels)
+        left = {number: set(stations) for number, stations in epochs.stations.items()}
+        counts: dict[str, int] = {}
+        stamps: dict[int, list[float]] = {}
+        for topic, message in self._messages(
+            {*topics.images.values(), *topics.joints.values(), *topics.pixels.values()}
+        ):
+            t_s = self._time_s(message)
+            for station in (n for n, t in topics.joints.items() if t == topic):
+                angles = _pan_tilt(message, station, alone=list(topics.joints.values()).count(topic) == 1)
+                if angles is not None:
+                    yield PtuSample(t_s=t_s, station=station, pan_rad=angles[0], tilt_rad=angles[1])
+            for station in (n for n, t in (topics.images or topics.pixels).items() if t == topic):
+                k = counts[station] = counts.get(station, -1) + 1
+                epoch = epochs.numbers[station][k]
+                if topics.images:
+                    image = self._picture(message, topic, rig[station].lens.image_size_px)
+                    yield Frame(t_s=t_s, station=station, epoch=epoch, image=image)
+                else:
+                    u, v = float(message.point.x), float(message.point.y)
+                    yield PixelMeasurement(t_s=t_s, station=station, epoch=epoch, u_px=u, v_px=v)
+                stamps.setdefault(epoch, []).append(t_s)
+                left[epoch].discard(station)
+                if not left[epoch]:
+                    own = stamps.pop(epoch)
+                    yield Epoch(t_s=sum(own) / len(own), epoch=epoch, stations=tuple(epochs.stations[epoch]))
+
+    def pairs(self, topics: RosTopics) -> int:
+        """Return the number of messages of the topic that has the most pictures, or pixels."""
+        counts = {c.topic: c.msgcount for c in self._reader.connections}
+        return max(counts[topic] for topic in (topics.images or topics.pixels).values())
+
+    def reference_csv(self, topic: str) -> bytes:
+        """Return the reference positions as dgps.csv."""
+        lines = ["t_s,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m"]
+        for _, message in self._messages({topic}):
+            at, variance = message.pose.pose.position, np.asarray(message.pose.covariance).reshape(6, 6).diagonal()[:3]
+            numbers = [self._time_s(message), at.x, at.y, at.z, *np.sqrt(np.maximum(variance, 0.0)).tolist()]
+            if np.isfinite(numbers).all():
+                lines.append(",".join(repr(float(number)) for number in numbers))
+        return ("\n".join(lines) + "\n").encode()
+
+    # -------------------------------------------------------------------------------------------- messages
+    def _messages(self, topics: set[str]) -> Iterator[tuple[str, Any]]:
+        """Yield the topic and the decoded message of each record of these topics."""
+        connections = [c for c in self._reader.connections if c.topic in topics]
+        if not connections:
+            return
+        number = 0
+        try:
+            for connection, _, data in self._reader.messages(connections=connections):
+                number += 1
+                if len(data) > _MOST_MESSAGE_BYTES:
+                    got, wanted = f"a message of {len(data)} bytes", f"at most {_MOST_MESSAGE_BYTES}"
+                    raise SessionError(f"{self.folder.name}: {connection.topic}", got=got, wanted=wanted)
+                yield connection.topic, self._ros.decoded(data, connection.msgtype)
+        except SessionError:
+            raise
+        except (*self._faults, ArithmeticError, IndexError, AttributeError, MemoryError) as error:
+            where = f"{self.folder.name}: message {number}"
+            raise SessionError(where, got=f"a damaged one ({error})", wanted="a ROS 2 message") from error
+
+    def _time_s(self, message: Any) -> float:
+        """Return the session time of a message's header, s."""
+        stamp = message.header.stamp
+        return (int(stamp.sec) - self.offset_s()) + int(stamp.nanosec) * 1e-9
+
+    def _epochs(self, topics: Mapping[str, str]) -> "_Epochs":
+        """Return which frames belong together: nearest in time, each used once."""
+        stamps: dict[str, list[float]] = {station: [] for station in topics}
+        for topic, message in self._messages(set(topics.values())):
+            for station in (n for n, t in topics.items() if t == topic):
+                stamps[station].append(self._time_s(message))
+        for station, times in stamps.items():
+            if len(times) < 2 or any(after <= before for before, after in itertools.pairwise(times)):
+                got = f"{len(times)} of them" if len(times) < 2 else "stamps that do not grow"
+                raise SessionError(f"{self.folder.name}: {topics[station]}", got=got, wanted="images in order of time")
+        numbers: dict[str, list[int]] = {station: [] for station in topics}
+        together: dict[int, list[str]] = {}
+        for number, taken in enumerate(frames_rows({n: np.array(t) for n, t in stamps.items()})):
+            together[number] = list(taken)
+            for station in taken:
+                numbers[station].append(number)
+        return _Epochs(numbers=numbers, stations=together)
+
+    def _picture(self, message: Any, topic: str, size_px: tuple[int, int]) -> Picture:
+        """Return the picture of a message; raises `SessionError` for one that is damaged, or not of the rig's size."""
+        where = f"{self.folder.name}: {topic} at {self._time_s(message):.3f} s"
+        data = np.asarray(message.data, np.uint8)
+        if message.__msgtype__ == IMAGE_KINDS[1]:
+            coded = data.tobytes()
+            image = cv2.imdecode(data, cv2.IMREAD_COLOR) if is_decodable(coded) else None
+            if image is None:
+                raise SessionError(where, got=f"no picture ({message.format[:40]})", wanted="a JPEG or a PNG")
+            picture: Picture = BgrPicture(np.asarray(image, np.uint8))
+        else:
+            picture = _plain(message, data, where)
+        if picture.size_px != size_px:
+            got, wanted = (f"{w}×{h} px" for w, h in (picture.size_px, size_px))
+            raise SessionError(where, got=got, wanted=f"{wanted} as in the rig")
+        return picture
+
+    # ---------------------------------------------------------------------------------------------- errors
+    def _topic(self, key: str, station: str, kinds: tuple[str, ...], given: Mapping[str, str]) -> str:
+        """Return the topic of a station's data: the given one, or the only one of these types that names it."""
+        if key in given:
+            if self.kinds.get(given[key]) not in kinds:
+                raise self._no_topic(key, quoted(given[key]), kinds)
+            return given[key]
+        possible = [t for t, kind in self.kinds.items() if kind in kinds]
+        named = [t for t in possible if station in t.strip("/").split("/")] or possible
+        if len(named) != 1:
+            raise self._no_topic(key, "none" if not named else "several: " + ", ".join(sorted(named)[:_LISTED]), kinds)
+        return named[0]
+
+    def _no_topic(self, key: str, got: str, kinds: tuple[str, ...]) -> SessionError:
+        listed = [f"{topic} ({kind})" for topic, kind in sorted(self.kinds.items())[:_LISTED]]
+        wanted = f"--topic {key}=TOPIC of {' or '.join(kinds)}; the bag has {', '.join(listed) or 'no topics'}"
+        return SessionError(f"{self.folder.name}: topic of {key}", got=got, wanted=wanted)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Epochs:
+    """Number of the pair of each frame, by station, and the stations of each pair."""
+
+    numbers: Mapping[str, list[int]]
+    stations: Mapping[int, list[str]]
+
+
+def _pan_tilt(message: Any, station: str, *, alone: bool) -> tuple[float, float] | None:
+    """Return a station's pan and tilt; None where the message has not both.
+
+    Joints are told by "pan" and "tilt" in their names, and by the station's where several share a topic.
+    """
+    names = [str(name).lower() for name in message.name[:_MOST_JOINTS]]
+    found = []
+    for axis in ("pan", "tilt"):
+        at = [k for k, name in enumerate(names) if axis in name and (alone or station.lower() in name)]
+        if len(at) != 1 or at[0] >= len(message.position) or not math.isfinite(message.position[at[0]]):
+            return None
+        found.append(float(message.position[at[0]]))
+    return found[0], found[1]
+
+
+def _plain(message: Any, data: Any, where: str) -> Picture:
+    """Return an uncompressed image as a picture."""
+    h, w, step, encoding = int(message.height), int(message.width), int(message.step), str(message.encoding)
+    depth = 3 if encoding in ("bgr8", "rgb8") else 1
+    if encoding not in ("bgr8", "rgb8", "mono8", *_BAYER):
+        wanted = "bgr8, rgb8, mono8 or " + ", ".join(_BAYER)
+        raise SessionError(where, got=f"encoding {quoted(encoding)}", wanted=wanted)
+    if h < 1 or w < 1 or step < depth * w or len(data) < step * h:
+        raise SessionError(where, got=f"{len(data)} bytes for {w}×{h} px", wanted="as many as the image has")
+    pixels = np.ascontiguousarray(data[: step * h].reshape(h, step)[:, : depth * w])
+    if depth == 1:
+        return RawPicture(pixels, _BAYER.get(encoding))
+    image = pixels.reshape(h, w, 3)
+    return BgrPicture(image if encoding == "bgr8" else np.ascontiguousarray(image[:, :, ::-1]))
