@@ -3,6 +3,7 @@
 import argparse
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from groundstation.cli.command_arguments import Commands, add_command, add_runs, print_files
@@ -54,6 +55,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         comparison_json,
         write_comparison_files,
     )
+    from groundstation.replay.comparison_folder import write_comparison_folder
 
     # before the replays, which take minutes
     check_folders([path for path in (options.csv, options.json) if path is not None])
@@ -64,19 +66,29 @@ def run_evaluate(options: argparse.Namespace) -> int:
             configs=tuple(options.config),
             rig=options.rig,
             baseline=options.baseline,
+            keep=options.out is not None,
         )
         with ProgressDisplay(sys.stderr) as progress:
             result = compare(request, progress.update)
     print(format_comparison(result.runs, result.baseline))
-    for note in result.notes:
-        print(f"note: {note}", file=sys.stderr)
+    _print_notes(result.notes)
     files = []
     if options.csv is not None:
         files.append((options.csv, comparison_csv(result)))
     if options.json is not None:
         files.append((options.json, comparison_json(result)))
     write_comparison_files(files)
-    if files:
+    written = [path for path, _ in files]
+    if options.out is not None:
+        kept = write_comparison_folder(options.out, result)
+        _print_notes(kept.notes)
+        written += [path for path in kept.files if path not in written]
+    if written:
         print()
-    print_files(path for path, _ in files)
+    print_files(written)
     return 0
+
+
+def _print_notes(notes: Iterable[str]) -> None:
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
