@@ -12,9 +12,11 @@ from groundstation.cli.progress import ProgressDisplay
 
 _EVALUATE = """Compare runs: many sessions, many tunings, or what was replayed before with what
 is replayed now. For each: errors per axis and range, ANEES, NIS, coverage,
-delay, misses by reason; and the difference to the first, or to --baseline."""
+delay, misses by reason; and the difference to the first, or to --baseline.
+With --out also a page with plots of all runs on the same axes, the tables as
+Markdown, CSV and JSON, and the tracks as KML and GeoJSON."""
 _MORE = """examples:
-  groundstation evaluate out/monday out/tuesday
+  groundstation evaluate out/monday out/tuesday --out out/compared
   groundstation evaluate recordings/landing-1 --config soft.toml --config stiff.toml
   groundstation evaluate recordings/landing-1 --baseline out/last-month --json now.json
 
@@ -22,6 +24,12 @@ SOURCE is the output folder of a replay, a session folder, a recording (.mcap) o
 live run's folder with its flight.mcap; the last three are replayed first, once with
 each --config. The columns "± %" state by how much an error is larger (+) or smaller (−)
 than the baseline's. Runs of other length are compared unchanged, with a note.
+
+--out DIR always writes comparison.html (plots of errors over time and range,
+distributions, NEES), plots/ (the same as SVG and PNG), table.md, comparison.csv
+and comparison.json; what could not be computed is in the notes of page and table.
+It writes tracks.kml and tracks.geojson where a session states where its frame
+lies on Earth, by [origin] in session.toml.
 
 exit code: 0 done; 1 a source is at fault; 2 wrong usage; 130 interrupted"""
 
@@ -36,7 +44,11 @@ def add_evaluate(commands: Commands) -> None:
         _EVALUATE,
         _MORE,
     )
-    add_runs(evaluate, "what to compare")
+    add_runs(
+        evaluate,
+        "what to compare",
+        "write page, plots, tables and maps there, and what is replayed, a folder for each run",
+    )
     evaluate.add_argument(
         "--baseline", type=READ_TEXT, metavar="RUN", help="a run's name, or a folder of results (default: the first)"
     )

@@ -41,7 +41,7 @@ def comparison_pictures(runs: Sequence[RunSeries], references: Mapping[str, str]
 
     Times are session times, or since each run's first estimate where the runs have no time in common.
     """
-    pictures = list(_track_pictures(runs))
+    pictures: list[ReportFigure] = []
     common = overlap_in_time(runs)
     for name, words in references.items():
         plotted = [
@@ -58,7 +58,7 @@ def comparison_pictures(runs: Sequence[RunSeries], references: Mapping[str, str]
         if plotted:
             clock = "session time in s" if common else "time since each run's first estimate in s"
             pictures += _error_pictures(plotted, name, words, clock)
-    return pictures
+    return [*pictures, *_track_pictures(runs)]
 
 
 # ---------------------------------------------------------------------------------------------- tracks

@@ -5,12 +5,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from groundstation.errors import printable
-from groundstation.evaluation.comparison_tables import ComparisonTable
+from groundstation.evaluation.comparison_tables import WIDE_COLUMNS, ComparisonTable
 from groundstation.evaluation.comparison_text import REFERENCE_WORDS, ScoredRun
 from groundstation.evaluation.figure_style import RenderedFigure, ReportFigure
 from groundstation.evaluation.key_figures import AXES
 from groundstation.files.html_page import (
     PAGE_END,
+    Column,
     bullet_list,
     figure_parts,
     page_head,
@@ -23,6 +24,7 @@ from groundstation.files.html_page import (
 from groundstation.files.output_names import below
 from groundstation.files.whole_file import write_bytes_whole, write_text_whole
 
+_MOST_NAMES = 4
 # in the dark the figures stay light: their colours are chosen against white
 _STYLE = """
 :root{color-scheme:light dark}
@@ -50,8 +52,11 @@ def write_comparison_page(
     return [path, plots] if pictures else [path]
 
 
-def comparison_verdict(runs: Sequence[ScoredRun], baseline: ScoredRun, reference: str | None) -> str:
-    """Return what the comparison found, in a sentence or two; ``reference`` is the one to compare with."""
+def comparison_verdict(runs: Sequence[ScoredRun], baseline: ScoredRun, reference: str | None, *, same: bool) -> str:
+    """Return what the comparison found, in a sentence or two.
+
+    ``reference`` is the one to compare with, ``same`` whether the runs have the same pairs.
+    """
     if reference is None:
         tracked = [run.name for run in runs if run.figures.get("pairs.tracking")]
         return (
@@ -63,11 +68,17 @@ def comparison_verdict(runs: Sequence[ScoredRun], baseline: ScoredRun, reference
     best = min(sizes, key=lambda name: sizes[name])
     if len(sizes) == 1:
         return f"{best}: RMSE {sizes[best]:.3f} m in 3-D against {words}.{_honesty(runs, best, reference)}"
-    others = ", ".join(f"{name} {size:.3f} m" for name, size in sorted(sizes.items(), key=lambda item: item[1])[1:4])
-    rest = f" and {len(sizes) - 4} more" if len(sizes) > 4 else ""
+    if len({f"{size:.3f}" for size in sizes.values()}) == 1:
+        alike = f"{', '.join(list(sizes)[:_MOST_NAMES])} have the same error in 3-D against {words}, RMSE"
+        return f"{alike} {sizes[best]:.3f} m.{_honesty(runs, best, reference)}"
+    others = ", ".join(
+        f"{name} {size:.3f} m" for name, size in sorted(sizes.items(), key=lambda item: item[1])[1:_MOST_NAMES]
+    )
+    rest = f" and {len(sizes) - _MOST_NAMES} more" if len(sizes) > _MOST_NAMES else ""
+    pairs = "" if same else ", though not of the same pairs"
     return (
-        f"Smallest error in 3-D against {words}: {best}, RMSE {sizes[best]:.3f} m ({others}{rest}; differences in the "
-        f"tables are to {baseline.name}).{_honesty(runs, best, reference)}"
+        f"Smallest error in 3-D against {words}{pairs}: {best}, RMSE {sizes[best]:.3f} m ({others}{rest}; differences "
+        f"in the tables are to {baseline.name}).{_honesty(runs, best, reference)}"
     )
 
 
@@ -121,7 +132,8 @@ def _page(
     if not start:
         yield "</div>"
     for table in tables:
-        yield f"<h2>{plain(table.title)}</h2>{text_table(table.columns, table.rows)}"
+        columns = [Column(name, text=number > 0 and name in WIDE_COLUMNS) for number, name in enumerate(table.columns)]
+        yield f"<h2>{plain(table.title)}</h2>{text_table(columns, table.rows)}"
         if table.remark:
             yield soft_line(table.remark)
     yield f"</main>{PAGE_END}"

@@ -114,10 +114,12 @@ def draw_distributions(figure: Figure, plotted: Sequence[PlottedErrors]) -> None
         sizes = np.concatenate([_size(p.errors, axis) for p in plotted])
         positive = sizes[sizes > 0.0]
         if len(positive):
-            ax.set_xlim(max(float(np.percentile(positive, 1)), 1e-6), 1.2 * float(positive.max()))
+            low, high = float(np.percentile(positive, 2)), 1.2 * float(positive.max())
+            ax.set_xlim(low, high)
+            # labels of three steps to the decade have room in less than two decades
+            _plain_logarithms(ax.xaxis, (1.0, 3.0) if high < 60.0 * low else (1.0,))
         ax.axhline(95.0, color="#888888", lw=0.8, ls=":")
         ax.set_xlabel(f"{AXES[axis]} in m")
-        _plain_logarithms(ax.xaxis, (1.0, 3.0))
     for ax in panels[:, 0]:
         ax.set_ylabel("% of pairs")
     _legend(figure, panels[0, 0])

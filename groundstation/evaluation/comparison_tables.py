@@ -28,6 +28,12 @@ _ACCURACY_COLUMNS = (
 )
 _DISTANCE_COLUMNS = ("run", "pairs", "RMSE, m", "mean, m", "median, m", "95 %, m", "largest, m")
 _SOURCE_COLUMNS = ("run", "session", "pairs", "from, s", "to, s", "replayed", "version", "source")
+# columns of words, not of numbers
+TEXT_COLUMNS = frozenset(
+    {"pairs of", "run", "session", "setting", "value", "the baseline's", "replayed", "version", "source", "misses"}
+)
+# those that are long
+WIDE_COLUMNS = frozenset({"value", "the baseline's", "version", "source", "misses"})
 # what a reader of Markdown would take for its marks
 _MARKS = re.compile(r"[\\`*\[\]<>|~]|(?<!\w)_|_(?!\w)")
 _RANGE = re.compile(r"y(\d[\d.e+]*)-(\d[\d.e+]*)?")
@@ -63,9 +69,7 @@ def markdown(tables: Iterable[ComparisonTable], notes: Sequence[str]) -> str:
     blocks = []
     for table in tables:
         lines = [f"### {_escaped(table.title)}", "", _row(table.columns)]
-        # the first columns are names, the rest numbers
-        names = sum(1 for column in table.columns if column in ("pairs of", "run", "session", "setting"))
-        lines.append("|" + "".join(" :-- |" if k < names else " --: |" for k in range(len(table.columns))))
+        lines.append("|" + "".join(" :-- |" if column in TEXT_COLUMNS else " --: |" for column in table.columns))
         lines += [_row(row) for row in table.rows]
         if table.remark:
             lines += ["", _escaped(table.remark)]
@@ -87,12 +91,10 @@ def _accuracy(reference: str, runs: Sequence[ScoredRun], baseline: ScoredRun) ->
     """Return one reference's accuracy: for each group of pairs a row for each run."""
     rows = []
     for group in groups_of(reference, runs):
-        label = _group_words(group)
         for run in runs:
             row = _accuracy_row(run, baseline, f"{reference}.{group}")
             if row is not None:
-                rows.append([label, run.name, *row])
-                label = ""
+                rows.append([_group_words(group), run.name, *row])
     words = printable(REFERENCE_WORDS.get(reference, reference))
     return ComparisonTable(
         title=f"RMSE against {words}, differences to {baseline.name}",
@@ -171,8 +173,8 @@ def _settings(runs: Sequence[ScoredRun], baseline: ScoredRun) -> list[Comparison
         if run is not baseline
         for key, (here, there) in changed_settings(run, baseline).items()
     ]
-    columns = ("run", "setting", "value", f"in {baseline.name}")
-    return [ComparisonTable(title="Set otherwise", columns=columns, rows=rows)] if rows else []
+    columns = ("run", "setting", "value", "the baseline's")
+    return [ComparisonTable(title=f"Set otherwise than in {baseline.name}", columns=columns, rows=rows)] if rows else []
 
 
 def _sources(runs: Sequence[ScoredRun]) -> ComparisonTable:

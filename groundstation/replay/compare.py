@@ -60,6 +60,11 @@ class CompareResult:
     notes: tuple[str, ...]
     folders: Mapping[str, Path]
 
+    @property
+    def same_pairs(self) -> bool:
+        """Whether all runs have the pairs of the baseline."""
+        return not any(True for run in self.runs for _ in _other_part(run, self.baseline))
+
 
 def compare(
     request: CompareRequest, progress: Callable[[str, int, int], None] = lambda name, done, total: None
@@ -121,11 +126,15 @@ def _other_part(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:
 def _part(run: ScoredRun) -> tuple[float, float, float]:
     """Return how many pairs a run has, and the first and last of their times in s."""
     session = run.summary["session"]
+    if session["epochs"] == 0:
+        return 0.0, 0.0, 0.0
     return float(session["epochs"]), float(session["from_s"]), float(session["to_s"])
 
 
 def _part_in_words(run: ScoredRun) -> str:
     pairs, from_s, to_s = _part(run)
+    if not pairs:
+        return "no pairs"
     return f"{pairs:.0f} pairs from {from_s:g} to {to_s:g} s"
 
 

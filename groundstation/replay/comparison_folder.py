@@ -68,7 +68,7 @@ def write_comparison_folder(folder: Path, result: CompareResult) -> ComparisonFo
         below(folder, PAGE),
         below(folder, PLOTS),
         _title(result.runs),
-        comparison_verdict(result.runs, result.baseline, compared_reference(result.runs)),
+        comparison_verdict(result.runs, result.baseline, compared_reference(result.runs), same=result.same_pairs),
         notes,
         tables,
         comparison_pictures(runs, {name: REFERENCE_WORDS[name] for name in REFERENCES}),

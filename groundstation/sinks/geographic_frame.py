@@ -1,6 +1,5 @@
 """The session's frame on Earth, as summary.json keeps it, and positions in it as latitude, longitude and height."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -99,4 +98,4 @@ def _number(value: object, most: float) -> float | None:
     """Return a finite number of at most this size; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(value) if math.isfinite(value) and abs(value) <= most else None
+    return float(value) if abs(value) <= most else None
