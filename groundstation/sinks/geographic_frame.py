@@ -12,7 +12,9 @@ from groundstation.geometry.geodesy import ecef_from_enu, geodetic_from_ecef, ru
 from groundstation.session import Session
 
 # what a session says that has such a frame
-ORIGIN_KEYS = "lat_deg, lon_deg, height_m and y_axis_azimuth_deg in [origin] of session.toml"
+ORIGIN_KEYS = (
+    "lat_deg, lon_deg, height_m and y_axis_azimuth_deg in [origin] of session.toml (instead of a sentence origin there)"
+)
 _ORIGIN = ("lat_deg", "lon_deg", "height_m", "y_axis_azimuth_deg")
 _MAX_STATIONS = 1000
 # within it a place on Earth can be converted
