@@ -1,10 +1,9 @@
 """The pictures of a comparison: all runs on the same axes, in the style of a replay's report."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.comparison_panels import (
@@ -84,69 +83,67 @@ def _track_pictures(runs: Sequence[RunSeries]) -> Iterator[ReportFigure]:
 
 
 # ---------------------------------------------------------------------------------------------- errors
-def _error_pictures(plotted: Sequence[PlottedErrors], name: str, words: str, clock: str) -> list[ReportFigure]:
-    """Return the pictures of the errors against one reference."""
-    rms = [f"{p.name} {_rms(p.errors.distance_m):.3f} m" for p in plotted]
-    sizes = f"Root mean square errors in 3-D: {', '.join(rms)}."
-    median = [f"{p.name} {np.nanmedian(p.errors.distance_m):.3f} m" for p in plotted]
-    nees = [f"{p.name} {np.nanmean(values):.2f}" for p in plotted if np.isfinite(values := p.errors.nees()).any()]
+def _error_pictures(plotted: Sequence[PlottedErrors], name: str, words: str, clock: str) -> Iterator[ReportFigure]:
+    """Yield the pictures of the errors against one reference."""
+    sizes = ", ".join(f"{p.name} {_rms(p.errors.distance_m):.3f} m" for p in plotted)
     bands = "shaded" if len(plotted) <= MOST_BANDS else "its edges as thin lines"
-
-    def figure(kind: str, title: str, caption: str, alt: str, draw: Callable[[Figure], None], inches: float) -> None:
-        height_in = _height(inches, len(plotted))
-        drawn.append(
-            ReportFigure(name=f"{kind}_{name}", title=title, caption=caption, alt=alt, draw=draw, height_in=height_in)
-        )
-
-    drawn: list[ReportFigure] = []
-    figure(
-        "errors",
-        f"Errors against {words} over time",
-        f"EKF minus reference of every run, and the ±2 σ that each states, {bands}: it should hold 95 % of the line. "
-        "Last panel: the size of the error, and its stated root mean square as a thin line.",
-        sizes,
-        lambda canvas: draw_errors(canvas, plotted, clock),
-        6.4,
+    yield ReportFigure(
+        name=f"errors_{name}",
+        title=f"Errors against {words} over time",
+        caption=f"EKF minus reference of every run, and the ±2 σ that each states, {bands}: it should hold 95 % of the "
+        "line. Last panel: the size of the error, and its stated root mean square as a thin line.",
+        alt=f"Root mean square errors in 3-D: {sizes}.",
+        draw=partial(draw_errors, plotted=plotted, clock=clock),
+        height_in=_height(6.4, len(plotted)),
     )
-    figure(
-        "distribution",
-        f"How large are the errors against {words}?",
-        "The share of pairs whose error is at most so large, for each axis and in 3-D. The further left, the better.",
-        f"Median errors in 3-D: {', '.join(median)}.",
-        lambda canvas: draw_distributions(canvas, plotted),
-        4.6,
+    yield from _distribution_pictures(plotted, name, words, sizes)
+    yield ReportFigure(
+        name=f"range_{name}",
+        title=f"Errors against {words} over range",
+        caption="Root mean square errors in equal steps of the range y (markers), and what the filter states there "
+        "(thin lines). Runs that cover other parts of the approach can be compared here.",
+        alt=f"Root mean square errors in 3-D over all ranges: {sizes}.",
+        draw=partial(draw_range, plotted=plotted),
+        height_in=_height(6.4, len(plotted)),
     )
-    figure(
-        "boxes",
-        f"Bias and scatter against {words}",
-        "Errors of each run: the box holds the middle half of the pairs, with the median in it; whiskers reach from 5 "
-        "to 95 %. A box that is not about zero is a bias.",
-        sizes,
-        lambda canvas: draw_boxes(canvas, plotted),
-        2.4 + 0.6 * len(plotted),
-    )
-    figure(
-        "range",
-        f"Errors against {words} over range",
-        "Root mean square errors in equal steps of the range y (markers), and what the filter states there (thin "
-        "lines). Runs that cover other parts of the approach can be compared here.",
-        sizes,
-        lambda canvas: draw_range(canvas, plotted),
-        6.4,
-    )
-    if nees:
-        figure(
-            "nees",
-            f"Are the errors against {words} as large as stated?",
-            f"NEES: the squared error in units of the stated covariance, per degree of freedom, averaged over "
+    means = [f"{p.name} {np.nanmean(values):.2f}" for p in plotted if np.isfinite(values := p.errors.nees()).any()]
+    if means:
+        yield ReportFigure(
+            name=f"nees_{name}",
+            title=f"Are the errors against {words} as large as stated?",
+            caption="NEES: the squared error in units of the stated covariance, per degree of freedom, averaged over "
             f"{NEES_WINDOW_S:.0f} s. 1 is ideal, more is overconfident, less is cautious. The grey band holds the mean "
             f"of independent errors 95 % of the time, for as many pairs as {plotted[0].name} has; errors of "
             "consecutive pairs are correlated, so an honest filter leaves it more often.",
-            f"Means over the whole run: {', '.join(nees)}.",
-            lambda canvas: draw_nees(canvas, plotted, clock),
-            3.4,
+            alt=f"Means over the whole run: {', '.join(means)}.",
+            draw=partial(draw_nees, plotted=plotted, clock=clock),
+            height_in=_height(3.4, len(plotted)),
         )
-    return drawn
+
+
+def _distribution_pictures(
+    plotted: Sequence[PlottedErrors], name: str, words: str, sizes: str
+) -> Iterator[ReportFigure]:
+    """Yield the cumulative distributions and the boxes; ``sizes`` has each run's root mean square error in words."""
+    medians = ", ".join(f"{p.name} {np.nanmedian(p.errors.distance_m):.3f} m" for p in plotted)
+    yield ReportFigure(
+        name=f"distribution_{name}",
+        title=f"How large are the errors against {words}?",
+        caption="The share of pairs whose error is at most so large, for each axis and in 3-D. The further left, the "
+        "better.",
+        alt=f"Median errors in 3-D: {medians}.",
+        draw=partial(draw_distributions, plotted=plotted),
+        height_in=_height(4.6, len(plotted)),
+    )
+    yield ReportFigure(
+        name=f"boxes_{name}",
+        title=f"Bias and scatter against {words}",
+        caption="Errors of each run: the box holds the middle half of the pairs, with the median in it; whiskers reach "
+        "from 5 to 95 %. A box that is not about zero is a bias.",
+        alt=f"Boxes for x, y and z. Root mean square errors in 3-D: {sizes}.",
+        draw=partial(draw_boxes, plotted=plotted),
+        height_in=2.4 + 0.6 * len(plotted),
+    )
 
 
 def _rms(values: FloatArray) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from groundstation.errors import printable
-from groundstation.evaluation.comparison_tables import WIDE_COLUMNS, ComparisonTable
+from groundstation.evaluation.comparison_tables import WIDE_COLUMNS, RunsTable
 from groundstation.evaluation.comparison_text import REFERENCE_WORDS, ScoredRun
 from groundstation.evaluation.figure_style import RenderedFigure, ReportFigure
 from groundstation.evaluation.key_figures import AXES
@@ -40,7 +40,7 @@ def write_comparison_page(
     title: str,
     verdict: str,
     notes: Sequence[str],
-    tables: Iterable[ComparisonTable],
+    tables: Iterable[RunsTable],
     pictures: Sequence[ReportFigure],
 ) -> list[Path]:
     """Write the page, and its pictures as SVG and PNG into the folder ``plots``; returns the paths written.
@@ -117,7 +117,7 @@ def _kept(picture: ReportFigure, folder: Path) -> RenderedFigure:
 
 
 def _page(
-    title: str, verdict: str, notes: Sequence[str], tables: Iterable[ComparisonTable], drawn: Iterable[RenderedFigure]
+    title: str, verdict: str, notes: Sequence[str], tables: Iterable[RunsTable], drawn: Iterable[RenderedFigure]
 ) -> Iterator[str]:
     """Yield the page piece by piece."""
     yield page_head(f"{title} – Groundstation", _STYLE)

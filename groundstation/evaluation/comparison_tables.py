@@ -40,7 +40,7 @@ _RANGE = re.compile(r"y(\d[\d.e+]*)-(\d[\d.e+]*)?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ComparisonTable:
+class RunsTable:
     """A table of text cells with its title, and a remark below it."""
 
     title: str
@@ -51,7 +51,7 @@ class ComparisonTable:
 
 def comparison_tables(
     runs: Sequence[ScoredRun], baseline: ScoredRun, series: Mapping[str, RunSeries]
-) -> list[ComparisonTable]:
+) -> list[RunsTable]:
     """Return the tables for which the runs have figures; ``series`` has the tracks that could be read, by run."""
     tables = []
     for reference in references_of(runs):
@@ -60,11 +60,11 @@ def comparison_tables(
         if distances:
             words = printable(REFERENCE_WORDS.get(reference, reference))
             title = f"Size of the EKF's error against {words}, in 3-D"
-            tables.append(ComparisonTable(title=title, columns=_DISTANCE_COLUMNS, rows=distances))
+            tables.append(RunsTable(title=title, columns=_DISTANCE_COLUMNS, rows=distances))
     return [*tables, _consistency(runs), *_settings(runs, baseline), _sources(runs)]
 
 
-def markdown(tables: Iterable[ComparisonTable], notes: Sequence[str]) -> str:
+def markdown(tables: Iterable[RunsTable], notes: Sequence[str]) -> str:
     """Return tables and notes as Markdown (pipe tables, as GitHub and others render them)."""
     blocks = []
     for table in tables:
@@ -87,7 +87,7 @@ def _escaped(text: str) -> str:
     return _MARKS.sub(r"\\\g<0>", printable(" ".join(text.split())))
 
 
-def _accuracy(reference: str, runs: Sequence[ScoredRun], baseline: ScoredRun) -> ComparisonTable:
+def _accuracy(reference: str, runs: Sequence[ScoredRun], baseline: ScoredRun) -> RunsTable:
     """Return one reference's accuracy: for each group of pairs a row for each run."""
     rows = []
     for group in groups_of(reference, runs):
@@ -96,7 +96,7 @@ def _accuracy(reference: str, runs: Sequence[ScoredRun], baseline: ScoredRun) ->
             if row is not None:
                 rows.append([_group_words(group), run.name, *row])
     words = printable(REFERENCE_WORDS.get(reference, reference))
-    return ComparisonTable(
+    return RunsTable(
         title=f"RMSE against {words}, differences to {baseline.name}",
         columns=_ACCURACY_COLUMNS,
         rows=rows,
@@ -139,7 +139,7 @@ def _distances(run: RunSeries | None, reference: str) -> list[str] | None:
     return [run.name, str(len(size)), *(metres(float(value)) for value in values)]
 
 
-def _consistency(runs: Sequence[ScoredRun]) -> ComparisonTable:
+def _consistency(runs: Sequence[ScoredRun]) -> RunsTable:
     """Return NIS, refused pixels, delay, where the track was and what was missed, a row for each run."""
     words = [w for w in runs[0].summary["counts"]["track"] if any(r.figures.get(f"pairs.{w}") for r in runs)]
     rows = []
@@ -157,7 +157,7 @@ def _consistency(runs: Sequence[ScoredRun]) -> ComparisonTable:
                 misses_of(run),
             ]
         )
-    return ComparisonTable(
+    return RunsTable(
         title="Consistency, delay, status of the pairs, and misses",
         columns=("run", "NIS", "refused", "delay median, ms", "99 %, ms", "largest, ms", *words, "misses"),
         rows=rows,
@@ -165,7 +165,7 @@ def _consistency(runs: Sequence[ScoredRun]) -> ComparisonTable:
     )
 
 
-def _settings(runs: Sequence[ScoredRun], baseline: ScoredRun) -> list[ComparisonTable]:
+def _settings(runs: Sequence[ScoredRun], baseline: ScoredRun) -> list[RunsTable]:
     """Return the tuning that differs from the baseline's; no table where none does."""
     rows = [
         [run.name, key, str(here), str(there)]
@@ -174,10 +174,10 @@ def _settings(runs: Sequence[ScoredRun], baseline: ScoredRun) -> list[Comparison
         for key, (here, there) in changed_settings(run, baseline).items()
     ]
     columns = ("run", "setting", "value", "the baseline's")
-    return [ComparisonTable(title=f"Set otherwise than in {baseline.name}", columns=columns, rows=rows)] if rows else []
+    return [RunsTable(title=f"Set otherwise than in {baseline.name}", columns=columns, rows=rows)] if rows else []
 
 
-def _sources(runs: Sequence[ScoredRun]) -> ComparisonTable:
+def _sources(runs: Sequence[ScoredRun]) -> RunsTable:
     """Return where each run comes from."""
     rows = []
     for run in runs:
@@ -197,4 +197,4 @@ def _sources(runs: Sequence[ScoredRun]) -> ComparisonTable:
                 run.source,
             ]
         )
-    return ComparisonTable(title="The runs", columns=_SOURCE_COLUMNS, rows=rows)
+    return RunsTable(title="The runs", columns=_SOURCE_COLUMNS, rows=rows)
