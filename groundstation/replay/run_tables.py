@@ -16,7 +16,8 @@ from groundstation.files.toml_table import quoted
 from groundstation.messages import TrackStatus
 from groundstation.sinks.track_files import TRACK_COLUMNS
 
-REFERENCES = ("truth", "dgps")
+# by the reference's name its trajectory at the pairs' stamps
+REFERENCES = {"truth": "truth.tum", "dgps": "dgps.tum"}
 # an hour at 30 pairs/s has 108 000; as of a session's references
 _MAX_ROWS = 2_000_000
 _POSE_CELLS = 8
@@ -29,8 +30,8 @@ def read_run(folder: Path, name: str, summary: Mapping[str, Any]) -> RunSeries:
     """Return a run's track, and its references as far as their files exist; raises `InputError` for a bad table."""
     track = read_track(folder / "track.csv")
     references = {}
-    for reference in REFERENCES:
-        path = folder / f"{reference}.tum"
+    for reference, file in REFERENCES.items():
+        path = folder / file
         if path.is_file():
             position_m = _at_rows(track.t_s, _read_tum(path))
             references[reference] = ReferencePositions(position_m=position_m, sigma_m=_sigma_m(reference, summary))
