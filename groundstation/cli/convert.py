@@ -16,8 +16,8 @@ _CONVERT_MORE = """examples:
   groundstation convert recordings/landing-1 landing-1.mcap --to 10
   groundstation convert flight.mcap flight/
 
-KML and GeoJSON of the track are among the results of `groundstation replay` and of
-`groundstation evaluate --out`.
+KML and GeoJSON of the track are among the results of `groundstation replay` and
+of `groundstation evaluate --out`.
 
 exit code: 0 done; 1 the session is at fault, and what came before the fault is
 written; 2 wrong usage; 130 interrupted"""

@@ -30,7 +30,7 @@ _SOLID, _FAINT = "ff", "99"
 _GREY = "888888"
 _TRACKING = "tracking"
 ABOVE_ELLIPSOID = (
-    "Heights are above the WGS 84 ellipsoid, but a KML viewer takes them as above sea level, so all is drawn off by "
+    "heights are above the WGS 84 ellipsoid, but a KML viewer takes them as above sea level, so all is drawn off by "
     "the geoid separation there, up to 100 m: geoid_separation_m in [dgps] of session.toml corrects it"
 )
 
