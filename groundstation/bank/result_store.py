@@ -1,13 +1,12 @@
 """Store of finished results: one small file each, written atomically, so that an interrupted run can be resumed."""
 
 import json
-import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import write_whole
 
 RESULT_FORMAT = "groundstation-result/1"
 _IDENTITY_CHARACTERS = 12
@@ -63,19 +62,3 @@ class ResultStore:
 
     def _path(self, name: str) -> Path:
         return below(self.folder, f"{name}-{self._identity[:_IDENTITY_CHARACTERS]}.json")
-
-
-def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file under another name, sync it, and give it its own: a reader finds all of it or the file before."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        write(draft)
-        descriptor = os.open(draft, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)

@@ -79,16 +79,17 @@ def refuse_own_rig(options: argparse.Namespace) -> None:
         raise InputError(str(options.out), got="the session's own rig", wanted=wanted)
 
 
-def add_runs(parser: argparse.ArgumentParser, purpose: str) -> None:
-    """Add the sources of several runs, `--config`, `--rig` and `--out`; ``purpose`` is the help of the sources."""
+def add_runs(parser: argparse.ArgumentParser, purpose: str, out: str) -> None:
+    """Add the sources of several runs, `--config`, `--rig` and `--out`.
+
+    ``purpose`` is the help of the sources, ``out`` that of the folder.
+    """
     parser.add_argument("sources", type=READ, nargs="+", metavar="SOURCE", help=f"{purpose}; see below")
     parser.add_argument(
         "--config", type=READ, action="append", default=[], metavar="FILE", help="tuning for what is replayed; repeat"
     )
     parser.add_argument("--rig", type=READ, metavar="FILE", help="another rig for what is replayed")
-    parser.add_argument(
-        "--out", type=WrittenFolder(), metavar="DIR", help="keep what is replayed there, a folder for each run"
-    )
+    parser.add_argument("--out", type=WrittenFolder(), metavar="DIR", help=out)
 
 
 def add_port(parser: argparse.ArgumentParser) -> None:

@@ -21,6 +21,9 @@ _CONVERT_MORE = """examples:
   groundstation convert out/bag out/back
   groundstation convert bag flight --rig rig.toml --topic left.image=/cam0/image
 
+KML and GeoJSON of the track are among the results of `groundstation replay` and
+of `groundstation evaluate --out`.
+
 exit code: 0 done; 1 the session is at fault, and what came before the fault is
 written; 2 wrong usage; 130 interrupted"""
 

@@ -3,6 +3,7 @@
 import argparse
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from groundstation.cli.command_arguments import Commands, add_command, add_runs, print_files
@@ -11,9 +12,11 @@ from groundstation.cli.progress import ProgressDisplay
 
 _EVALUATE = """Compare runs: many sessions, many tunings, or what was replayed before with what
 is replayed now. For each: errors per axis and range, ANEES, NIS, coverage,
-delay, misses by reason; and the difference to the first, or to --baseline."""
+delay, misses by reason; and the difference to the first, or to --baseline.
+With --out also a page with plots of all runs on the same axes, the tables as
+Markdown, CSV and JSON, and the tracks as KML and GeoJSON."""
 _MORE = """examples:
-  groundstation evaluate out/monday out/tuesday
+  groundstation evaluate out/monday out/tuesday --out out/compared
   groundstation evaluate recordings/landing-1 --config soft.toml --config stiff.toml
   groundstation evaluate recordings/landing-1 --baseline out/last-month --json now.json
 
@@ -21,6 +24,12 @@ SOURCE is the output folder of a replay, a session folder, a recording (.mcap) o
 live run's folder with its flight.mcap; the last three are replayed first, once with
 each --config. The columns "± %" state by how much an error is larger (+) or smaller (−)
 than the baseline's. Runs of other length are compared unchanged, with a note.
+
+--out DIR always writes comparison.html (plots of errors over time and range,
+distributions, NEES), plots/ (the same as SVG and PNG), table.md, comparison.csv
+and comparison.json; what could not be computed is in the notes of page and table.
+It writes tracks.kml and tracks.geojson where a session states where its frame
+lies on Earth, by [origin] in session.toml.
 
 exit code: 0 done; 1 a source is at fault; 2 wrong usage; 130 interrupted"""
 
@@ -35,7 +44,11 @@ def add_evaluate(commands: Commands) -> None:
         _EVALUATE,
         _MORE,
     )
-    add_runs(evaluate, "what to compare")
+    add_runs(
+        evaluate,
+        "what to compare",
+        "write page, plots, tables and maps there, and what is replayed, a folder for each run",
+    )
     evaluate.add_argument(
         "--baseline", type=READ_TEXT, metavar="RUN", help="a run's name, or a folder of results (default: the first)"
     )
@@ -54,6 +67,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         comparison_json,
         write_comparison_files,
     )
+    from groundstation.replay.comparison_folder import write_comparison_folder
 
     # before the replays, which take minutes
     check_folders([path for path in (options.csv, options.json) if path is not None])
@@ -64,19 +78,29 @@ def run_evaluate(options: argparse.Namespace) -> int:
             configs=tuple(options.config),
             rig=options.rig,
             baseline=options.baseline,
+            keep=options.out is not None,
         )
         with ProgressDisplay(sys.stderr) as progress:
             result = compare(request, progress.update)
     print(format_comparison(result.runs, result.baseline))
-    for note in result.notes:
-        print(f"note: {note}", file=sys.stderr)
+    _print_notes(result.notes)
     files = []
     if options.csv is not None:
         files.append((options.csv, comparison_csv(result)))
     if options.json is not None:
         files.append((options.json, comparison_json(result)))
     write_comparison_files(files)
-    if files:
+    written = [path for path, _ in files]
+    if options.out is not None:
+        kept = write_comparison_folder(options.out, result)
+        _print_notes(kept.notes)
+        written += [path for path in kept.files if path not in written]
+    if written:
         print()
-    print_files(path for path, _ in files)
+    print_files(written)
     return 0
+
+
+def _print_notes(notes: Iterable[str]) -> None:
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)

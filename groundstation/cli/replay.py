@@ -20,7 +20,7 @@ from groundstation.replay.result_files import REPLAY_FILES
 _REPLAY = """Replay a recorded session: find the aircraft in every camera, track it in 3-D,
 compare with DGPS and truth, and write track.csv, triangulation.csv,
 detections.csv, track.tum, summary.json, report.html and session.rrd into the
-output folder."""
+output folder; with [origin] in session.toml also track.kml and track.geojson."""
 _REPLAY_MORE = """example:
   groundstation replay recordings/landing-1 --out out/landing-1 --from 20
 

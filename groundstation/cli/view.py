@@ -36,7 +36,7 @@ _ALIGN = ("none", "start", "touchdown")
 def add_view(commands: Commands) -> None:
     """Add `view`."""
     view = add_command(commands, "view", run_view, "look at one run, or at several side by side", _VIEW, _MORE)
-    add_runs(view, "what to look at")
+    add_runs(view, "what to look at", "keep what is replayed there, a folder for each run")
     view.add_argument(
         "--align",
         choices=_ALIGN,

@@ -17,6 +17,8 @@ from groundstation.sources.session_source import session_source
 from groundstation.tracking.config import load_config
 
 Source = FolderSource | RecordingSource
+# a session has no track yet
+_MAPS = (".kml", ".geojson")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +43,11 @@ def convert(
 
     Into a recording whole frames go, without loss; into a folder what a recording has, as PNG. Raises `InputError`.
     """
+    if out.suffix.lower() in _MAPS:
+        wanted = (
+            "a recording (.mcap) or a folder; a map of the track is one of the results of replay and evaluate --out"
+        )
+        raise InputError(str(out), got=f"a name that ends in {out.suffix}", wanted=wanted)
     session = load_session(source)
     packs = out.suffix == ".mcap"
     if packs is (session.recorded is not None):

@@ -213,8 +213,14 @@ def _session(request: ImportRequest, clock: ImportClock) -> dict[str, Any]:
         target["antenna_in_body_m"] = list(request.antenna_in_body_m)
     if target:
         tables["target"] = target
+    dgps: dict[str, Any] = {}
     if clock.epoch_gps_s is not None:
-        tables["dgps"] = {"epoch_utc": clock.epoch_text()}
+        dgps["epoch_utc"] = clock.epoch_text()
+    if request.reading.geoid_separation_m is not None:
+        # dgps.csv no longer needs it, but a map of the track does
+        dgps["geoid_separation_m"] = request.reading.geoid_separation_m
+    if dgps:
+        tables["dgps"] = dgps
     return tables
 
 

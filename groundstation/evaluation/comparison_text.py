@@ -6,9 +6,9 @@ from typing import Any
 
 from groundstation.evaluation.key_figures import AXES, FigureChange, figures_of
 
-_REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
+REFERENCE_WORDS = {"truth": "the truth", "dgps": "DGPS"}
 _MOST_SETTINGS = 12
-_OWN_PAIRS = """EKF and triangulation (tri.) each on all pairs where it has a position. A replay's own table and report
+OWN_PAIRS = """EKF and triangulation (tri.) each on all pairs where it has a position. A replay's own table and report
 set the two against each other on the pairs that both have, and give these figures as well."""
 
 
@@ -30,11 +30,11 @@ def scored(name: str, source: str, summary: Mapping[str, Any]) -> ScoredRun:
 def format_comparison(runs: Sequence[ScoredRun], baseline: ScoredRun) -> str:
     """Return the comparison for a terminal, each run against ``baseline``."""
     width = max(len(run.name) for run in runs)
-    blocks = [_accuracy(reference, runs, baseline, width) for reference in _references(runs)]
+    blocks = [_accuracy(reference, runs, baseline, width) for reference in references_of(runs)]
     if not blocks:
         blocks.append("no reference in any of them: no errors")
     else:
-        blocks.append(_OWN_PAIRS)
+        blocks.append(OWN_PAIRS)
     blocks.append("\n".join(_consistency(runs, width)))
     blocks.append("\n".join(_misses(runs)))
     others = [run for run in runs if run is not baseline]
@@ -44,17 +44,18 @@ def format_comparison(runs: Sequence[ScoredRun], baseline: ScoredRun) -> str:
     return "\n\n".join(block for block in blocks if block)
 
 
-def _references(runs: Iterable[ScoredRun]) -> list[str]:
+def references_of(runs: Iterable[ScoredRun]) -> list[str]:
+    """Return the names of the references that any run is compared with."""
     return list(dict.fromkeys(name for run in runs for name in run.summary["accuracy"]))
 
 
 def _accuracy(reference: str, runs: Sequence[ScoredRun], baseline: ScoredRun, width: int) -> str:
     """Return one reference's table: a row for each group and run, and by how much the errors differ."""
-    against = _REFERENCES.get(reference, reference)
+    against = REFERENCE_WORDS.get(reference, reference)
     head = f"{'':<12} {'':<{width}} {'pairs':>6} {'seen %':>6} │{'EKF x':>7} {'y':>7} {'z':>7} │"
     head += f"{'± % x':>6} {'y':>5} {'z':>5} │ {'ANEES':>6} │{'tri. x':>7} {'y':>7} {'z':>7}"
     lines = [f"RMSE in m against {against}, differences to {baseline.name}", head, "─" * len(head)]
-    for group in _groups(reference, runs):
+    for group in groups_of(reference, runs):
         label = group
         for run in runs:
             cells = _row(run, baseline, f"{reference}.{group}")
@@ -64,7 +65,7 @@ def _accuracy(reference: str, runs: Sequence[ScoredRun], baseline: ScoredRun, wi
     return "\n".join(lines)
 
 
-def _groups(reference: str, runs: Iterable[ScoredRun]) -> list[str]:
+def groups_of(reference: str, runs: Iterable[ScoredRun]) -> list[str]:
     """Return the groups of epochs that any run has: all, ranges from near to far, backgrounds."""
     names = dict.fromkeys(
         name.split(".")[1] for run in runs for name in run.figures if name.startswith(f"{reference}.")
@@ -87,11 +88,11 @@ def _row(run: ScoredRun, baseline: ScoredRun, group: str) -> str | None:
     if not f.get(f"{group}.pairs"):
         return None
     names = [f"{group}.ekf.rmse_{axis}_m" for axis in AXES]
-    errors = " ".join(f"{_metres(f.get(n)):>7}" for n in names)
+    errors = " ".join(f"{metres(f.get(n)):>7}" for n in names)
     changes = " ".join(
-        f"{'' if run is baseline else _percent(FigureChange(before=b.get(n), after=f.get(n))):>5}" for n in names
+        f"{'' if run is baseline else percent(FigureChange(before=b.get(n), after=f.get(n))):>5}" for n in names
     )
-    fixes = " ".join(f"{_metres(f.get(n.replace('.ekf.', '.triangulation.'))):>7}" for n in names)
+    fixes = " ".join(f"{metres(f.get(n.replace('.ekf.', '.triangulation.'))):>7}" for n in names)
     anees = f.get(f"{group}.ekf.anees")
     return (
         f"{f[f'{group}.pairs']:>6.0f} {100 * f.get(f'{group}.ekf.coverage', 0.0):>6.1f} │{errors} │ {changes} │ "
@@ -118,22 +119,32 @@ def _consistency(runs: Sequence[ScoredRun], width: int) -> Iterator[str]:
 
 
 def _misses(runs: Sequence[ScoredRun]) -> Iterator[str]:
-    """Return why cameras saw nothing, most frequent first."""
+    """Return why cameras saw nothing, a line for each run."""
     for run in runs:
-        found = {n.removeprefix("misses."): k for n, k in run.figures.items() if n.startswith("misses.") and k}
-        most = sorted(found.items(), key=lambda item: -item[1])
-        words = ", ".join(f"{name.replace('.', ' ').replace('_', ' ')} {count:.0f}" for name, count in most)
-        yield f"misses, {run.name}: {words or 'none'}"
+        yield f"misses, {run.name}: {misses_of(run)}"
+
+
+def misses_of(run: ScoredRun) -> str:
+    """Return why a run's cameras saw nothing, most frequent first."""
+    found = {n.removeprefix("misses."): k for n, k in run.figures.items() if n.startswith("misses.") and k}
+    most = sorted(found.items(), key=lambda item: -item[1])
+    return ", ".join(f"{name.replace('.', ' ').replace('_', ' ')} {count:.0f}" for name, count in most) or "none"
 
 
 def _settings(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:
     """Return the tuning that differs from the baseline's."""
-    here, there = (_flat(r.summary["configuration"]) for r in (run, baseline))
-    changed = [key for key in {**there, **here} if here.get(key) != there.get(key)]
-    for key in changed[:_MOST_SETTINGS]:
-        yield f"  {run.name}: {key} = {here.get(key, 'not there')} ({baseline.name}: {there.get(key, 'not there')})"
+    changed = changed_settings(run, baseline)
+    for key, (here, there) in list(changed.items())[:_MOST_SETTINGS]:
+        yield f"  {run.name}: {key} = {here} ({baseline.name}: {there})"
     if len(changed) > _MOST_SETTINGS:
         yield f"  {run.name}: and {len(changed) - _MOST_SETTINGS} more"
+
+
+def changed_settings(run: ScoredRun, baseline: ScoredRun) -> dict[str, tuple[Any, Any]]:
+    """Return by its key each setting that differs from the baseline's: the run's, and the baseline's."""
+    here, there = (_flat(r.summary["configuration"]) for r in (run, baseline))
+    pairs = {key: (here.get(key, "not there"), there.get(key, "not there")) for key in {**there, **here}}
+    return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
 
 
 def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
@@ -144,10 +155,12 @@ def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     return flat
 
 
-def _metres(value: float | None) -> str:
+def metres(value: float | None) -> str:
+    """Return a length in m, or a dash."""
     return "–" if value is None else f"{value:.3f}" if value < 100 else f"{value:.0f}"
 
 
-def _percent(moved: FigureChange) -> str:
-    percent = moved.percent
-    return "–" if percent is None else f"{percent:+.0f}" if abs(percent) < 1000 else ">999"
+def percent(moved: FigureChange) -> str:
+    """Return a change in percent, or a dash."""
+    change = moved.percent
+    return "–" if change is None else f"{change:+.0f}" if abs(change) < 1000 else ">999"

@@ -37,6 +37,7 @@ class RunDescription:
     fused_late : how many readings and frames came late and were fused in their place, by kind.
     faults : what could not be used (a broken reference file, a video cut short), one line each.
     contradictions : inputs that cannot be right, one line each.
+    place : the frame, its origin on Earth and the stations, as `summary.json` keeps them; empty if not known.
     provenance : date, program, command, inputs with hashes, machine; empty if not known.
     carried_errors : the filter's final estimates of the errors of calibration and clocks.
     learnt_until_s : up to this time of the DGPS clock the filter used the DGPS; None if never.
@@ -52,6 +53,7 @@ class RunDescription:
     fused_late: Mapping[str, int] | None = None
     faults: tuple[str, ...] = ()
     contradictions: tuple[str, ...] = ()
+    place: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     carried_errors: tuple[CarriedError, ...] = ()
     learnt_until_s: float | None = None

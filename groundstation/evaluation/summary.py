@@ -63,6 +63,7 @@ def build_summary(
     return {
         "format": SUMMARY_FORMAT,
         "session": _session(epochs, stations, run),
+        "place": dict(run.place),
         "faults": list(run.faults),
         "contradictions": list(run.contradictions),
         "no_track": why_no_track(counts),

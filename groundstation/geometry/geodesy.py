@@ -70,3 +70,10 @@ def enu_axes(origin_deg_m: tuple[float, float, float]) -> FloatArray:
     return np.array(
         [[-s_lon, c_lon, 0.0], [-s_lat * c_lon, -s_lat * s_lon, c_lat], [c_lat * c_lon, c_lat * s_lon, s_lat]]
     )
+
+
+def runway_axes(y_axis_azimuth_deg: float) -> FloatArray:
+    """Return the rotation (3, 3) from east, north, up to a frame whose +y points so, clockwise from true north."""
+    azimuth = np.radians(y_axis_azimuth_deg)
+    s, c = np.sin(azimuth), np.cos(azimuth)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

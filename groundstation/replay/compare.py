@@ -4,7 +4,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,9 @@ from groundstation.errors import InputError
 from groundstation.evaluation.comparison_text import ScoredRun, format_comparison, scored
 from groundstation.evaluation.key_figures import moved_figures
 from groundstation.evaluation.summary import SUMMARY_FORMAT
+from groundstation.files.overwriting import Output
 from groundstation.files.toml_table import quoted, shown
+from groundstation.files.whole_file import write_text_whole
 from groundstation.replay.run_planning import (
     SUMMARY,
     PlannedRun,
@@ -24,6 +26,10 @@ from groundstation.replay.run_planning import (
 )
 
 COMPARISON_FORMAT = "groundstation-comparison/1"
+PAGE, TABLE, CSV, JSON = "comparison.html", "table.md", "comparison.csv", "comparison.json"
+PLOTS, MAPS = "plots", "tracks"
+# what a comparison writes into its own folder, next to the folders of the runs
+COMPARISON_FILES = (PAGE, TABLE, CSV, JSON, f"{MAPS}.kml", f"{MAPS}.geojson")
 # tolerances for equal sets of pairs: number, first and last time in s
 _ALIKE = (0.0, 0.02, 0.02)
 _COLUMNS = ("run", "figure", "value", "baseline", "difference", "percent")
@@ -33,7 +39,8 @@ _COLUMNS = ("run", "figure", "value", "baseline", "difference", "percent")
 class CompareRequest:
     """Arguments of a comparison; sessions are replayed into ``work``, with each of ``configs``.
 
-    ``baseline`` is the name of a run or a folder of results; None selects the first run.
+    ``baseline`` is the name of a run or a folder of results; None selects the first run. With ``keep`` the comparison's
+    own files (`COMPARISON_FILES`) are to be written into ``work``, too, which is made.
     """
 
     sources: tuple[Path, ...]
@@ -41,15 +48,22 @@ class CompareRequest:
     configs: tuple[Path, ...] = ()
     rig: Path | None = None
     baseline: str | None = None
+    keep: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompareResult:
-    """The runs, the baseline among them, and notes for the user."""
+    """The runs, the baseline among them, notes for the user, and by run the folder of its results."""
 
     runs: tuple[ScoredRun, ...]
     baseline: ScoredRun
     notes: tuple[str, ...]
+    folders: Mapping[str, Path]
+
+    @property
+    def same_pairs(self) -> bool:
+        """Whether all runs have the pairs of the baseline."""
+        return not any(True for run in self.runs for _ in _other_part(run, self.baseline))
 
 
 def compare(
@@ -57,7 +71,7 @@ def compare(
 ) -> CompareResult:
     """Evaluate every run; raises `InputError` for a path that is no run or an unfinished one."""
     runs = plan_runs(request.sources, request.configs)
-    refuse_replay_overwriting((*request.sources, *request.configs, request.rig), runs, request.work)
+    _refuse_overwriting(request, runs)
     if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
         raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
     before = None
@@ -68,16 +82,36 @@ def compare(
         # a results folder that is not among the runs is inserted before them
         before = Path(request.baseline)
     notes: list[str] = []
-    found = [_scored(run, request, progress, notes) for run in runs]
+    folders: dict[str, Path] = {}
+    if request.keep:
+        _make_folder(request.work)
+    found = [_scored(run, request, progress, notes, folders) for run in runs]
     if before is not None:
         (first,) = plan_runs([before])
         name = first.name if first.name not in {run.name for run in runs} else "baseline"
         known = PlannedRun(name=name, source=first.source, kind=first.kind)
-        found.insert(0, _scored(known, request, progress, notes))
+        found.insert(0, _scored(known, request, progress, notes, folders))
     wanted = request.baseline if before is None else found[0].name
     baseline = next((run for run in found if run.name == wanted), found[0])
     notes += [note for run in found if run is not baseline for note in _other_part(run, baseline)]
-    return CompareResult(runs=tuple(found), baseline=baseline, notes=tuple(notes))
+    return CompareResult(runs=tuple(found), baseline=baseline, notes=tuple(notes), folders=folders)
+
+
+def _refuse_overwriting(request: CompareRequest, runs: Sequence[PlannedRun]) -> None:
+    """Raise `InputError` if a replay or a file of the comparison would overwrite an input."""
+    read = [*request.sources, *request.configs, request.rig]
+    written = []
+    if request.keep:
+        read += [] if request.baseline is None else [Path(request.baseline)]
+        written = [Output(path=request.work, names=COMPARISON_FILES), Output(path=request.work / PLOTS, names=("*",))]
+    refuse_replay_overwriting(read, runs, request.work, written)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
 
 
 def _other_part(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:
@@ -92,18 +126,26 @@ def _other_part(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:
 def _part(run: ScoredRun) -> tuple[float, float, float]:
     """Return how many pairs a run has, and the first and last of their times in s."""
     session = run.summary["session"]
+    if session["epochs"] == 0:
+        return 0.0, 0.0, 0.0
     return float(session["epochs"]), float(session["from_s"]), float(session["to_s"])
 
 
 def _part_in_words(run: ScoredRun) -> str:
     pairs, from_s, to_s = _part(run)
+    if not pairs:
+        return "no pairs"
     return f"{pairs:.0f} pairs from {from_s:g} to {to_s:g} s"
 
 
 def _scored(
-    run: PlannedRun, request: CompareRequest, progress: Callable[[str, int, int], None], notes: list[str]
+    run: PlannedRun,
+    request: CompareRequest,
+    progress: Callable[[str, int, int], None],
+    notes: list[str],
+    folders: dict[str, Path],
 ) -> ScoredRun:
-    """Return one run with its figures, replaying it if it is a session."""
+    """Return one run with its figures, replaying it if it is a session; adds its folder to ``folders``."""
     folder, fault = run_results(
         run,
         request.work,
@@ -113,6 +155,7 @@ def _scored(
     )
     if fault is not None:
         notes.append(f"{run.name}: fault in the recording: {fault}")
+    folders[run.name] = folder
     return _with_figures(run, folder / SUMMARY)
 
 
@@ -202,9 +245,6 @@ def check_folders(paths: Sequence[Path]) -> None:
 
 
 def write_comparison_files(files: Sequence[tuple[Path, str]]) -> None:
-    """Write texts into files; raises `InputError` if one cannot be written."""
+    """Write texts into files, each whole or not at all; raises `InputError` if one cannot be written."""
     for path, text in files:
-        try:
-            path.write_text(text, encoding="utf-8", newline="")
-        except OSError as fault:
-            raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault
+        write_text_whole(path, text)

@@ -29,6 +29,7 @@ from groundstation.replay.replay_inputs import ReplayInputs, learning_fixes, loa
 from groundstation.replay.replay_outputs import ReplayOutputs
 from groundstation.replay.replay_request import ReplayRequest, ReplayResult
 from groundstation.replay.run_pipeline import RunOutcome, run_pipeline
+from groundstation.sinks.geographic_frame import place_of
 from groundstation.sinks.output_comparison import OutputComparisonSink
 from groundstation.sources.reference_fixes import with_reference
 from groundstation.sources.session_source import session_source
@@ -137,6 +138,7 @@ def _evaluate(
         configuration=config_to_mapping(config),
         speed=speed,
         faults=(*inputs.notes, *notes),
+        place=place_of(session),
         provenance=written,
         contradictions=outputs.checks.contradictions(tracked=outputs.collector.tracked_share >= _TRACKED_SHARE),
         carried_errors=pipeline.carried_errors,

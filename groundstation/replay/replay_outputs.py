@@ -9,6 +9,7 @@ from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, 
 from groundstation.evaluation.html_report import write_report
 from groundstation.recording.recorder import Recorder
 from groundstation.replay.input_checks import InputChecks
+from groundstation.replay.replay_maps import write_replay_maps
 from groundstation.replay.replay_request import ReplayRequest
 from groundstation.session import Session
 from groundstation.sinks.output_comparison import OutputComparisonSink
@@ -65,6 +66,7 @@ class ReplayOutputs:
             written.append("session.rrd")
         write_summary(out / "summary.json", evaluation)
         written += [path.name for path in write_reference_tums(out, evaluation)]
+        written += [path.name for path in write_replay_maps(out, evaluation)]
         written += ["summary.json"]
         if request.report:
             written += [path.name for path in write_report(out / "report.html", evaluation, config)]

@@ -38,7 +38,10 @@ DETECTION_COLUMNS = (
     *("roi_x_px", "roi_y_px", "roi_w_px", "roi_h_px", "status", "elapsed_ms"),
 )
 # files written after the run; those of an earlier run must not remain next to this run's track
-_WRITTEN_AFTERWARDS = ("summary.json", "report.html", "smoothed.csv", "truth.tum", "dgps.tum")
+_WRITTEN_AFTERWARDS = (
+    *("summary.json", "report.html", "smoothed.csv", "truth.tum", "dgps.tum"),
+    *("track.kml", "track.geojson"),
+)
 _UPPER_TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 # session time
 _FLUSH_EVERY_S = 0.5

@@ -124,6 +124,8 @@ def test_the_commands_report_errors_in_one_line(tmp_path: Path, capsys: pytest.C
         (["convert", str(folder), str(folder / "none" / "x.mcap")], "No such file"),
         (["convert", str(tmp_path / "text.mcap"), str(tmp_path / "other")], "no MCAP"),
         (["convert", str(tmp_path / "none.mcap"), str(tmp_path / "other")], "no such file"),
+        (["convert", str(folder), str(tmp_path / "track.kml")], "one of the results of replay and evaluate --out"),
+        (["convert", str(tmp_path / "none.mcap"), str(tmp_path / "x.GeoJSON")], "a name that ends in .GeoJSON"),
         (["recover", str(tmp_path / "none.mcap")], "no such file"),
         (["recover", "."], "no such file"),
         (["recover", str(tmp_path / "text.mcap")], "no MCAP"),

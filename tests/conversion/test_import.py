@@ -91,6 +91,14 @@ def test_a_runway_in_the_wrong_direction_is_reported(parts: Path, capsys: pytest
     assert line.endswith("it is --azimuth 0")
 
 
+def test_the_geoid_separation_is_kept_for_maps_of_the_track(parts: Path) -> None:
+    assert run(parts, "--geoid-separation", "47.5") == 0
+    session = load_session(parts / "session")
+    assert session.dgps.reading.geoid_separation_m == 47.5
+    # the log itself states its own, and its positions are where they were
+    assert load_dgps(session)[0].position_runway_m == pytest.approx([45.26, 110.95, 15.01], abs=0.02)
+
+
 def test_links_and_a_part_of_it(parts: Path) -> None:
     assert run(parts, "--link") == 0
     assert (parts / "session" / "left.avi").is_symlink()

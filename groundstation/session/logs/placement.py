@@ -3,7 +3,7 @@
 import numpy as np
 
 from groundstation.errors import LogError
-from groundstation.geometry.geodesy import enu_from_geodetic
+from groundstation.geometry.geodesy import enu_from_geodetic, runway_axes
 from groundstation.messages import DgpsFix
 from groundstation.session.logs.gps_time import TimeScale, gps_from_civil, utc_day
 from groundstation.session.logs.read import MAX_EXTENT_M, GnssLog
@@ -28,9 +28,7 @@ def place_log(
     if nearest > MAX_EXTENT_M:
         got = f"positions {nearest / 1e3:.0f} km and more from the origin"
         raise LogError(log.name, got=got, wanted=f"some within {MAX_EXTENT_M / 1e3:.0f} km, or another origin")
-    azimuth = np.radians(y_axis_azimuth_deg)
-    s, c = np.sin(azimuth), np.cos(azimuth)
-    runway_from_enu = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    runway_from_enu = runway_axes(y_axis_azimuth_deg)
     position = enu @ runway_from_enu.T
     covariance = np.zeros((len(enu), 3, 3))
     covariance[:, [0, 1, 2], [0, 1, 2]] = log.sigma_enu_m**2
