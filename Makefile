@@ -9,7 +9,7 @@ KERNELS := $(shell grep -rl --include=*.py njit groundstation calibration)
 # every module as text, the tests' assertions included, half a minute of a core each.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test docs lint kernels kernels-aboard fuzz mutants peers cameras figures study constraints clean
+.PHONY: demo test docs docs-check lint kernels kernels-aboard fuzz mutants peers cameras figures study constraints clean
 
 # the versions that the tests ran with, for every install below
 PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
@@ -39,6 +39,10 @@ test: $(VENV)/installed $(VENV)/kernels
 docs: $(VENV)/installed
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going docs out/docs
 	@echo "wrote out/docs/index.html"
+
+## docs-check: the commands on the pages that take longer than 5 s; `make test` runs all others
+docs-check: $(VENV)/installed $(VENV)/kernels
+	$(BIN)/python -m pytest tests/docs/check_long_commands.py
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

@@ -2,29 +2,20 @@
 
 import argparse
 import ast
-import os
 import re
 import shlex
-import signal
-import subprocess
-import sys
-import threading
-import time
-import urllib.request
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from groundstation.cli.main import build_parser, main
-from groundstation.viewer import viewer_process as rerun_viewer
-from tests.docs.inputs import prepare
-from tests.docs.pages import PAGES, ROOT, Block, arguments, blocks, spoken_commands, text_of
+from groundstation.cli.main import build_parser
+from tests.docs.long_blocks import BLOCKS, LONG, is_long, run_by_docs_check, run_by_test
+from tests.docs.pages import PAGES, ROOT, arguments, spoken_commands, text_of
+from tests.docs.run_blocks import dry_run, run_blocks
 
 pytestmark = pytest.mark.usefixtures("unrendered_figures")
 
-BLOCKS = {page: tuple(blocks(page)) for page in PAGES}
 # every line of a shell that the pages show and that is not run here, and why
 NOT_RUN = {
     ("airstrip.md", "groundstation cameras list"): "fails without a camera; tests/cli/test_cameras.py",
@@ -56,9 +47,7 @@ NOT_RUN = {
 }
 # pages whose lines another file runs, to check their outputs as well
 RUN_ELSEWHERE = {"reproduce.md": "tests/experiments/test_reproduce.py"}
-RUN = [
-    page for page in PAGES if any(not block.parsed_only for block in BLOCKS[page]) and page.name not in RUN_ELSEWHERE
-]
+RUN = [page for page in PAGES if run_by_test(page) and page.name not in RUN_ELSEWHERE]
 
 
 def leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -69,101 +58,26 @@ def leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]
         yield parser
 
 
-@contextmanager
-def in_background(command: list[str]) -> Iterator[None]:
-    """Run a command of a line that ends in &, until the page is done."""
-    link = Path(command[command.index("--link") + 1])
-    with subprocess.Popen([sys.executable, "-m", "groundstation", *command], stdout=subprocess.DEVNULL) as process:
-        while not link.exists():
-            assert process.poll() is None, f"{command} ended"
-            time.sleep(0.05)
-        yield
-        process.terminate()
-
-
-@pytest.fixture
-def answered(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The page that `view --web` serves is requested, and kept here, and then Ctrl-C is pressed."""
-    pages: list[str] = []
-    serve, before = rerun_viewer.serve_recording, signal.getsignal(signal.SIGINT)
-
-    def ask(address: str) -> None:
-        deadline = time.monotonic() + 60.0
-        while not pages and time.monotonic() < deadline:
-            try:
-                with urllib.request.urlopen(address, timeout=10.0) as page:
-                    pages.append(page.read().decode())
-            except OSError:
-                time.sleep(0.05)
-        while signal.getsignal(signal.SIGINT) is before and time.monotonic() < deadline:
-            time.sleep(0.05)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    def serve_and_ask(
-        path: Path, environment: Mapping[str, str], web_port: int | None = None
-    ) -> tuple[str, subprocess.Popen[bytes]]:
-        address, process = serve(path, environment, web_port)
-        threading.Thread(target=ask, args=(address,), daemon=True).start()
-        return address, process
-
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    # whether it stopped at once is seen by its answer
-    monkeypatch.setattr(rerun_viewer, "STARTUP_S", 0.1)
-    monkeypatch.setattr(rerun_viewer, "serve_recording", serve_and_ask)
-    return pages
-
-
-def run_block(block: Block, answered: list[str]) -> None:
-    behind: list[list[str]] = []
-    for line in block.commands:
-        where = f"{block.page.name}:{block.line}: {line}"
-        if line.startswith("make "):
-            # what it would do: what `demo` and `test` are made of is run elsewhere
-            assert dry_run(line.split()[1]), where
-        if not line.startswith("groundstation "):
-            continue
-        words = arguments(line, block.extra)
-        if line.endswith("&"):
-            behind.append(words)
-            continue
-        if behind:
-            with in_background(behind[0]):
-                assert main(words) == 0, where
-        elif words == ["--version"]:
-            with pytest.raises(SystemExit) as ended:
-                main(words)
-            assert ended.value.code == 0, where
-        else:
-            assert main(words) == 0, where
-            if words[0] == "view":
-                assert "<title>Rerun Viewer</title>" in answered.pop(), where
-
-
-def dry_run(target: str) -> str:
-    """What make would do for a target, by make itself."""
-    make = subprocess.run(["make", "-n", "-C", ROOT, target], capture_output=True, text=True, check=True)
-    return make.stdout
-
-
-def run_page(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, answered: list[str]) -> None:
-    """Run what a page shows, from top to bottom, in a new folder; every command has to end well."""
-    prepare(folder, ".")
-    done = {"."}
-    for block in BLOCKS[page]:
-        if block.parsed_only:
-            continue
-        if block.folder not in done:
-            prepare(folder, block.folder)
-            done.add(block.folder)
-        monkeypatch.chdir(folder / block.folder)
-        run_block(block, answered)
-
-
 @pytest.mark.usefixtures("unhurried_shutdown")
 @pytest.mark.parametrize("page", RUN, ids=lambda p: str(p.relative_to(ROOT)))
 def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answered: list[str]) -> None:
-    run_page(page, tmp_path, monkeypatch, answered)
+    run_blocks(run_by_test(page), tmp_path, monkeypatch, answered)
+
+
+def test_each_block_is_run_by_one_of_the_two() -> None:
+    """Expected: each line of the list names one block that is run, and docs-check runs those and no others."""
+    for name, line in LONG:
+        named = [b for page in PAGES for b in BLOCKS[page] if b.page.name == name and b.commands[0].startswith(line)]
+        assert len(named) == 1, f"{name}: {line}"
+        assert is_long(named[0])
+        assert not named[0].parsed_only
+        assert name not in RUN_ELSEWHERE
+    for page in PAGES:
+        both = [*run_by_test(page), *run_by_docs_check(page)]
+        assert sorted(b.line for b in both) == [b.line for b in BLOCKS[page] if not b.parsed_only]
+    assert sum(len(run_by_docs_check(page)) for page in PAGES) == len(LONG)
+    assert "-m pytest tests/docs/check_long_commands.py\n" in dry_run("docs-check")
+    assert "run_by_docs_check(page)" in text_of(ROOT / "tests" / "docs" / "check_long_commands.py")
 
 
 def test_what_is_not_run_is_on_the_list() -> None:
@@ -180,7 +94,7 @@ def test_what_is_not_run_is_on_the_list() -> None:
     named = {name for why in NOT_RUN.values() for name in re.findall(r"tests/[\w/]+\.py", why)}
     assert all((ROOT / name).is_file() for name in named)
     for page, file in RUN_ELSEWHERE.items():
-        assert f'run_page(ROOT / "docs" / "{page}", ' in text_of(ROOT / file)
+        assert f'run_by_test(ROOT / "docs" / "{page}")' in text_of(ROOT / file)
 
 
 def test_make_demo_and_make_test_match_the_pages() -> None:
@@ -245,7 +159,7 @@ def test_every_command_is_on_the_page_of_commands() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_targets_and_benchmarks_exist(page: Path) -> None:
-    targets = set(re.findall(r"^([a-z]+):", text_of(ROOT / "Makefile"), re.MULTILINE))
+    targets = set(re.findall(r"^([a-z-]+):", text_of(ROOT / "Makefile"), re.MULTILINE))
     for block in BLOCKS[page]:
         for line in block.commands:
             if line.startswith("make "):

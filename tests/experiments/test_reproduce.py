@@ -27,8 +27,9 @@ from groundstation.experiments.tables import ResultTable
 from groundstation.experiments.truth_session import TruthSession
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.scenes.sequences import NoseFrame, Renderer
+from tests.docs.long_blocks import run_by_test
 from tests.docs.pages import ROOT
-from tests.docs.test_commands import run_page
+from tests.docs.run_blocks import run_blocks
 
 # near the start, where little has to be decoded
 FROM_S, TO_S = 2.0, 2.5
@@ -72,7 +73,7 @@ def again(tmp_path_factory: pytest.TempPathFactory, drawn_once: None) -> Path:
     """What the documentation's own lines leave: all experiments on the same stretch once more, from the pictures on."""
     folder = tmp_path_factory.mktemp("page")
     with pytest.MonkeyPatch.context() as patch:
-        run_page(ROOT / "docs" / "reproduce.md", folder, patch, [])
+        run_blocks(run_by_test(ROOT / "docs" / "reproduce.md"), folder, patch, [])
     return folder / "out" / "reproduce"
 
 

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,13 +20,14 @@ from groundstation.errors import InputError
 from groundstation.messages import Kinematics, StepReport, TrackEstimate, TrackStatus, TriangulationStatus
 from groundstation.replay.run_planning import SourceKind, plan_runs, source_kind
 from groundstation.replay.view import ViewRequest, names_line, prepare_view
+from groundstation.rig.rig import Rig, load_rig
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.viewer import viewer_process as rerun_viewer
 from groundstation.viewer.entity_paths import RANGE_COLOURS, range_colour
 from groundstation.viewer.merge_recordings import RunAlignment, read_track
+from groundstation.viewer.recording_check import check_recording
 from groundstation.viewer.rerun_sink import RerunSink
 from groundstation.viewer.viewer_process import web_viewer_command
-from tests.viewer.synthetic import Landing
 
 ROOT = Path(__file__).resolve().parents[2]
 PAIRS = 60
@@ -54,10 +56,16 @@ def estimates(start_s: float) -> list[TrackEstimate]:
     return made
 
 
-@pytest.fixture
-def two(tmp_path: Path) -> tuple[Path, Path]:
-    rig = Landing(ROOT / "recordings" / "landing-1").rig
-    folders = (tmp_path / "monday", tmp_path / "tuesday")
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return load_rig(ROOT / "recordings" / "landing-1" / "rig.toml")
+
+
+@pytest.fixture(scope="module")
+def two(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Two runs' folders, which no test changes."""
+    days = tmp_path_factory.mktemp("days")
+    folders = (days / "monday", days / "tuesday")
     for folder, start_s in zip(folders, (5.0, 1000.0), strict=True):
         folder.mkdir()
         sink = RerunSink(folder / "session.rrd", rig, session_name=folder.name)
@@ -65,6 +73,24 @@ def two(tmp_path: Path) -> tuple[Path, Path]:
             sink.write(StepReport(estimates=(estimate,)))
         sink.close()
     return folders
+
+
+@pytest.fixture(scope="module", autouse=True)
+def checked_once() -> Iterator[None]:
+    """A recording is read to its end by a process of its own, and a file that has not changed since then is whole."""
+    whole: set[tuple[Path, int, int]] = set()
+
+    def check(path: Path) -> None:
+        state = path.stat() if path.is_file() else None
+        content = (path.resolve(), state.st_size, state.st_mtime_ns) if state else None
+        if content not in whole:
+            check_recording(path)
+            if content is not None:
+                whole.add(content)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("groundstation.replay.view.check_recording", check)
+        yield
 
 
 def moving(path: Path, entity: str) -> pa.Table:
@@ -226,10 +252,9 @@ def searching(start_s: float) -> list[TrackEstimate]:
 
 @pytest.mark.parametrize("tables", [False, True])
 def test_a_run_without_an_estimate_is_shown_next_to_the_others_and_reported(
-    two: tuple[Path, Path], tmp_path: Path, tables: bool
+    two: tuple[Path, Path], rig: Rig, tmp_path: Path, tables: bool
 ) -> None:
     empty = tmp_path / "empty"
-    rig = Landing(ROOT / "recordings" / "landing-1").rig
     empty.mkdir()
     sink = TrackFilesSink(empty) if tables else RerunSink(empty / "session.rrd", rig, session_name="empty")
     for estimate in searching(40.0):
@@ -269,8 +294,9 @@ def test_a_session_that_cannot_be_replayed_shows_its_pictures_and_references(tmp
         prepare_view(ViewRequest(sources=(session,), work=tmp_path / "work"))
 
 
-def test_a_run_without_a_touchdown_is_reported_when_aligned_by_it(two: tuple[Path, Path], tmp_path: Path) -> None:
-    rig = Landing(ROOT / "recordings" / "landing-1").rig
+def test_a_run_without_a_touchdown_is_reported_when_aligned_by_it(
+    two: tuple[Path, Path], rig: Rig, tmp_path: Path
+) -> None:
     above = tmp_path / "above"
     above.mkdir()
     sink = RerunSink(above / "session.rrd", rig, session_name="above")
