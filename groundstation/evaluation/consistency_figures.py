@@ -21,6 +21,7 @@ from groundstation.geometry.chi_square import chi_square_quantile
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+LATENCY = "latency"
 _WINDOW_S = 2.0
 _POSITION_DOF = 3.0
 
@@ -94,7 +95,7 @@ def _chi_square(
     ax.fill_between(t_s[::step], band[0], band[1], color="#999999", alpha=0.3, lw=0, label="95 % band")
     draw_dots(ax, t_s[::step], (values / dof)[::step], 2.0, EKF, 0.35)
     ax.plot(t_s[::step], (total / freedom)[::step], color=EKF, label=f"mean over {_WINDOW_S:.0f} s")
-    ax.axhline(1.0, color="#444444", lw=0.8)
+    ax.axhline(1.0, color="#777777", lw=0.8)
     ax.set_ylim(0, max(4.0, 1.2 * float((total / freedom).max())))
     ax.set_xlabel("session time in s")
     ax.set_ylabel(name)
@@ -105,7 +106,7 @@ def _latency_picture(e: Evaluation) -> ReportFigure:
     ms = 1e3 * e.epochs["latency_s"].astype(np.float64)
     p50, p99 = np.nanpercentile(ms, [50, 99])
     return ReportFigure(
-        name="latency",
+        name=LATENCY,
         title="How long from picture to answer?",
         caption="Each pair's time from its first picture's arrival to its estimate; lines at the median and at 99 %.",
         alt=f"Median {p50:.1f} ms, 99 % within {p99:.1f} ms.",

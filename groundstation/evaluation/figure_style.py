@@ -26,6 +26,12 @@ _PHASE_ALPHA = 0.13
 _WIDTH_IN = 4.7
 _PNG_DPI = 200
 MAX_POINTS = 1000
+_BLACK_STROKE, _WHITE_GROUND = "stroke: #000000", '"fill: #ffffff"'
+REPORT_CSS = """
+:root{color-scheme:light dark}.pictures svg text{fill:currentColor}
+@media screen and (prefers-color-scheme:dark){:root{--ink:#e6e9ec;--soft:#a3acb5;--line:#3a424a;--panel:#20262c;
+--accent:#3fa0de}body{background:#14181c}}
+"""
 _STYLE: dict[Any, Any] = {
     # would merge the two ends of a dot, and lines have few points
     "path.simplify": False,
@@ -36,7 +42,8 @@ _STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": "#dddddd",
+    "grid.color": "#808080",
+    "grid.alpha": 0.27,
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.4,
     "legend.frameon": False,
@@ -87,15 +94,19 @@ class ReportFigure:
             svg, png = render(figure)
         label = escape(f"{self.title}. {self.alt}", quote=True)
         element = svg[svg.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
-        return RenderedFigure(picture=self, svg=element, png=png)
+        # on the page's own background and in the colour of its text, light or dark
+        shown = element.replace(_BLACK_STROKE, "stroke: currentColor").replace(_WHITE_GROUND, '"fill: none"')
+        file = f"<?xml version='1.0' encoding='utf-8'?>\n{element}"
+        return RenderedFigure(picture=self, svg=shown, svg_file=file, png=png)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderedFigure:
-    """A figure as an SVG element with a description, and as a PNG file."""
+    """A figure as an SVG element of a page with a description, as an SVG file, and as a PNG file."""
 
     picture: ReportFigure
     svg: str
+    svg_file: str
     png: bytes
 
 
