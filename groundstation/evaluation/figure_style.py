@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's palette, distinguishable with any colour vision; markers and line styles also distinguish the series
 EKF, TRIANGULATION, DGPS, TRUTH, BOUND, SMOOTHED = "#0072B2", "#E69F00", "#009E73", "#000000", "#CC79A7", "#D55E00"
-_PHASE_SHADES = {"sky": "#56B4E9", "mixed": "#F0E442", "ground": "#8C6D46"}
+PHASE_COLOURS = {"sky": "#56B4E9", "mixed": "#F0E442", "ground": "#8C6D46"}
 _PHASE_ALPHA = 0.13
 # narrow, so that the text is still readable where a phone shows the figure 360 px wide
 _WIDTH_IN = 4.7
@@ -194,5 +194,5 @@ def shade_phases(ax: "Axes", phases: Sequence[PhaseLike], label: bool) -> None:
     for phase in phases:
         name = phase.background if label and phase.background not in seen else None
         seen.add(phase.background)
-        shade = _PHASE_SHADES.get(phase.background, "#999999")
+        shade = PHASE_COLOURS.get(phase.background, "#999999")
         ax.axvspan(phase.from_s, phase.to_s, color=shade, alpha=_PHASE_ALPHA, lw=0, label=name)

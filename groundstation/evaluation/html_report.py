@@ -20,6 +20,7 @@ from groundstation.evaluation.report_tables import accuracy_section, calibration
 from groundstation.evaluation.report_verdict import verdict_section
 from groundstation.evaluation.silhouette_section import SILHOUETTE_CSS, silhouette_section
 from groundstation.evaluation.silhouettes import Silhouette
+from groundstation.evaluation.zoom_plot import ZOOM_CSS, zoom_plots, zoom_script, zoomable
 from groundstation.files.html_page import (
     PAGE_END,
     Column,
@@ -93,12 +94,13 @@ def _page(
     """Return the page piece by piece; of the figures ``shown`` that of the latency is the last."""
     summary = evaluation.summary
     name = str(summary["session"]["name"])
-    yield page_head(f"{name} – Groundstation", REPORT_CSS + SILHOUETTE_CSS)
+    yield page_head(f"{name} – Groundstation", REPORT_CSS + SILHOUETTE_CSS + ZOOM_CSS)
     tracked = summary["counts"]["track"]["tracking"] > 0
     yield "\n".join([page_header("replay report", name), "<main>", verdict_section(summary), ""])
     yield silhouette_section(silhouettes, tracked=tracked)
     latency: list[RenderedFigure] = []
-    yield from _gallery("<h2>Track, errors and consistency</h2>", _before_latency(shown, latency))
+    plots = zoom_plots(evaluation)
+    yield from _gallery("<h2>Track, errors and consistency</h2>", _before_latency(shown, latency), plots)
     yield "\n".join(
         [
             "",
@@ -110,8 +112,8 @@ def _page(
             effort_section(summary),
         ]
     )
-    yield from _gallery("", latency)
-    yield "\n".join(["", provenance_section(summary), "</main>"])
+    yield from _gallery("", latency, {})
+    yield "\n".join(["", provenance_section(summary), "</main>", zoom_script() if plots else ""])
     yield PAGE_END
 
 
@@ -124,12 +126,13 @@ def _before_latency(shown: Iterator[RenderedFigure], latency: list[RenderedFigur
             yield drawn
 
 
-def _gallery(heading: str, shown: Iterable[RenderedFigure]) -> Iterator[str]:
-    """Return the pictures with their captions, one after the other."""
+def _gallery(heading: str, shown: Iterable[RenderedFigure], plots: dict[str, str]) -> Iterator[str]:
+    """Return the pictures with their captions, one after the other; ``plots`` are those that can be zoomed."""
     start = f"{heading}<div class='pictures'>"
     for drawn in shown:
         yield start
-        yield from figure_parts(drawn.picture.title, drawn.picture.caption, drawn.svg)
+        drawing = zoomable(drawn.svg, plots.get(drawn.picture.name))
+        yield from figure_parts(drawn.picture.title, drawn.picture.caption, drawing)
         start = ""
     if not start:
         yield "</div>"
