@@ -90,6 +90,10 @@ class Picture(ABC):
         """Return all of it for display, (h, w, 3) uint8 BGR; this is not counted as reading."""
         return self._pixels(Box(0, 0, *self.size_px))
 
+    def preview_of(self, window: Box[int]) -> ImageArray:
+        """Return a window for display, which `available` returned; like `preview` not counted as reading."""
+        return self._pixels(window)
+
     @abstractmethod
     def _pixels(self, window: Box[int]) -> ImageArray:
         """Return a window that lies inside."""

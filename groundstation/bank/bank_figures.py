@@ -85,4 +85,5 @@ def _classes(classes: Sequence[ClassFigures]) -> ReportFigure:
         alt=f"The most harmful class is {worst.factor} {worst.kind} with {100 * worst.hit:.0f} % hit.",
         draw=draw,
         height_in=0.6 + 0.22 * len(shown),
+        fitted=True,
     )

@@ -4,6 +4,8 @@ import math
 import textwrap
 from typing import Any
 
+from groundstation.evaluation.chi_square_words import describe_nees, describe_nis
+
 _WIDTH = 98
 _UNITS = (
     ("runway_from_base", "deg", 180.0 / math.pi),
@@ -31,9 +33,11 @@ def format_accuracy_table(summary: dict[str, Any]) -> str:
     blocks += [f"cannot be right: {line}" for line in summary.get("contradictions", ())]
     if summary.get("no_track"):
         blocks.append(summary["no_track"])
+    first = True
     for name, table in summary["accuracy"].items():
         if table["total"]["ekf"]["epochs"] or table["total"]["triangulation"]["epochs"]:
-            blocks.append(_accuracy_block(_NAMES.get(name, name), table))
+            blocks.append(_accuracy_block(_NAMES.get(name, name), table, explained=first))
+            first = first and not table["anees"]
     if not summary["accuracy"]:
         blocks.append("no reference: nothing to compare with")
     blocks.append(
@@ -69,8 +73,8 @@ def _title(summary: dict[str, Any]) -> str:
     return f"{session['name']}: {session['epochs']} epochs, {length:.1f} s, stations {stations}\ntrack: {words}"
 
 
-def _accuracy_block(name: str, table: dict[str, Any]) -> str:
-    """Return one reference's rows: total, ranges, backgrounds."""
+def _accuracy_block(name: str, table: dict[str, Any], *, explained: bool = True) -> str:
+    """Return one reference's rows: total, ranges, backgrounds; the meaning of NEES if it is to be ``explained``."""
     lines = [f"RMSE in m {name}, EKF and triangulation on the same epochs", _HEADER, "─" * len(_HEADER)]
     lines.append(_row("all", table["total"]))
     for group in table["by_range"]:
@@ -98,10 +102,7 @@ def _accuracy_block(name: str, table: dict[str, Any]) -> str:
         )
     anees = table["anees"]
     if anees:
-        lines.append(
-            f"ANEES {anees['mean']:.2f} (1 is ideal; 95 % of independent errors: "
-            f"{anees['low_95']:.2f} … {anees['high_95']:.2f}; ours are correlated)"
-        )
+        lines.append(describe_nees(anees, first=explained))
     if "smoothed" in table:
         lines.append(_smoothed_line(table["smoothed"]))
     return "\n".join(lines)
@@ -185,10 +186,7 @@ def _consistency_lines(summary: dict[str, Any]) -> list[str]:
     lines = []
     nis = summary["nis"]["all"]
     if nis["mean"] is not None:
-        lines.append(
-            f"NIS {nis['mean']:.2f} per degree of freedom (95 %: {nis['low_95']:.2f} … {nis['high_95']:.2f}), "
-            f"{nis['rejected']} of {nis['judged']} pixels rejected"
-        )
+        lines.append(describe_nis(nis))
     latency = summary["latency_ms"]
     if latency["p50"]:
         lines.append(

@@ -1,7 +1,8 @@
 """The report's pictures of consistency and of latency."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.evaluate import Evaluation
@@ -9,6 +10,7 @@ from groundstation.evaluation.figure_style import (
     EKF,
     TRIANGULATION,
     ReportFigure,
+    draw_dots,
     legend_above,
     shade_phases,
     stride,
@@ -16,6 +18,10 @@ from groundstation.evaluation.figure_style import (
 from groundstation.evaluation.metrics import Comparison
 from groundstation.geometry.chi_square import chi_square_quantile
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LATENCY = "latency"
 _WINDOW_S = 2.0
 _POSITION_DOF = 3.0
 
@@ -60,13 +66,13 @@ def _nees_picture(e: Evaluation, name: str, comparison: Comparison) -> ReportFig
     )
 
 
-def _nees(figure: Figure, e: Evaluation, c: Comparison) -> None:
+def _nees(figure: "Figure", e: Evaluation, c: Comparison) -> None:
     """Draw NEES per degree of freedom over time."""
     nees = c.nees()
     _chi_square(figure, e, c.t_s[c.ekf_known], nees, np.full(len(nees), _POSITION_DOF), "NEES / freedom")
 
 
-def _nis(figure: Figure, e: Evaluation) -> None:
+def _nis(figure: "Figure", e: Evaluation) -> None:
     """Draw NIS per degree of freedom over time."""
     rows = e.cameras[np.isfinite(e.cameras["nis"]) & e.cameras["accepted"]]
     rows = rows[np.argsort(rows["t_s"], kind="stable")]
@@ -74,7 +80,9 @@ def _nis(figure: Figure, e: Evaluation) -> None:
     _chi_square(figure, e, rows["t_s"], rows["nis"].astype(np.float64), dof, "NIS / freedom")
 
 
-def _chi_square(figure: Figure, e: Evaluation, t_s: FloatArray, values: FloatArray, dof: FloatArray, name: str) -> None:
+def _chi_square(
+    figure: "Figure", e: Evaluation, t_s: FloatArray, values: FloatArray, dof: FloatArray, name: str
+) -> None:
     """Draw χ² values (n,) over time (n,), their running mean, and the mean's 95 % band."""
     ax = figure.subplots()
     lo = np.searchsorted(t_s, t_s - _WINDOW_S / 2)
@@ -85,9 +93,9 @@ def _chi_square(figure: Figure, e: Evaluation, t_s: FloatArray, values: FloatArr
     band = chi_square_quantile(np.array([[0.025], [0.975]]), freedom[::step]) / freedom[::step]
     shade_phases(ax, e.run.phases, label=False)
     ax.fill_between(t_s[::step], band[0], band[1], color="#999999", alpha=0.3, lw=0, label="95 % band")
-    ax.plot(t_s[::step], (values / dof)[::step], ".", ms=2, color=EKF, alpha=0.35)
+    draw_dots(ax, t_s[::step], (values / dof)[::step], 2.0, EKF, 0.35)
     ax.plot(t_s[::step], (total / freedom)[::step], color=EKF, label=f"mean over {_WINDOW_S:.0f} s")
-    ax.axhline(1.0, color="#444444", lw=0.8)
+    ax.axhline(1.0, color="#777777", lw=0.8)
     ax.set_ylim(0, max(4.0, 1.2 * float((total / freedom).max())))
     ax.set_xlabel("session time in s")
     ax.set_ylabel(name)
@@ -98,7 +106,7 @@ def _latency_picture(e: Evaluation) -> ReportFigure:
     ms = 1e3 * e.epochs["latency_s"].astype(np.float64)
     p50, p99 = np.nanpercentile(ms, [50, 99])
     return ReportFigure(
-        name="latency",
+        name=LATENCY,
         title="How long from picture to answer?",
         caption="Each pair's time from its first picture's arrival to its estimate; lines at the median and at 99 %.",
         alt=f"Median {p50:.1f} ms, 99 % within {p99:.1f} ms.",
@@ -107,12 +115,12 @@ def _latency_picture(e: Evaluation) -> ReportFigure:
     )
 
 
-def _latency(figure: Figure, e: Evaluation, ms: FloatArray) -> None:
+def _latency(figure: "Figure", e: Evaluation, ms: FloatArray) -> None:
     """Draw the latency of each epoch."""
     ax = figure.subplots()
     shade_phases(ax, e.run.phases, label=False)
     step = stride(len(ms))
-    ax.plot(e.epochs["t_s"][::step], ms[::step], ".", ms=3, color=EKF)
+    draw_dots(ax, e.epochs["t_s"][::step], ms[::step], 2.5, EKF, 1.0)
     for percent, style in ((50, "-"), (99, "--")):
         value = float(np.nanpercentile(ms, percent))
         label = f"{'median' if percent == 50 else '99 %'} {value:.1f} ms"

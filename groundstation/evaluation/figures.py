@@ -1,11 +1,9 @@
 """The pictures of report.html: no window system, no global plotting state, a palette for all eyes."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from groundstation.evaluation.checked_reference import CheckedReference
 from groundstation.evaluation.collector import TRIANGULATION_STATUSES
@@ -19,13 +17,19 @@ from groundstation.evaluation.figure_style import (
     TRIANGULATION,
     TRUTH,
     ReportFigure,
+    draw_dots,
     gapped,
     legend_above,
+    reserve_rows,
     shade_phases,
     stride,
 )
 from groundstation.evaluation.metrics import Comparison, in_bin, range_bins
 from groundstation.messages import TriangulationStatus
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _AXES = ("x", "y", "z")
 _AXIS_NAMES = ("x, sideways", "y, along the runway", "z, height")
@@ -69,7 +73,7 @@ def _projection_picture(e: Evaluation, axis: int, name: str, title: str, caption
     )
 
 
-def _projection(figure: Figure, e: Evaluation, axis: int) -> None:
+def _projection(figure: "Figure", e: Evaluation, axis: int) -> None:
     """Draw one coordinate over y: triangulation, references, track."""
     ax = figure.subplots()
     step = stride(len(e.epochs))
@@ -77,7 +81,7 @@ def _projection(figure: Figure, e: Evaluation, axis: int) -> None:
     ok = rows["triangulation_status"] == TRIANGULATION_STATUSES.index(TriangulationStatus.OK)
     known = np.isfinite(rows["position_m"]).all(axis=1)
     points = rows["ml_point_m"][ok]
-    ax.plot(points[:, 1], points[:, axis], ".", ms=3, color=TRIANGULATION, alpha=0.6, label="triangulation")
+    draw_dots(ax, points[:, 1], points[:, axis], 2.5, TRIANGULATION, 0.6, "triangulation")
     if e.truth is not None:
         t = e.truth.position_m[:: stride(len(e.truth))]
         ax.plot(t[:, 1], t[:, axis], color=TRUTH, lw=2.6, alpha=0.35, label="truth")
@@ -98,7 +102,7 @@ def _projection(figure: Figure, e: Evaluation, axis: int) -> None:
     legend_above(ax, 3)
 
 
-def _hatch_excluded(ax: Axes, reference: CheckedReference | None, label: bool) -> None:
+def _hatch_excluded(ax: "Axes", reference: CheckedReference | None, label: bool) -> None:
     """Hatch the spans of the reference that are not compared with."""
     spans = reference.excluded if reference is not None else ()
     for k, span in enumerate(spans):
@@ -123,7 +127,7 @@ def _error_picture(e: Evaluation, name: str, comparison: Comparison) -> ReportFi
     )
 
 
-def _errors(figure: Figure, e: Evaluation, c: Comparison, reference: CheckedReference | None) -> None:
+def _errors(figure: "Figure", e: Evaluation, c: Comparison, reference: CheckedReference | None) -> None:
     """Draw error over time with ±2σ, one panel per axis; what is left out of ``reference`` is hatched."""
     panels = figure.subplots(3, 1, sharex=True)
     step = stride(len(c.t_s))
@@ -135,7 +139,7 @@ def _errors(figure: Figure, e: Evaluation, c: Comparison, reference: CheckedRefe
         _hatch_excluded(ax, reference, label=axis == 0)
         ax.fill_between(t, -2 * sigma, 2 * sigma, color=EKF, alpha=0.22, lw=0, label="±2 σ" if axis == 0 else None)
         triangulated = c.triangulation_error_m[::step, axis][seen]
-        ax.plot(t[seen], triangulated, ".", ms=2.5, color=TRIANGULATION, alpha=0.7, label="triangulation")
+        draw_dots(ax, t[seen], triangulated, 2.2, TRIANGULATION, 0.7, "triangulation" if axis == 0 else "")
         ax.plot(t, gapped(error, known), color=EKF, label="EKF")
         reach = max(np.percentile(np.abs(error[known]), 99), np.nanpercentile(2 * sigma, 98), 0.01)
         ax.set_ylim(-1.3 * reach, 1.3 * reach)
@@ -161,8 +165,12 @@ def _bound_picture(e: Evaluation, best: tuple[str, Comparison] | None, edges_m: 
     )
 
 
-def _bound_panels(figure: Figure, e: Evaluation, best: tuple[str, Comparison] | None, edges_m: Sequence[float]) -> None:
+def _bound_panels(
+    figure: "Figure", e: Evaluation, best: tuple[str, Comparison] | None, edges_m: Sequence[float]
+) -> None:
     """Draw one panel per axis, sigma over range, logarithmic."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
     panels = figure.subplots(3, 1, sharex=True)
     place = e.epochs["position_m"][:, 1]
     y = place if best is None else np.where(best[1].usable, best[1].reference_m[:, 1], place)
@@ -183,15 +191,16 @@ def _bound_panels(figure: Figure, e: Evaluation, best: tuple[str, Comparison] | 
         ax.set_yscale("log")
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.yaxis.set_minor_locator(NullLocator())
         ax.set_ylabel(f"{_AXES[axis]} in m")
-        ax.set_title(_AXIS_NAMES[axis], fontsize=9.5, loc="right", pad=2)
+        ax.set_title(_AXIS_NAMES[axis], fontsize=9.5, loc="right", y=1.0, pad=2)
     panels[-1].set_xlabel("range y in m")
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=2, columnspacing=1.2, handletextpad=0.5)
+    figure.legend(handles, labels, loc="upper left", ncols=2, columnspacing=1.2, handletextpad=0.5)
+    reserve_rows(figure, -(-len(labels) // 2))
 
 
-def _bin_markers(ax: Axes, c: Comparison, axis: int, edges_m: Sequence[float]) -> None:
+def _bin_markers(ax: "Axes", c: Comparison, axis: int, edges_m: Sequence[float]) -> None:
     """Mark the root mean square errors of each range bin at its mean range."""
     for errors, known, colour, marker, name in (
         (c.ekf_error_m, c.ekf_known, EKF, "o", "error, EKF"),

@@ -1,7 +1,9 @@
-"""report.html: one self-contained page on one run; its figures are also written as files."""
+"""report.html: one self-contained page on one run; its figures are also written as files.
+
+Verdict first, then what can be seen, then tables; effort (times, memory, provenance) last.
+"""
 
 import gc
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
@@ -9,11 +11,16 @@ from typing import Any
 
 from groundstation.errors import InputError
 from groundstation.evaluation.config import EvaluationConfig
+from groundstation.evaluation.consistency_figures import LATENCY
 from groundstation.evaluation.evaluate import Evaluation
-from groundstation.evaluation.figure_style import RenderedFigure, ReportFigure
+from groundstation.evaluation.figure_style import REPORT_CSS, RenderedFigure, ReportFigure
 from groundstation.evaluation.figures import pictures
-from groundstation.evaluation.plain_summary import plain_summary
-from groundstation.evaluation.report_tables import accuracy_section, calibration_section, latency_section
+from groundstation.evaluation.report_effort import effort_section, provenance_section
+from groundstation.evaluation.report_tables import accuracy_section, calibration_section
+from groundstation.evaluation.report_verdict import verdict_section
+from groundstation.evaluation.silhouette_section import SILHOUETTE_CSS, silhouette_section
+from groundstation.evaluation.silhouettes import Silhouette
+from groundstation.evaluation.zoom_plot import ZOOM_CSS, zoom_plots, zoom_script, zoomable
 from groundstation.files.html_page import (
     PAGE_END,
     Column,
@@ -22,24 +29,25 @@ from groundstation.files.html_page import (
     page_header,
     page_table,
     plain,
-    verdict_line,
 )
 from groundstation.files.output_names import below
 
 FIGURES = "figures"
 # sweeping takes a tenth of a second, which a short flight is not worth
 _MANY_EPOCHS = 10_000
-_REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
 _CLOCK_CAVEAT = (
     "The ± is of what is new at each pair: an error along the path that lasts, as where on the aircraft its nose is "
     "detected, is not in it, and the clock can be several times as far off."
 )
 
 
-def write_report(path: Path, evaluation: Evaluation, config: EvaluationConfig) -> tuple[Path, ...]:
+def write_report(
+    path: Path, evaluation: Evaluation, config: EvaluationConfig, silhouettes: Sequence[Sequence[Silhouette]] = ()
+) -> tuple[Path, ...]:
     """Write report.html, and its figures as PNG and SVG into the folder ``figures``; returns page and folder.
 
-    Raises `InputError` if a file can't be written. A run without pictures leaves no folder.
+    ``silhouettes`` are pairs of pictures from far to near (`SilhouetteCollector.shown`). A run without figures leaves
+    no folder. Raises `InputError` if a file can't be written.
     """
     shown = pictures(evaluation, config.range_bins_m)
     folder = path.parent / FIGURES
@@ -48,15 +56,19 @@ def write_report(path: Path, evaluation: Evaluation, config: EvaluationConfig) -
             folder.mkdir(exist_ok=True)
         with path.open("w", encoding="utf-8") as page:
             # a figure is drawn when its turn comes and then let go: of an hour's flight all of them are large
-            page.writelines(_page(evaluation, _in_turn(shown, folder, long=len(evaluation.epochs) > _MANY_EPOCHS)))
+            drawn = _in_turn(shown, folder, long=len(evaluation.epochs) > _MANY_EPOCHS)
+            page.writelines(_page(evaluation, drawn, silhouettes))
     except OSError as fault:
         raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
     return (path, folder) if shown else (path,)
 
 
-def report_page(evaluation: Evaluation, config: EvaluationConfig) -> str:
+def report_page(
+    evaluation: Evaluation, config: EvaluationConfig, silhouettes: Sequence[Sequence[Silhouette]] = ()
+) -> str:
     """Return the whole page; it loads nothing from anywhere."""
-    return "".join(_page(evaluation, (picture.drawn() for picture in pictures(evaluation, config.range_bins_m))))
+    drawn = (picture.drawn() for picture in pictures(evaluation, config.range_bins_m))
+    return "".join(_page(evaluation, drawn, silhouettes))
 
 
 def _in_turn(shown: Sequence[ReportFigure], folder: Path, *, long: bool) -> Iterator[RenderedFigure]:
@@ -71,77 +83,56 @@ def _in_turn(shown: Sequence[ReportFigure], folder: Path, *, long: bool) -> Iter
 def _kept(drawn: RenderedFigure, folder: Path) -> RenderedFigure:
     """Write a figure's two files and hand it on."""
     name = drawn.picture.name
-    below(folder, f"{name}.svg").write_text(f"<?xml version='1.0' encoding='utf-8'?>\n{drawn.svg}", encoding="utf-8")
+    below(folder, f"{name}.svg").write_text(drawn.svg_file, encoding="utf-8")
     below(folder, f"{name}.png").write_bytes(drawn.png)
     return drawn
 
 
-def _page(evaluation: Evaluation, shown: Iterable[RenderedFigure]) -> Iterator[str]:
-    """Return the page piece by piece."""
+def _page(
+    evaluation: Evaluation, shown: Iterator[RenderedFigure], silhouettes: Sequence[Sequence[Silhouette]]
+) -> Iterator[str]:
+    """Return the page piece by piece; of the figures ``shown`` that of the latency is the last."""
     summary = evaluation.summary
     name = str(summary["session"]["name"])
-    yield page_head(f"{name} – Groundstation")
-    yield "\n".join(
-        [
-            page_header("replay report", name),
-            "<main>",
-            verdict_line(plain_summary(summary)),
-            *(f"<p class='fault'>{escape(fault)}</p>" for fault in summary["faults"]),
-            _tiles(summary),
-            *(accuracy_section(name, table) for name, table in summary["accuracy"].items()),
-            "",
-        ]
-    )
-    yield from _gallery(shown)
+    yield page_head(f"{name} – Groundstation", REPORT_CSS + SILHOUETTE_CSS + ZOOM_CSS)
+    tracked = summary["counts"]["track"]["tracking"] > 0
+    yield "\n".join([page_header("replay report", name), "<main>", verdict_section(summary), ""])
+    yield silhouette_section(silhouettes, tracked=tracked)
+    latency: list[RenderedFigure] = []
+    plots = zoom_plots(evaluation)
+    yield from _gallery("<h2>Track, errors and consistency</h2>", _before_latency(shown, latency), plots)
     yield "\n".join(
         [
             "",
+            *(accuracy_section(reference, table) for reference, table in summary["accuracy"].items()),
             _reference(summary["reference"]),
             calibration_section(summary["calibration"]),
             _counts(summary),
-            latency_section(summary),
             _events(evaluation.events),
-            _appendix(summary),
-            "</main>",
+            effort_section(summary),
         ]
     )
+    yield from _gallery("", latency, {})
+    yield "\n".join(["", provenance_section(summary), "</main>", zoom_script() if plots else ""])
     yield PAGE_END
 
 
-def _tiles(summary: dict[str, Any]) -> str:
-    """Return the key figures."""
-    session, latency, nis = summary["session"], summary["latency_ms"], summary["nis"]["all"]
-    tiles = []
-    if session["epochs"]:
-        tiles.append((f"{session['epochs']} pairs", f"{session['to_s'] - session['from_s']:.1f} s of recording"))
-    for name, table in summary["accuracy"].items():
-        if table["anees"]:
-            a = table["anees"]
-            tiles.append(
-                (
-                    f"ANEES {a['mean']:.2f}",
-                    f"against {_REFERENCES.get(name, name)}; 1 is ideal, "
-                    f"{a['low_95']:.2f}–{a['high_95']:.2f} if independent",
-                )
-            )
-    if nis["mean"] is not None:
-        tiles.append((f"NIS {nis['mean']:.2f}", f"{nis['rejected']} of {nis['judged']} pixels rejected"))
-    offset = summary["reference"]["time_offset"]
-    if offset and offset["offset_s"] is not None:
-        tiles.append((f"{offset['offset_s']:+.4f} s", f"DGPS clock ± {1e3 * offset['sigma_s']:.1f} ms of noise"))
-    if latency["p50"]:
-        tiles.append((f"{latency['p50']:.1f} ms", f"median latency, {latency['p99']:.1f} ms at 99 %"))
-    tiles += [(f"{value:.3g}", key.replace("_", " ")) for key, value in summary["speed"].items() if value is not None]
-    cells = "".join(f"<div class='tile'><b>{escape(a)}</b><span>{escape(b)}</span></div>" for a, b in tiles)
-    return f"<div class='tiles'>{cells}</div>"
+def _before_latency(shown: Iterator[RenderedFigure], latency: list[RenderedFigure]) -> Iterator[RenderedFigure]:
+    """Yield the figures but that of the latency, which goes into the list."""
+    for drawn in shown:
+        if drawn.picture.name == LATENCY:
+            latency.append(drawn)
+        else:
+            yield drawn
 
 
-def _gallery(shown: Iterable[RenderedFigure]) -> Iterator[str]:
-    """Return the pictures with their captions, one after the other."""
-    start = "<h2>Pictures</h2><div class='pictures'>"
+def _gallery(heading: str, shown: Iterable[RenderedFigure], plots: dict[str, str]) -> Iterator[str]:
+    """Return the pictures with their captions, one after the other; ``plots`` are those that can be zoomed."""
+    start = f"{heading}<div class='pictures'>"
     for drawn in shown:
         yield start
-        yield from figure_parts(drawn.picture.title, drawn.picture.caption, drawn.svg)
+        drawing = zoomable(drawn.svg, plots.get(drawn.picture.name))
+        yield from figure_parts(drawn.picture.title, drawn.picture.caption, drawing)
         start = ""
     if not start:
         yield "</div>"
@@ -217,27 +208,3 @@ def _events(events: Sequence[tuple[float, str, str]]) -> str:
         return ""
     lines = "\n".join(f"{t:9.3f} s  {level:<8} {text}" for t, level, text in events)
     return f"<h2>Log</h2><details><summary>{len(events)} events</summary><pre>{escape(lines)}</pre></details>"
-
-
-def _provenance(table: dict[str, Any]) -> str:
-    """Return a table of where the run's data come from; nothing if that is not known."""
-    rows = []
-    for name, value in table.items():
-        parts = value if isinstance(value, dict) else {"": value}
-        for part, text in parts.items():
-            label = f"{name} {part}".strip().replace("_", " ")
-            rows.append(("", [plain(label), plain("–" if text is None else str(text))]))
-    return page_table((Column("run"), Column("", text=True)), rows, stacked=False) if rows else ""
-
-
-def _appendix(summary: dict[str, Any]) -> str:
-    """Return provenance, configuration and versions."""
-    configuration = escape(json.dumps(summary["configuration"], indent=1, ensure_ascii=False))
-    rows = [("", [plain(k), plain(v)]) for k, v in summary["versions"].items()]
-    versions = page_table((Column("part"), Column("version", text=True)), rows, stacked=False)
-    return (
-        f"<h2>Provenance, configuration and versions</h2>{_provenance(summary['provenance'])}"
-        f"<details><summary>Resolved configuration</summary><pre class=long>{configuration}</pre></details>"
-        "<details open><summary>Versions</summary>"
-        f"{versions}</details>"
-    )

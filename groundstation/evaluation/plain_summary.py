@@ -1,23 +1,36 @@
-"""One run in a few sentences: coverage, accuracy, and consistency of the stated covariance."""
+"""One run in a few sentences: coverage, accuracy, and consistency of the stated covariance; and remarks on them."""
 
 from typing import Any
 
 _CONSISTENT_LOW, _CONSISTENT_HIGH = 0.6, 1.6
 
 
+_REFERENCES = (("truth", "the exact positions"), ("dgps", "DGPS"))
+
+
 def plain_summary(summary: dict[str, Any]) -> str:
-    """Return some sentences that summarise a run: first what of its inputs cannot be right."""
+    """Return the verdict on a run in two or three sentences: before them what of its inputs cannot be right."""
     sentences = [f"The inputs cannot be right: {line}." for line in summary.get("contradictions", ())]
     sentences.append(_coverage(summary))
     if summary.get("no_track"):
         return " ".join([*sentences, f"{_sentence(summary['no_track'])}."])
-    for name, words in (("truth", "the exact positions"), ("dgps", "DGPS")):
-        table = summary["accuracy"].get(name)
-        if table is not None and table["total"]["ekf"]["rmse_m"]:
-            sentences += [_accuracy(table, words), _consistency(table)]
-            break
-    else:
+    found = _best_reference(summary)
+    if found is None:
         sentences.append("There is no usable reference to compare with, so nothing can be said about its errors.")
+    else:
+        table, words = found
+        sentences += [_accuracy(table, words), _consistency(table)]
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def plain_remarks(summary: dict[str, Any]) -> str:
+    """Return remarks on the comparison: gain over triangulation, use of DGPS, parts left out."""
+    sentences = []
+    found = None if summary.get("no_track") else _best_reference(summary)
+    better = None if found is None else found[0]["total"]["common"]["improvement_percent"]
+    if better:
+        gains = ", ".join(f"{abs(v):.0f}\u202f% {'better' if v >= 0 else 'worse'}" for v in better)
+        sentences.append(f"In x, y and z the filter is {gains} than triangulating each pair alone.")
     taught_s = summary["calibration"]["learnt_until_s"]
     if taught_s is not None:
         learnt = f"Until {taught_s:.1f} s of the DGPS clock the filter used the DGPS"
@@ -25,11 +38,19 @@ def plain_summary(summary: dict[str, Any]) -> str:
             "; the comparison with the exact positions holds those pairs, too" if "truth" in summary["accuracy"] else ""
         )
         sentences.append(f"{learnt}{exact}.")
-    excluded = summary["reference"]["excluded"]
-    bad = sorted({span["reason"] for span in excluded})
+    bad = sorted({span["reason"] for span in summary["reference"]["excluded"]})
     if bad:
         sentences.append(f"Parts of the DGPS log were left out ({', '.join(bad)}).")
     return " ".join(sentences)
+
+
+def _best_reference(summary: dict[str, Any]) -> tuple[dict[str, Any], str] | None:
+    """Return the accuracy against the better reference with its name in words; None without any."""
+    for name, words in _REFERENCES:
+        table = summary["accuracy"].get(name)
+        if table is not None and table["total"]["ekf"]["rmse_m"]:
+            return table, words
+    return None
 
 
 def _sentence(line: str) -> str:
@@ -53,16 +74,9 @@ def _coverage(summary: dict[str, Any]) -> str:
 
 
 def _accuracy(table: dict[str, Any], words: str) -> str:
-    """Return a sentence on the errors and on the improvement by the filter."""
-    x, y, z = table["total"]["ekf"]["rmse_m"]
-    text = (
-        f"Against {words} it was off by {_length(x)} sideways, {_length(y)} along the runway and {_length(z)} in height"
-    )
-    better = table["total"]["common"]["improvement_percent"]
-    if better:
-        gains = ", ".join(f"{abs(v):.0f}\u202f% {'better' if v >= 0 else 'worse'}" for v in better)
-        return f"{text} (root mean square); in x, y and z {gains} than triangulating each pair alone."
-    return f"{text} (root mean square)."
+    """Return a sentence on the errors."""
+    x, y, z = (_length(value) for value in table["total"]["ekf"]["rmse_m"])
+    return f"Against {words} it was off by {x} sideways, {y} along the runway and {z} in height (root mean square)."
 
 
 def _consistency(table: dict[str, Any]) -> str:

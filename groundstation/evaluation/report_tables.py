@@ -1,4 +1,4 @@
-"""The report's tables: accuracy with its bounds, calibration and clocks found, latency."""
+"""The report's tables: accuracy with its bounds, calibration and clocks found."""
 
 from collections.abc import Iterable
 from html import escape
@@ -19,7 +19,6 @@ _ACCURACY = (
     Column("triang. / bound of one fix", axes=True),
 )
 _NOT_LEARNT = "not estimated"
-_PERCENTILES = (("p50", "median"), ("p90", "90 %"), ("p99", "99 %"), ("max", "worst"))
 
 
 def accuracy_section(name: str, table: dict[str, Any]) -> str:
@@ -110,21 +109,6 @@ def calibration_section(calibration: dict[str, Any]) -> str:
         "<h2>Calibration and clocks</h2><p>Errors of rig and clocks whose uncertainty is in the track's covariance."
         f"{taught}</p>{page_table(columns, rows)}"
     )
-
-
-def latency_section(summary: dict[str, Any]) -> str:
-    """Return how long answers and detections took."""
-    timed = [("pair, from its first picture to its estimate", summary["latency_ms"])]
-    timed += [(f"detection, camera {name}", times) for name, times in summary["detection_ms"].items()]
-    rows = [
-        ("", [plain(name), *(f"{times[key]:.1f}" for key, _ in _PERCENTILES)])
-        for name, times in timed
-        if times["p50"] is not None
-    ]
-    if not rows:
-        return ""
-    columns = (Column("ms"), *(Column(word) for _, word in _PERCENTILES))
-    return f"<h2>Latency</h2>{page_table(columns, rows)}"
 
 
 def _triple(values: Iterable[float]) -> str:

@@ -30,7 +30,7 @@ th,td{padding:.22rem .6rem;text-align:right;border-bottom:1px solid var(--line);
 th:first-child,td:first-child,th.text,td.text{text-align:left}td.text{min-width:11rem}
 thead th{color:var(--soft);font-weight:600}.total td{font-weight:600}
 .axes{display:inline-grid;grid-template-columns:repeat(3,3.8em);white-space:nowrap}.narrow{display:none}
-td:first-child{white-space:nowrap}td.text{white-space:normal}
+td:first-child{white-space:nowrap}td.text{white-space:normal;overflow-wrap:anywhere}
 .pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,380px),1fr));gap:1.6rem}
 figure{margin:0;break-inside:avoid}figure svg,.pictures img{width:100%;height:auto;display:block}
 figure img{max-width:100%;height:auto}.wide{overflow-x:auto}

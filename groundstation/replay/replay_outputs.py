@@ -7,6 +7,7 @@ from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, write_summary
 from groundstation.evaluation.html_report import write_report
+from groundstation.evaluation.silhouettes import SilhouetteCollector
 from groundstation.recording.recorder import Recorder
 from groundstation.replay.input_checks import InputChecks
 from groundstation.replay.replay_maps import write_replay_maps
@@ -34,17 +35,19 @@ class ReplayOutputs:
         self.comparison = comparison
         self.smoothed = SmoothedTrackSink() if request.smooth else None
         self._files = opened.enter_context(TrackFilesSink(request.out))
+        places = {station.name: station.ptu_position_m for station in session.rig.stations}
+        self._silhouettes = SilhouetteCollector(places) if request.report and session.media else None
         self._view = session_view(request.out / "session.rrd", session) if request.rerun else None
         self._request = request
 
     @property
     def wants_pictures(self) -> bool:
-        """Whether a sink shows the pictures of the reports."""
-        return self._view is not None and self._view.wants_pictures
+        """Whether a sink uses the pictures of the reports."""
+        return self._silhouettes is not None or (self._view is not None and self._view.wants_pictures)
 
     def sinks(self) -> list[Sink]:
         """Return all sinks, in the order in which they get each report."""
-        optional = (self.recorder, self._view, self.smoothed, self.comparison)
+        optional = (self.recorder, self._view, self.smoothed, self.comparison, self._silhouettes)
         return [self.collector, self.checks, self._files, *(sink for sink in optional if sink is not None)]
 
     def smoothed_track(self) -> ResultCollector | None:
@@ -69,5 +72,6 @@ class ReplayOutputs:
         written += [path.name for path in write_replay_maps(out, evaluation)]
         written += ["summary.json"]
         if request.report:
-            written += [path.name for path in write_report(out / "report.html", evaluation, config)]
+            silhouettes = () if self._silhouettes is None else self._silhouettes.shown()
+            written += [path.name for path in write_report(out / "report.html", evaluation, config, silhouettes)]
         return tuple([out / name for name in written] + ([] if request.record is None else [request.record]))
