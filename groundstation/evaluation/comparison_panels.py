@@ -22,7 +22,7 @@ NEES_WINDOW_S = 2.0
 # Okabe and Ito's palette without yellow, which is too light for a line; then the same colours with other line styles
 RUN_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _LINE_STYLES = ("-", "--", "-.", ":")
-# steps of range: at most so many, and on average at least so many pairs of each run in one
+# steps of range: at most so many, and on average at least so many pairs of each run in one that it covers
 _MOST_STEPS, _PAIRS_A_STEP = 16, 6
 _LEAST_IN_STEP = 3
 _NEES_LIMITS = (0.02, 50.0)
@@ -154,7 +154,8 @@ def draw_range(figure: Figure, plotted: Sequence[PlottedErrors]) -> None:
         drawn = []
         for p in plotted:
             at, error, stated = _by_range(p.errors, axis, edges)
-            ax.plot(at, stated, color=p.colour, lw=0.7)
+            # the dashes keep a run visible that has one step only
+            ax.plot(at, stated, color=p.colour, lw=0.7, marker="_", ms=6)
             ax.plot(at, error, color=p.colour, ls=p.style, marker="o", ms=3.5, label=_label(p.name))
             drawn += [error, stated]
         _logarithmic(ax, drawn)
@@ -199,10 +200,11 @@ def _size(errors: ErrorSeries, axis: int) -> FloatArray:
 
 def _range_edges(plotted: Sequence[PlottedErrors]) -> FloatArray:
     """Return equal steps over all runs' ranges."""
-    y = np.concatenate([p.errors.range_m[p.errors.known] for p in plotted])
-    low, high = float(y.min()), float(y.max())
-    fewest = min(int(np.count_nonzero(p.errors.known)) for p in plotted)
-    steps = min(max(fewest // _PAIRS_A_STEP, 1), _MOST_STEPS)
+    spans = [p.errors.range_m[p.errors.known] for p in plotted]
+    low, high = min(float(y.min()) for y in spans), max(float(y.max()) for y in spans)
+    # wide enough for the run with the fewest pairs to the metre, not for the shortest run
+    width_m = max(_PAIRS_A_STEP * float(np.ptp(y)) / len(y) for y in spans)
+    steps = _MOST_STEPS if width_m * _MOST_STEPS <= high - low else max(int((high - low) / width_m), 1)
     return np.linspace(low, max(high, low + 1.0) + 1e-6, steps + 1)
 
 

@@ -90,6 +90,31 @@ def test_errors_over_range_are_root_mean_squares(runs: list[RunSeries]) -> None:
     assert stated == pytest.approx(np.full(len(stated), SIGMA_M[1]))
 
 
+def test_a_short_run_leaves_the_others_their_steps_of_range(runs: list[RunSeries]) -> None:
+    """Expected: a run cut to its last ten pairs takes no step from the other, and has its errors and its stated one."""
+    track, truth = runs[1].track, runs[1].references["truth"]
+    last = slice(-10, None)
+    short = RunSeries(
+        name="short",
+        track=TrackSeries(
+            t_s=track.t_s[last],
+            status=track.status[last],
+            position_m=track.position_m[last],
+            covariance_m2=track.covariance_m2[last],
+        ),
+        references={"truth": ReferencePositions(position_m=truth.position_m[last], sigma_m=truth.sigma_m)},
+    )
+    lines = drawn([runs[0], short], "range_truth").axes[1].lines
+    known = [np.isfinite(np.asarray(line.get_ydata())) for line in lines]
+    (alone,) = (np.isfinite(np.asarray(line.get_ydata())) for line in drawn(runs[:1], "range_truth").axes[1].lines[1:])
+    assert np.count_nonzero(known[1]) >= np.count_nonzero(alone) - 1 > 8
+    for line, shown in zip(lines[2:], known[2:], strict=True):
+        assert shown.any()
+        # one step is a point, which a line alone does not show
+        assert line.get_marker() not in ("", "None")
+    assert np.asarray(lines[2].get_ydata())[known[2]] == pytest.approx(SIGMA_M[1])
+
+
 def test_nees_of_honest_errors_is_about_one_and_a_bias_is_above(runs: list[RunSeries]) -> None:
     ax = drawn(runs, "nees_truth").axes[0]
     honest, biased = (np.nanmean(np.asarray(line.get_ydata())) for line in ax.lines[:2])
