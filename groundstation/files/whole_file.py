@@ -1,0 +1,58 @@
+"""Files and folders that are there whole or not at all: written under another name, which is changed at the end.
+
+An interrupt, a full disk or a power cut leaves what stood under the final name before.
+"""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield the path of a draft to write; it is synced and gets its name ``path`` when the context ends.
+
+    A draft is removed where the context ends by an error or an interrupt. Raises `OSError`.
+    """
+    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield draft
+        descriptor = os.open(draft, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file at once, text in UTF-8 with its line ends as they are; raises `OSError`."""
+    data = content.encode() if isinstance(content, str) else content
+    if path.exists() and not path.is_file():
+        # a pipe or a terminal is not replaced, and takes no name
+        path.write_bytes(data)
+        return
+    with whole_file(path) as draft:
+        draft.write_bytes(data)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Yield a draft folder, empty; it gets its name ``path`` when the context ends, in place of an empty folder.
+
+    It is removed with what is in it where the context ends by an error or an interrupt. Raises `OSError`.
+    """
+    final = path.absolute()
+    draft = final.with_name(f".{final.name}.{os.getpid()}.part")
+    try:
+        draft.mkdir(parents=True)
+        yield draft
+        if path.is_dir():
+            path.rmdir()
+        draft.rename(final)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
