@@ -1,13 +1,13 @@
 """Store of finished results: one small file each, written atomically, so that an interrupted run can be resumed."""
 
 import json
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import whole_file
 
 RESULT_FORMAT = "groundstation-result/1"
 _IDENTITY_CHARACTERS = 12
@@ -68,14 +68,5 @@ class ResultStore:
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file under another name, sync it, and give it its own: a reader finds all of it or the file before."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as draft:
         write(draft)
-        descriptor = os.open(draft, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)

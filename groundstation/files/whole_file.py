@@ -16,7 +16,8 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     A draft is removed where the context ends by an error or an interrupt. Raises `OSError`.
     """
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    # the suffix stays: libraries choose a format by it
+    draft = path.with_name(f".{os.getpid()}.part.{path.name}")
     try:
         yield draft
         descriptor = os.open(draft, os.O_RDONLY)
@@ -46,13 +47,13 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
     It is removed with what is in it where the context ends by an error or an interrupt. Raises `OSError`.
     """
-    final = path.absolute()
-    draft = final.with_name(f".{final.name}.{os.getpid()}.part")
+    final = path.resolve()
+    draft = final.with_name(f".{os.getpid()}.part.{final.name}")
     try:
         draft.mkdir(parents=True)
         yield draft
-        if path.is_dir():
-            path.rmdir()
+        if final.is_dir():
+            final.rmdir()
         draft.rename(final)
     finally:
         shutil.rmtree(draft, ignore_errors=True)

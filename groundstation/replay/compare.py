@@ -14,6 +14,7 @@ from groundstation.evaluation.comparison_text import ScoredRun, format_compariso
 from groundstation.evaluation.key_figures import moved_figures
 from groundstation.evaluation.summary import SUMMARY_FORMAT
 from groundstation.files.toml_table import quoted, shown
+from groundstation.files.whole_file import write_whole
 from groundstation.replay.run_planning import (
     SUMMARY,
     PlannedRun,
@@ -205,6 +206,6 @@ def write_comparison_files(files: Sequence[tuple[Path, str]]) -> None:
     """Write texts into files; raises `InputError` if one cannot be written."""
     for path, text in files:
         try:
-            path.write_text(text, encoding="utf-8", newline="")
+            write_whole(path, text)
         except OSError as fault:
             raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault

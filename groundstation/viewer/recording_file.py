@@ -26,7 +26,7 @@ class RecordingFile:
 
     def __init__(self, path: Path, stream: rr.RecordingStream) -> None:
         self._path, self._stream = path, stream
-        self._draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+        self._draft = path.with_name(f".{os.getpid()}.part.{path.name}")
         self.fault: str | None = None
         self._ended = False
         path.unlink(missing_ok=True)

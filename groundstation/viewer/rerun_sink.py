@@ -77,7 +77,11 @@ class RerunSink:
         self._errors_against = ""
         self._notices: list[str] = []
         self._track = TrackChannel()
-        self._stream, self._file = _file_stream(path, session_name) if isinstance(path, Path) else (path, None)
+        self._file: RecordingFile | None = None
+        if isinstance(path, Path):
+            self._stream, self._file = _file_stream(path, session_name)
+        else:
+            self._stream = path
         self._send_blueprint(eye_before(rig), loop_s=None)
         media = media or {}
         self._pictures = {
