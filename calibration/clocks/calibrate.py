@@ -15,6 +15,7 @@ from calibration.flight.parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_p
 from calibration.flight.problem import DGPS_OFFSET, FlightProblem
 from calibration.flight.rig import solved_rig
 from groundstation.errors import InputError
+from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import ClockModel, Rig, Station
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import Session, load_session
@@ -159,6 +160,6 @@ def _by_flight(session: Session, request: TimingRequest) -> FlightFit:
 def _write(path: Path, session: str, rig: Rig) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f"# clocks found in session {session!r}\n" + rig_to_toml(rig), encoding="utf-8")
+        write_whole(path, f"# clocks found in session {session!r}\n" + rig_to_toml(rig))
     except OSError as error:
         raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error

@@ -24,6 +24,7 @@ from calibration.flight.start import StartingPoint, find_start
 from calibration.flight.text_report import format_flight_report, rig_header
 from calibration.flight.verdict import judge_flight
 from groundstation.errors import InputError
+from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import Session, load_session
@@ -237,6 +238,6 @@ def _require_agreement(session: Session, fit: FlightFit) -> None:
 def _write(path: Path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text)
     except OSError as error:
         raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error

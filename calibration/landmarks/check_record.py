@@ -11,6 +11,7 @@ import numpy as np
 from calibration.landmarks.check import FALSE_ALARM, Check, StationMovement
 from calibration.sightings import LandmarkSighting
 from groundstation.errors import InputError
+from groundstation.files.whole_file import write_whole
 
 RECORD_FORMAT = "groundstation-check/1"
 _AXES = (("pan", 2), ("tilt", 0), ("roll", 1))
@@ -57,8 +58,9 @@ def append_record(path: Path, record: dict[str, Any]) -> None:
     """Append a record as one line; raises `InputError` where the file cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n")
+        before = path.read_bytes() if path.is_file() else b""
+        line = json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n"
+        write_whole(path, before + line.encode())
     except OSError as error:
         raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
 

@@ -20,6 +20,7 @@ from calibration.landmarks.survey import Survey, solve_survey, survey_words
 from calibration.landmarks.survey_report import format_survey, rig_header, write_survey_report
 from calibration.sightings import Landmark, LandmarkSighting, read_landmarks, read_sightings
 from groundstation.errors import GroundstationError, InputError
+from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 
@@ -197,6 +198,6 @@ def _require_toml(path: Path) -> None:
 def _write(path: Path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text)
     except OSError as error:
         raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error

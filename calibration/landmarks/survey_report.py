@@ -21,6 +21,7 @@ from groundstation.files.html_page import (
     verdict_line,
 )
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import write_whole
 
 _MOST_REJECTED = 12
 
@@ -130,10 +131,10 @@ def write_survey_report(folder: Path, survey: Survey, name: str) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / "report.html"]
-        written[0].write_text(page, encoding="utf-8")
+        write_whole(written[0], page)
         for picture in pictures:
             written.append(below(folder, f"{picture.name}.png"))
-            written[-1].write_bytes(picture.png)
+            write_whole(written[-1], picture.png)
     except OSError as error:
         raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
     return written

@@ -18,6 +18,7 @@ from groundstation.files.html_page import (
     verdict_line,
 )
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import write_whole
 
 
 def write_lens_report(folder: Path, found: Intrinsics, name: str) -> list[Path]:
@@ -25,10 +26,10 @@ def write_lens_report(folder: Path, found: Intrinsics, name: str) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     pictures = lens_pictures(found)
     written = [folder / "report.html"]
-    written[0].write_text(lens_report(found, pictures, name), encoding="utf-8")
+    write_whole(written[0], lens_report(found, pictures, name))
     for picture in pictures:
         written.append(below(folder, f"{picture.name}.png"))
-        written[-1].write_bytes(picture.png)
+        write_whole(written[-1], picture.png)
     return written
 
 

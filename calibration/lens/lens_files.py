@@ -14,6 +14,7 @@ from calibration.lens.plain_yaml import parse_yaml
 from groundstation.arrays import FloatArray
 from groundstation.files.text_file import absence
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
+from groundstation.files.whole_file import write_whole
 from groundstation.geometry.camera import Lens
 from groundstation.rig.covariance import ParameterCovariance, read_covariance
 from groundstation.rig.rig import load_rig
@@ -47,7 +48,7 @@ def write_lens(path: Path, calibrated: CalibratedLens, form: str) -> None:
     text = TEXT[form](calibrated)
     require_no_rig(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
 
 
 def require_no_rig(path: Path) -> None:

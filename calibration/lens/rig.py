@@ -7,6 +7,7 @@ import numpy as np
 
 from calibration.lens.model import PARAMETERS, CalibratedLens
 from groundstation.errors import InputError, RigError
+from groundstation.files.whole_file import write_whole
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import PARTS, Rig
 from groundstation.rig.rig_toml import rig_to_toml
@@ -57,6 +58,6 @@ def write_rig_with_lens(path: Path, rig: Rig, name: str, calibrated: CalibratedL
     """Write the rig file with that lens; raises `InputError` where it cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f"# lens of {name}: new\n" + rig_to_toml(with_lens(rig, name, calibrated)), encoding="utf-8")
+        write_whole(path, f"# lens of {name}: new\n" + rig_to_toml(with_lens(rig, name, calibrated)))
     except OSError as error:
         raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error

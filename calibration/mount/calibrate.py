@@ -22,6 +22,7 @@ from calibration.sightings import Landmark, LandmarkSighting, read_landmarks, re
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, RigError
 from groundstation.files.toml_table import quoted
+from groundstation.files.whole_file import write_whole
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Rig, Station
 from groundstation.rig.rig_toml import rig_to_toml
@@ -251,7 +252,7 @@ def write_rig(path: Path, found: MountCalibration) -> None:
     notes = [f"# mount of {one.before.name}: {len(one.fit.kept)} sightings" for one in found.stations]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("\n".join([*notes, ""]) + rig_to_toml(found.rig), encoding="utf-8")
+        write_whole(path, "\n".join([*notes, ""]) + rig_to_toml(found.rig))
     except OSError as error:
         raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
 

@@ -21,6 +21,7 @@ from groundstation.files.html_page import (
     verdict_line,
 )
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import write_whole
 
 _BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
 _TITLES = {
@@ -46,11 +47,11 @@ def write_mount_page(folder: Path, found: Sequence[StationMount]) -> list[Path]:
         figures = []
         for kind, png in _pictures(one).items():
             written.append(below(folder, f"{name}-{kind}.png"))
-            written[-1].write_bytes(png)
+            write_whole(written[-1], png)
             figures.append(png_figure(_TITLES[kind], _CAPTIONS[kind], png))
         parts += [picture_grid(figures), preformatted(format_mount(one))]
     body = page_header("camera on its head", "Mount") + "\n".join(parts)
-    written[0].write_text(html_page("Mount", body), encoding="utf-8")
+    write_whole(written[0], html_page("Mount", body))
     return written
 
 

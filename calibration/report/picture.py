@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import write_whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,8 +22,8 @@ def write_page(folder: Path, text: str, pictures: Sequence[ReportPicture]) -> li
     """Write report.html and the pictures as PNG into ``folder``, created if missing; returns the written files."""
     folder.mkdir(parents=True, exist_ok=True)
     written = [folder / "report.html"]
-    written[0].write_text(text, encoding="utf-8")
+    write_whole(written[0], text)
     for picture in pictures:
         written.append(below(folder, f"{picture.name}.png"))
-        written[-1].write_bytes(picture.png)
+        write_whole(written[-1], picture.png)
     return written

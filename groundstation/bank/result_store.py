@@ -1,12 +1,13 @@
 """Store of finished results: one small file each, written atomically, so that an interrupted run can be resumed."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from groundstation.files.output_names import below
-from groundstation.files.whole_file import write_whole
+from groundstation.files.whole_file import whole_file
 
 RESULT_FORMAT = "groundstation-result/1"
 _IDENTITY_CHARACTERS = 12
@@ -62,3 +63,10 @@ class ResultStore:
 
     def _path(self, name: str) -> Path:
         return below(self.folder, f"{name}-{self._identity[:_IDENTITY_CHARACTERS]}.json")
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file under another name, sync it, and give it its own: a reader finds all of it or the file before."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as draft:
+        write(draft)

@@ -9,7 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from groundstation.files.whole_file import write_whole
+from groundstation.bank.result_store import write_whole
 
 Row = Mapping[str, Any]
 

@@ -13,10 +13,10 @@ from groundstation.bank.bank_summary import bank_summary
 from groundstation.bank.csrt_process import require_csrt
 from groundstation.bank.map_resumable import map_resumable
 from groundstation.bank.program_version import identity_of
+from groundstation.bank.result_store import write_whole
 from groundstation.bank.result_table import table_hash, write_table
 from groundstation.bank.score_world import WorldJob, score_world
 from groundstation.errors import InputError
-from groundstation.files.whole_file import write_whole
 from groundstation.tracking.config import load_config
 
 ROWS, PAGE, SUMMARY = "rows.parquet", "bank.html", "bank.json"

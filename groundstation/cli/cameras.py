@@ -12,6 +12,7 @@ from groundstation.cli.number_arguments import finite_number, positive_number
 from groundstation.cli.path_arguments import READ_TEXT, WRITTEN_FILE
 from groundstation.cli.terminal import print_table
 from groundstation.errors import InputError
+from groundstation.files.whole_file import write_whole
 
 if TYPE_CHECKING:
     from groundstation.picture import Picture
@@ -142,7 +143,7 @@ def _save(path: Path, picture: "Picture") -> None:
     good, data = cv2.imencode(path.suffix.lower(), picture.whole())
     if not good:
         raise InputError(str(path), got="a picture that cannot be coded so", wanted=", ".join(_PICTURES))
-    path.write_bytes(data.tobytes())
+    write_whole(path, data.tobytes())
 
 
 def _region(text: str) -> tuple[int, int, int, int]:

@@ -80,7 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2 if isinstance(error, UsageError) else 1
     except OSError as error:
         # a full disk or an unplugged device: a traceback would not help
-        print_line(f"groundstation: {error}", sys.stderr)
+        what = str(error) if error.filename is None else f"{error.filename}: {error.strerror}"
+        print_line(f"groundstation: {what}{_left_by(options, began_s)}", sys.stderr)
         return 1
     except KeyboardInterrupt:
         print_line(f"groundstation: interrupted{_left_by(options, began_s)}", sys.stderr)

@@ -25,8 +25,9 @@ _REPLAY_MORE = """example:
   groundstation replay recordings/landing-1 --out out/landing-1 --from 20
 
 exit code: 0 done, also where nothing was tracked; 1 the recording is at fault
-(what came before the fault is written), or its inputs contradict each other;
-2 wrong usage; 130 interrupted"""
+(what came before the fault is written), its inputs contradict each other, or the
+disk had no room for session.rrd, which comes last; 2 wrong usage; 130
+interrupted"""
 
 
 def add_replay(commands: Commands) -> None:
@@ -102,7 +103,10 @@ def run_replay(options: argparse.Namespace) -> int:
     print_files(result.files)
     if result.fault is not None:
         print(f"groundstation: fault in the recording: {result.fault}", file=sys.stderr)
-    if options.view:
+    if result.recording_fault is not None:
+        lost = options.out / "session.rrd"
+        print(f"groundstation: {lost} was given up: {result.recording_fault}; the results are whole", file=sys.stderr)
+    elif options.view:
         notice = video_notice(os.environ)
         if notice:
             print(f"groundstation: {notice}", file=sys.stderr)
@@ -110,4 +114,5 @@ def run_replay(options: argparse.Namespace) -> int:
     contradictions = result.evaluation.summary["contradictions"]
     for line in contradictions:
         print(f"groundstation: inputs that cannot be right: {line}", file=sys.stderr)
-    return 1 if result.fault is not None or contradictions else 0
+    whole = result.fault is None and result.recording_fault is None and not contradictions
+    return 0 if whole else 1

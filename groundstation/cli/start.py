@@ -15,15 +15,31 @@ def main() -> int:
     # what the user has set stays; it is read when numpy is first imported
     os.environ.update(ONE_THREAD | os.environ)
     try:
-        from groundstation.cli.main import main as run
-
-        code = run()
+        from groundstation.cli.interrupts import Interrupts
     except KeyboardInterrupt:
-        print("groundstation: interrupted", file=sys.stderr)
-        return 130
+        return _interrupted()
+    interrupts = Interrupts()
+    try:
+        with interrupts:
+            from groundstation.cli.main import main as run
+
+            code = run()
+    except KeyboardInterrupt:
+        return _interrupted()
+    except Exception:
+        # what the interrupt has become in a module that was being imported
+        if interrupts.received:
+            return _interrupted()
+        raise
     if sys.argv[1:2] == ["live"]:
         leave(code)
     return code
+
+
+def _interrupted() -> int:
+    """Report it; returns the exit code."""
+    print("groundstation: interrupted", file=sys.stderr)
+    return 130
 
 
 def leave(code: int) -> NoReturn:

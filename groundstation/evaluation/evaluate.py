@@ -26,6 +26,7 @@ from groundstation.evaluation.position_series import (
 from groundstation.evaluation.run_description import RunDescription, TruthLike
 from groundstation.evaluation.summary import build_summary, smoothed_table
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import whole_file, write_whole
 from groundstation.messages import DgpsFix, TriangulationStatus
 from groundstation.rig.rig import Rig
 
@@ -156,9 +157,9 @@ def write_summary(path: Path, evaluation: Evaluation) -> None:
     """Write summary.json; raises `InputError` if the file can't be written."""
     text = json.dumps(evaluation.summary, indent=1, allow_nan=False, ensure_ascii=False)
     try:
-        path.write_text(text + "\n", encoding="utf-8")
+        write_whole(path, text + "\n")
     except OSError as fault:
-        raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
+        raise InputError(str(path), got=fault.strerror or str(fault), wanted="a file that can be written") from fault
 
 
 def write_reference_tums(folder: Path, evaluation: Evaluation) -> list[Path]:
@@ -171,12 +172,14 @@ def write_reference_tums(folder: Path, evaluation: Evaluation) -> list[Path]:
     for name, c in evaluation.comparisons.items():
         path = below(folder, f"{name}.tum")
         try:
-            with path.open("w", encoding="utf-8") as file:
+            with whole_file(path) as draft, draft.open("w", encoding="utf-8") as file:
                 for k in np.flatnonzero(c.usable):
                     x, y, z = c.reference_m[k]
                     file.write(f"{c.t_s[k]:.6f} {x:.7f} {y:.7f} {z:.7f} 0 0 0 1\n")
         except OSError as fault:
-            raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
+            raise InputError(
+                str(path), got=fault.strerror or str(fault), wanted="a file that can be written"
+            ) from fault
         written.append(path)
     return written
 

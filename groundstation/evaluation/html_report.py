@@ -31,6 +31,7 @@ from groundstation.files.html_page import (
     plain,
 )
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import whole_file, write_whole
 
 FIGURES = "figures"
 # sweeping takes a tenth of a second, which a short flight is not worth
@@ -54,12 +55,12 @@ def write_report(
     try:
         if shown:
             folder.mkdir(exist_ok=True)
-        with path.open("w", encoding="utf-8") as page:
+        with whole_file(path) as draft, draft.open("w", encoding="utf-8") as page:
             # a figure is drawn when its turn comes and then let go: of an hour's flight all of them are large
             drawn = _in_turn(shown, folder, long=len(evaluation.epochs) > _MANY_EPOCHS)
             page.writelines(_page(evaluation, drawn, silhouettes))
     except OSError as fault:
-        raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
+        raise InputError(str(path), got=fault.strerror or str(fault), wanted="a file that can be written") from fault
     return (path, folder) if shown else (path,)
 
 
@@ -83,8 +84,8 @@ def _in_turn(shown: Sequence[ReportFigure], folder: Path, *, long: bool) -> Iter
 def _kept(drawn: RenderedFigure, folder: Path) -> RenderedFigure:
     """Write a figure's two files and hand it on."""
     name = drawn.picture.name
-    below(folder, f"{name}.svg").write_text(drawn.svg_file, encoding="utf-8")
-    below(folder, f"{name}.png").write_bytes(drawn.png)
+    write_whole(below(folder, f"{name}.svg"), drawn.svg_file)
+    write_whole(below(folder, f"{name}.png"), drawn.png)
     return drawn
 
 

@@ -14,6 +14,7 @@ from groundstation.experiments.html_report import paper_page
 from groundstation.experiments.registry import EXPERIMENTS, named
 from groundstation.experiments.truth_session import TruthSession
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import write_whole
 from groundstation.tracking.warm_up import warm_up
 
 BUNDLED = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
@@ -73,7 +74,7 @@ def reproduce(request: ReproduceRequest, say: Callable[[str], None] = lambda wor
         elapsed.append(time.perf_counter() - began)
     title = f"The papers' experiments on {recorded.session.name}"
     with _writable(page):
-        page.write_text(paper_page(title, found, request.out, _notes(request)), encoding="utf-8")
+        write_whole(page, paper_page(title, found, request.out, _notes(request)))
     return Reproduced(found=tuple(found), elapsed_s=tuple(elapsed), files=(page, *files))
 
 

@@ -1,18 +1,27 @@
-"""Files that appear under their own name only when they are whole."""
+"""Files and folders that are there whole or not at all: written under another name, which is changed at the end.
+
+An interrupt, a full disk or a power cut leaves what stood under the final name before.
+"""
 
 import os
-from collections.abc import Callable
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from groundstation.errors import InputError
 
 
-def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file under another name, sync it, and give it its own: a reader finds all of it or the file before."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield the path of a draft to write; it is synced and gets its name ``path`` when the context ends.
+
+    A draft is removed where the context ends by an error or an interrupt. Raises `OSError`.
+    """
+    # the suffix stays: libraries choose a format by it
+    draft = path.with_name(f".{os.getpid()}.part.{path.name}")
     try:
-        write(draft)
+        yield draft
         descriptor = os.open(draft, os.O_RDONLY)
         try:
             os.fsync(descriptor)
@@ -23,14 +32,44 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
         draft.unlink(missing_ok=True)
 
 
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file at once, text in UTF-8 with its line ends as they are; raises `OSError`."""
+    data = content.encode() if isinstance(content, str) else content
+    if path.exists() and not path.is_file():
+        # a pipe or a terminal is not replaced, and takes no name
+        path.write_bytes(data)
+        return
+    with whole_file(path) as draft:
+        draft.write_bytes(data)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Yield a draft folder, empty; it gets its name ``path`` when the context ends, in place of an empty folder.
+
+    It is removed with what is in it where the context ends by an error or an interrupt. Raises `OSError`.
+    """
+    final = path.resolve()
+    draft = final.with_name(f".{os.getpid()}.part.{final.name}")
+    try:
+        draft.mkdir(parents=True)
+        yield draft
+        if final.is_dir():
+            final.rmdir()
+        draft.rename(final)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
 def write_text_whole(path: Path, text: str) -> None:
-    """Write a text as `write_whole` does, with line ends as they are; raises `InputError` if that is not possible."""
+    """Write a text as `write_whole` does, its folder too; raises `InputError` if that is not possible."""
     write_bytes_whole(path, text.encode("utf-8"))
 
 
 def write_bytes_whole(path: Path, content: bytes) -> None:
-    """Write bytes as `write_whole` does; raises `InputError` if that is not possible."""
+    """Write bytes as `write_whole` does, their folder too; raises `InputError` if that is not possible."""
     try:
-        write_whole(path, lambda draft: draft.write_bytes(content))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, content)
     except OSError as fault:
         raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault

@@ -3,10 +3,10 @@
 import math
 import threading
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
+from groundstation.files.line_file import LineFile
 from groundstation.messages import DgpsFix
 
 _HEADER = "t_s,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m,status\n"
@@ -24,7 +24,7 @@ class DgpsTable:
 
     def __init__(self, path: Path, faults: list[str]) -> None:
         self._path, self._faults = path, faults
-        self._file: TextIO | None = None
+        self._file: LineFile | None = None
         self._failed = False
         self._flushed_s = -math.inf
         self._lock = threading.Lock()
@@ -36,7 +36,7 @@ class DgpsTable:
                 return
             try:
                 if self._file is None:
-                    self._file = self._path.open("w", encoding="utf-8", newline="")
+                    self._file = LineFile(self._path)
                     self._file.write(_HEADER)
                 sigma = np.zeros(0) if fix.sigma_m is None else fix.sigma_m
                 cells = [f"{fix.t_s:.6f}", *(f"{float(v):.4f}" for v in (*fix.position_runway_m, *sigma)), fix.status]

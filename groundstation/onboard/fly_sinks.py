@@ -1,5 +1,6 @@
 """A flight by nose camera drawn: edges and corners into the pictures, and all of it as a Rerun recording."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 
@@ -16,6 +17,7 @@ from groundstation.onboard.pose.agreement import PositionTrack
 from groundstation.onboard.pose.runway import CORNERS
 from groundstation.onboard.sinks import draw_edges, log_outline
 from groundstation.onboard.visual_inertial.nose_navigator import NoseReport
+from groundstation.viewer.recording_file import written_recording
 
 _CORNER_BGR = (60, 60, 255)
 _CORNER_RGB = [255, 60, 60]
@@ -62,11 +64,10 @@ class FlyRecording:
     """
 
     def __init__(self, path: Path, name: str, runway_m: FloatArray, ground: PositionTrack | None) -> None:
-        self._stream = rr.RecordingStream("groundstation")
-        self._stream.save(path)
+        self._opened = ExitStack()
+        self._stream = self._opened.enter_context(written_recording(path, "groundstation", name))
         self._path: list[FloatArray] = []
         self._seen: list[FloatArray] = []
-        self._stream.send_recording_name(name)
         self._stream.send_blueprint(
             rrb.Blueprint(
                 rrb.Horizontal(
@@ -87,8 +88,10 @@ class FlyRecording:
     def __enter__(self) -> "FlyRecording":
         return self
 
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
-        self._stream.disconnect()
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._opened.__exit__(kind, fault, trace)
 
     def write(self, image: ImageArray, report: NoseReport, corners_px: FloatArray | None, flat: Undistorter) -> None:
         """Send one frame (h, w, 3) BGR and its report."""

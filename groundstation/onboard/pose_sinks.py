@@ -13,6 +13,7 @@ from groundstation.onboard.pose.pose_solver import PoseStatus, RunwayPose
 from groundstation.onboard.pose.runway import Runway
 from groundstation.onboard.sinks import log_outline
 from groundstation.viewer.entity_paths import XYZW
+from groundstation.viewer.recording_file import written_recording
 from groundstation.viewer.scene import BAD, DOUBTFUL, FRUSTUM_LENGTH, GOOD
 
 TIMELINE = "picture"
@@ -41,14 +42,14 @@ def draw_poses(path: Path, lens: Lens, rows: Iterable[DrawnPose]) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Rerun reports in its own words what it cannot open
-        path.open("wb").close()
     except OSError as fault:
         wanted = "--rerun with a file that can be written"
         raise InputError(str(fault.filename or path), got=str(fault.strerror), wanted=wanted) from fault
-    stream = rr.RecordingStream("groundstation")
-    stream.save(path)
-    stream.send_recording_name(path.stem)
+    with written_recording(path, "groundstation", path.stem) as stream:
+        _log_rows(stream, lens, rows)
+
+
+def _log_rows(stream: rr.RecordingStream, lens: Lens, rows: Iterable[DrawnPose]) -> None:
     stream.send_blueprint(_blueprint())
     stream.log("threshold", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     outlined: Runway | None = None
@@ -64,7 +65,6 @@ def draw_poses(path: Path, lens: Lens, rows: Iterable[DrawnPose]) -> None:
                 stream.log(entity, rr.Clear(recursive=True))
         else:
             _log_pose(stream, row.filename, row.pose, lens)
-    stream.disconnect()
 
 
 def _blueprint() -> rrb.Blueprint:

@@ -1,5 +1,6 @@
 """Runway edges drawn: into the pictures, and as a Rerun recording."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 
@@ -12,6 +13,7 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.line_state import A, B, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeReport, EdgeStatus
+from groundstation.viewer.recording_file import written_recording
 
 _COLOURS = {
     EdgeStatus.ACQUIRING: (230, 200, 60),
@@ -53,11 +55,10 @@ class EdgesRecording:
     """Writes pictures, edges and the camera's path to a Rerun recording."""
 
     def __init__(self, path: Path, name: str, length_m: float) -> None:
-        self._stream = rr.RecordingStream("groundstation")
-        self._stream.save(path)
+        self._opened = ExitStack()
+        self._stream = self._opened.enter_context(written_recording(path, "groundstation", name))
         self._length_m = length_m
         self._path: list[FloatArray] = []
-        self._stream.send_recording_name(name)
         self._stream.send_blueprint(
             rrb.Blueprint(
                 rrb.Horizontal(
@@ -71,8 +72,10 @@ class EdgesRecording:
     def __enter__(self) -> "EdgesRecording":
         return self
 
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
-        self._stream.disconnect()
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._opened.__exit__(kind, fault, trace)
 
     def write(
         self,

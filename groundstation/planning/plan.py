@@ -8,6 +8,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
+from groundstation.files.whole_file import write_whole
 from groundstation.planning.forecast import Forecast, forecast, site_map, track_down
 from groundstation.planning.plan_figure import draw_plan
 from groundstation.planning.plan_table import plan_csv
@@ -48,7 +49,7 @@ def plan(site_path: Path, out: Path | None) -> PlanResult:
         out.mkdir(parents=True, exist_ok=True)
         files = tuple(below(out, f"plan{suffix}") for suffix in contents)
         for path, content in zip(files, contents.values(), strict=True):
-            path.write_bytes(content)
+            write_whole(path, content)
     return PlanResult(site=site, forecast=expected, files=files)
 
 

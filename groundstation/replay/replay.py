@@ -50,6 +50,12 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
 
     Raises `InputError` if the session cannot be loaded. A fault during the run is in the result.
     """
+    with ExitStack() as unfinished:
+        return _replay(request, progress, unfinished)
+
+
+def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfinished: ExitStack) -> ReplayResult:
+    """Replay one session; ``unfinished`` gets what is to be deleted where the replay does not come to its end."""
     began_s = time.perf_counter()
     inputs = load_inputs(request)
     session, config = inputs.session, inputs.config
@@ -67,6 +73,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         _make_folder(request.out)
         warm_up(config.detection.detector)
         outputs = ReplayOutputs(request, session, comparison, opened)
+        unfinished.callback(outputs.discard)
         if request.record is not None:
             outputs.recorder = recorder_for(request.record, session, request.rig, config, initial, learns)
             opened.enter_context(outputs.recorder)
@@ -101,7 +108,13 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     del inputs
     files = outputs.write(evaluation, smoothed_track, config.evaluation)
     output_comparison = None if comparison is None else comparison.result()
-    return ReplayResult(evaluation=evaluation, files=files, fault=outcome.fault, output_comparison=output_comparison)
+    return ReplayResult(
+        evaluation=evaluation,
+        files=files,
+        fault=outcome.fault,
+        output_comparison=output_comparison,
+        recording_fault=outputs.recording_fault,
+    )
 
 
 def _learns_as_recorded(request: ReplayRequest, inputs: ReplayInputs) -> bool:

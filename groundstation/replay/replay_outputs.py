@@ -1,13 +1,19 @@
-"""The sinks of a replay, and the files that it writes."""
+"""The sinks of a replay, and the files that it writes: results first, the Rerun recording with what room is left."""
 
+import errno
+from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
+from groundstation.errors import InputError
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, write_summary
 from groundstation.evaluation.html_report import write_report
 from groundstation.evaluation.silhouettes import SilhouetteCollector
+from groundstation.messages import StepReport
 from groundstation.recording.recorder import Recorder
 from groundstation.replay.input_checks import InputChecks
 from groundstation.replay.replay_maps import write_replay_maps
@@ -17,7 +23,12 @@ from groundstation.sinks.output_comparison import OutputComparisonSink
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
+from groundstation.viewer.rerun_sink import RerunSink
 from groundstation.viewer.session_view import reference_tracks, session_view
+
+T = TypeVar("T")
+# a full disk, a full share of it, or the most that one file may have
+_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 class ReplayOutputs:
@@ -39,6 +50,7 @@ class ReplayOutputs:
         self._silhouettes = SilhouetteCollector(places) if request.report and session.media else None
         self._view = session_view(request.out / "session.rrd", session) if request.rerun else None
         self._request = request
+        self._room_for_tables = _ResultsFirst(self._files, self._view)
 
     @property
     def wants_pictures(self) -> bool:
@@ -48,30 +60,83 @@ class ReplayOutputs:
     def sinks(self) -> list[Sink]:
         """Return all sinks, in the order in which they get each report."""
         optional = (self.recorder, self._view, self.smoothed, self.comparison, self._silhouettes)
-        return [self.collector, self.checks, self._files, *(sink for sink in optional if sink is not None)]
+        return [self.collector, self.checks, self._room_for_tables, *(sink for sink in optional if sink is not None)]
 
     def smoothed_track(self) -> ResultCollector | None:
         """Return the smoothed epochs; None if no smoothing was requested."""
         return None if self.smoothed is None else self.smoothed.collected()
+
+    @property
+    def recording_fault(self) -> str | None:
+        """Why there is no Rerun recording though one was wanted; None if there is, or none was wanted."""
+        return None if self._view is None else self._view.fault
+
+    def discard(self) -> None:
+        """Delete the draft of a Rerun recording that was not finished."""
+        if self._view is not None:
+            self._view.discard()
 
     def write(
         self, evaluation: Evaluation, smoothed_track: ResultCollector | None, config: EvaluationConfig
     ) -> tuple[Path, ...]:
         """Write the files that follow from the evaluation; returns the paths of all files of the replay."""
         request, out = self._request, self._request.out
-        written = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
+        tables = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
         if self.smoothed is not None:
-            self.smoothed.save(out / "smoothed.csv")
-            written.append("smoothed.csv")
+            self._write_first(partial(self.smoothed.save, out / "smoothed.csv"))
+            tables.append("smoothed.csv")
+        self._write_first(lambda: write_summary(out / "summary.json", evaluation))
+        results = [path.name for path in self._write_first(lambda: write_reference_tums(out, evaluation))]
+        results += [path.name for path in self._write_first(lambda: write_replay_maps(out, evaluation))]
+        results += ["summary.json"]
+        if request.report:
+            silhouettes = () if self._silhouettes is None else self._silhouettes.shown()
+            pages = self._write_first(lambda: write_report(out / "report.html", evaluation, config, silhouettes))
+            results += [path.name for path in pages]
         if self._view is not None:
             self._view.write_reference(reference_tracks(evaluation, smoothed_track))
             self._view.close()
-            written.append("session.rrd")
-        write_summary(out / "summary.json", evaluation)
-        written += [path.name for path in write_reference_tums(out, evaluation)]
-        written += [path.name for path in write_replay_maps(out, evaluation)]
-        written += ["summary.json"]
-        if request.report:
-            silhouettes = () if self._silhouettes is None else self._silhouettes.shown()
-            written += [path.name for path in write_report(out / "report.html", evaluation, config, silhouettes)]
-        return tuple([out / name for name in written] + ([] if request.record is None else [request.record]))
+            if self._view.fault is None:
+                tables.append("session.rrd")
+        written = [out / name for name in (*tables, *results)]
+        return tuple(written + ([] if request.record is None else [request.record]))
+
+    def _write_first(self, write: Callable[[], T]) -> T:
+        """Write a result; where the disk has no room for it, a second time in that of the Rerun recording."""
+        try:
+            return write()
+        except InputError as fault:
+            if not _gives_room(fault.__cause__, self._view):
+                raise
+            return write()
+
+
+class _ResultsFirst:
+    """The tables as a sink that may take the room of the Rerun recording."""
+
+    def __init__(self, tables: TrackFilesSink, view: RerunSink | None) -> None:
+        self._tables, self._view = tables, view
+
+    def write(self, report: StepReport) -> None:
+        """Append the rows of one step; raises `OSError` where there is no room even without the recording."""
+        try:
+            self._tables.write(report)
+        except OSError as fault:
+            if not _gives_room(fault, self._view):
+                raise
+            self._tables.flush()
+
+    def close(self) -> None:
+        """Close the tables."""
+        try:
+            self._tables.flush()
+        except OSError as fault:
+            if not _gives_room(fault, self._view):
+                raise
+        self._tables.close()
+
+
+def _gives_room(fault: BaseException | None, view: RerunSink | None) -> bool:
+    """Give up the Rerun recording where a result does not fit on the disk; returns whether there was one to give up."""
+    full = isinstance(fault, OSError) and fault.errno in _FULL
+    return full and view is not None and view.give_up("no room left after the results")

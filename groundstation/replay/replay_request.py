@@ -48,6 +48,7 @@ class ReplayRequest:
 class ReplayResult:
     """Result of a replay: the evaluation, the files written, and the fault that ended the run early, if any.
 
+    ``recording_fault`` says why a Rerun recording was given up, None where it was not.
     ``output_comparison`` compares the outputs with the recorded ones, for a recording replayed unmodified; else None.
     """
 
@@ -55,3 +56,4 @@ class ReplayResult:
     files: tuple[Path, ...]
     fault: InputError | None
     output_comparison: OutputComparison | None = None
+    recording_fault: str | None = None

@@ -13,6 +13,7 @@ import numpy as np
 from groundstation.arrays import ImageArray
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
+from groundstation.files.video_check import require_whole_video
 from groundstation.simulation.parameter_checks import require
 
 _DEFAULT_JPEG_QUALITY = 95
@@ -124,16 +125,20 @@ class _OpenCvWriter:
             video.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
         self._video = video
         self._size = size_px
+        self._path, self._count = path, 0
 
     def __enter__(self) -> "_OpenCvWriter":
         return self
 
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+    def __exit__(self, *error: type[BaseException] | BaseException | TracebackType | None) -> None:
         self._video.release()
+        if error[0] is None:
+            require_whole_video(self._path, self._count)
 
     def write(self, number: int, image: ImageArray | None) -> None:
         w, h = self._size
         self._video.write(np.zeros((h, w, 3), np.uint8) if image is None else image)
+        self._count += 1
 
 
 class _H264Writer:

@@ -17,7 +17,7 @@ from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.rendered_scene import RenderedScene
 from groundstation.simulation.rendered_session_folder import checked_frames, write_rendered_session
 from groundstation.simulation.scenery import Scenery
-from groundstation.simulation.session_folder import make_session_folder
+from groundstation.simulation.session_folder import require_new_folder
 from groundstation.simulation.simulate import SimulatedFlight, simulate
 from groundstation.simulation.trajectory import Trajectory
 
@@ -69,7 +69,7 @@ def render_flight(
         raise ScenarioError("simulate", got=f"{pairs} pairs", wanted=f"at most {MAX_PAIRS}")
     checked_frames(flown, faults)
     # before the surroundings are drawn, which takes some seconds
-    _check_folder(request.out)
+    require_new_folder(request.out)
     write_rendered_session(
         request.out,
         flown,
@@ -81,13 +81,6 @@ def render_flight(
     )
     start, end = flown.scenario.trajectory.span_s
     return RenderResult(pairs=pairs, duration_s=end - start, out=request.out)
-
-
-def _check_folder(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise ScenarioError(str(folder), got="a file", wanted="a new or an empty folder")
-    if folder.is_dir():
-        make_session_folder(folder)
 
 
 def _trajectory(request: RenderRequest) -> Trajectory:

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from groundstation.errors import ScenarioError
+from groundstation.files.output_names import below
 from groundstation.simulation.device_clocks import device_from_session
 from groundstation.simulation.event_faults import DeliveredFrames, Fault, check_faults, delivered_frames, with_faults
 from groundstation.simulation.parameter_checks import require_fraction
@@ -21,7 +22,7 @@ from groundstation.simulation.picture_writer import PictureCoding, PictureFormat
 from groundstation.simulation.rendered_camera import RenderedCamera, Shot
 from groundstation.simulation.session_folder import (
     folder_fault,
-    make_session_folder,
+    new_session_folder,
     stamp_text,
     target_table,
     write_table,
@@ -55,11 +56,13 @@ def write_rendered_session(
     faults: Sequence[Fault] = (),
     form: PictureFormat = PictureFormat.JPEG,
     recordings: Mapping[str, CameraRecording] | None = None,
+    texts: Mapping[str, str] | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
     """Render a flight and write its session; ``words`` are the top of session.toml; ``progress(done, total)`` in pairs.
 
-    ``recordings`` by station say more than ``form``, which is of all stations.
+    ``recordings`` by station say more than ``form``, which is of all stations; ``texts`` are further files by name.
+    The folder is there once it is whole, and not before.
 
     Raises `InputError` if the folder is not empty or cannot be written, `ScenarioError` where a fault cannot be.
     """
@@ -69,15 +72,19 @@ def write_rendered_session(
     span_m = next(iter(cameras.values())).world.airframe.span_m
     tables = {**words, "target": {"span_m": span_m, **target_table(flight)}}
     try:
-        make_session_folder(folder)
-        write_tables(folder, with_faults(flight, faults), tables)
-        columns = ["index", *(f"{n}_t_s" for n in flight.rig.names)]
-        write_table(folder / "frames.csv", columns, _frame_rows(flight, frames))
-        filmed = _film(folder, flight, cameras, frames, recordings, progress)
-        write_silhouettes(folder / "masks.npz", filmed.masks)
-        write_visibility(folder, filmed.visibility)
+        with new_session_folder(folder) as draft:
+            write_tables(draft, with_faults(flight, faults), tables)
+            columns = ["index", *(f"{n}_t_s" for n in flight.rig.names)]
+            write_table(draft / "frames.csv", columns, _frame_rows(flight, frames))
+            filmed = _film(draft, flight, cameras, frames, recordings, progress)
+            write_silhouettes(draft / "masks.npz", filmed.masks)
+            write_visibility(draft, filmed.visibility)
+            for name, text in (texts or {}).items():
+                below(draft, name).write_text(text, encoding="utf-8", newline="\n")
     except (OSError, cv2.error) as fault:
-        raise folder_fault(folder, OSError(str(fault))) from fault
+        # a draft's name says nothing to the user
+        got = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
+        raise folder_fault(folder, OSError(got)) from fault
 
 
 def checked_frames(flight: SimulatedFlight, faults: Sequence[Fault]) -> dict[str, DeliveredFrames]:

@@ -4,13 +4,15 @@ The tables hold the data of a real session: stamps in each device's own clock, a
 truth.csv is in true session time, so that a replay is judged by what truly happened.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from groundstation.errors import InputError
+from groundstation.files.whole_file import whole_folder
 from groundstation.messages import InitialState, PixelMeasurement, PtuSample
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation.device_clocks import device_from_session
@@ -30,18 +32,27 @@ def write_session_folder(
     """
     origin = f"Simulated at the level of angles and pixels, seed {flight.scenario.seed}; exact truth"
     try:
-        make_session_folder(folder)
-        write_tables(folder, flight, _session(flight, {"name": name, "origin": origin, "notes": notes}, initial))
-        write_table(folder / "detections.csv", ["t_s", "station", "u_px", "v_px"], _detections(flight))
+        with new_session_folder(folder) as draft:
+            write_tables(draft, flight, _session(flight, {"name": name, "origin": origin, "notes": notes}, initial))
+            write_table(draft / "detections.csv", ["t_s", "station", "u_px", "v_px"], _detections(flight))
     except OSError as fault:
         raise folder_fault(folder, fault) from fault
 
 
-def make_session_folder(folder: Path) -> None:
-    """Make a folder; raises `InputError` if it is there and not empty."""
-    folder.mkdir(parents=True, exist_ok=True)
-    if any(folder.iterdir()):
+def require_new_folder(folder: Path) -> None:
+    """Raise `InputError` if a folder is there and not empty, or something else is there."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(str(folder), got="a file", wanted="a new or an empty folder")
+    if folder.is_dir() and any(folder.iterdir()):
         raise InputError(str(folder), got="a folder that is not empty", wanted="a new or an empty one")
+
+
+@contextmanager
+def new_session_folder(folder: Path) -> Iterator[Path]:
+    """Yield a draft that becomes the folder once it is whole; raises `InputError` as `require_new_folder` does."""
+    require_new_folder(folder)
+    with whole_folder(folder) as draft:
+        yield draft
 
 
 def folder_fault(folder: Path, fault: OSError) -> InputError:

@@ -9,6 +9,7 @@ from types import TracebackType
 
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError
+from groundstation.files.line_file import LineFile
 from groundstation.messages import Detection
 
 PIXEL_TRACK_COLUMNS = ("frame", "t_s", "u_px", "v_px", "x_px", "y_px", "w_px", "h_px", "status")
@@ -22,7 +23,7 @@ class PixelTrackFile:
 
     def __init__(self, path: Path) -> None:
         try:
-            self._file = path.open("w", encoding="utf-8", newline="\n")
+            self._file = LineFile(path)
         except OSError as fault:
             raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault
         self._file.write(",".join(PIXEL_TRACK_COLUMNS) + "\n")

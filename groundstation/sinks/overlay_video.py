@@ -1,5 +1,6 @@
 """Overlay of one camera's tracker on its pictures, written as a video."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 
@@ -11,6 +12,8 @@ from groundstation.arrays import ImageArray
 from groundstation.box import Box, expand
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError
+from groundstation.files.video_check import require_whole_video
+from groundstation.files.whole_file import whole_file
 from groundstation.messages import Detection
 
 Colour = tuple[int, int, int]
@@ -76,19 +79,24 @@ class OverlayVideo:
 
     Parameters
     ----------
-    path : the file, `….mp4`; an older one is replaced.
+    path : the file, `….mp4`; an older one is replaced when this one is closed, also if that is early.
     size_px : (w, h) of every frame.
     rate_hz : frames per second.
     """
 
     def __init__(self, path: Path, size_px: tuple[int, int], rate_hz: float) -> None:
+        self._path = path
+        self._opened = ExitStack()
+        self._draft = self._opened.enter_context(whole_file(path))
         try:
             # OpenCV does not report why it cannot write
-            path.open("wb").close()
+            self._draft.open("wb").close()
         except OSError as fault:
             raise InputError(str(path), got=str(fault.strerror), wanted="a video that can be written") from fault
-        self._writer = cv2.VideoWriter(str(path), _MP4V, rate_hz, size_px)
+        self._frames = 0
+        self._writer = cv2.VideoWriter(str(self._draft), _MP4V, rate_hz, size_px)
         if not self._writer.isOpened():
+            self._draft.unlink()
             raise InputError(str(path), got="a file that OpenCV cannot write", wanted="an .mp4 file of a usual size")
 
     def __enter__(self) -> "OverlayVideo":
@@ -96,7 +104,14 @@ class OverlayVideo:
 
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
         self._writer.release()
+        with self._opened:
+            try:
+                require_whole_video(self._draft, self._frames)
+            except OSError as fault:
+                wanted = "room on the disk: it was given up, what else was written is whole"
+                raise InputError(str(self._path), got=str(fault.strerror), wanted=wanted) from fault
 
     def write(self, picture: ImageArray) -> None:
         """Append a drawn frame (h, w, 3) BGR."""
         self._writer.write(picture)
+        self._frames += 1

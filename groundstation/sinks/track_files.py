@@ -1,6 +1,7 @@
 """The result files of a replay: track.csv, triangulation.csv, detections.csv and track.tum, written incrementally.
 
-Only complete lines are flushed, so that the files of a killed run are readable to their last epoch. Rows are kept in
+Only complete lines are flushed, so that the files of a killed run are readable to their last epoch; `write` may be
+followed by `flush` where the disk was full and is no longer. Rows are kept in
 memory for five seconds of a search at most: a frame without a target gets the pixel by which one was found afterwards.
 A missing value is an empty cell.
 """
@@ -11,10 +12,11 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import TextIO
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.files.line_file import LineFile
+from groundstation.files.whole_file import whole_file
 from groundstation.messages import (
     INITIAL_PIXELS_S,
     CameraReport,
@@ -100,10 +102,11 @@ class TrackFilesSink:
             self._triangulation.write(_line(_triangulation_cells(estimate)))
             if (pose := _tum_line(cells)) is not None:
                 self._tum.write(pose)
-            self._flush(estimate.t_s)
-        for state in report.states:
-            # without further pairs, too, the last rows are flushed
-            self._flush(state.t_s)
+        # without further pairs, too, the last rows are flushed
+        times = [estimate.t_s for estimate in report.estimates] + [state.t_s for state in report.states]
+        if any(abs(t_s - self._flushed_s) >= _FLUSH_EVERY_S for t_s in times):
+            self._flushed_s = times[-1]
+            self.flush()
 
     def _write_detections(self, initial: tuple[InitialPixel, ...] = (), *, all_rows: bool = False) -> None:
         """Write the rows that are complete: all once a target is found, and those that are too old for one to come."""
@@ -118,12 +121,13 @@ class TrackFilesSink:
             self._detections.write(_line(cells))
             self._waiting.popleft()
 
-    def _flush(self, t_s: float) -> None:
-        """Flush the rows every 0.5 s of session time, the most that a crash loses, but for those that wait."""
-        if abs(t_s - self._flushed_s) >= _FLUSH_EVERY_S:
-            self._flushed_s = t_s
-            for file in (self._detections, self._track, self._triangulation, self._tum):
-                file.flush()
+    def flush(self) -> None:
+        """Flush the rows but for those that wait: done every 0.5 s of session time, the most that a crash loses.
+
+        Raises `OSError` where the disk takes no more; the rows are kept, and it may be called again.
+        """
+        for file in (self._detections, self._track, self._triangulation, self._tum):
+            file.flush()
 
     def close(self) -> None:
         """Write what waits and close the files; may be called twice."""
@@ -135,16 +139,16 @@ class TrackFilesSink:
 def write_track(path: Path, estimates: Iterable[TrackEstimate]) -> None:
     """Write a table like track.csv at once; raises `InputError` if the file can't be written."""
     try:
-        with path.open("w", encoding="utf-8", newline="\n") as file:
+        with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="\n") as file:
             file.write(_line(TRACK_COLUMNS))
             file.writelines(_line(_track_cells(estimate)) for estimate in estimates)
     except OSError as fault:
-        raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
+        raise InputError(str(path), got=fault.strerror or str(fault), wanted="a file that can be written") from fault
 
 
-def _open(stack: ExitStack, path: Path) -> TextIO:
-    """Open one text file for writing with plain line ends."""
-    return stack.enter_context(path.open("w", encoding="utf-8", newline="\n"))
+def _open(stack: ExitStack, path: Path) -> LineFile:
+    """Open one table."""
+    return stack.enter_context(LineFile(path))
 
 
 def _line(cells: Iterable[str]) -> str:

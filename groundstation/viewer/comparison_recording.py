@@ -11,10 +11,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
 from groundstation.viewer import entity_paths
 from groundstation.viewer.blueprint import EYE_FROM_MIDDLE, MAX_NIS_SHOWN, TARGET_FROM_MIDDLE
 from groundstation.viewer.merge_recordings import RecordedTrack, RunAlignment, read_track, send_run
+from groundstation.viewer.recording_file import written_recording
 from groundstation.viewer.scene import EXPECTED_RANGE_M
 
 APPLICATION = "groundstation"
@@ -86,14 +86,11 @@ def overlap_in_time(runs: Sequence[ComparedRun]) -> bool:
 
 def write_comparison(path: Path, runs: Sequence[ComparedRun], align: RunAlignment) -> None:
     """Write one recording with all runs, each under its name; raises `InputError` if it cannot be written."""
-    stream = rr.RecordingStream(APPLICATION, send_properties=False)
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-    try:
-        stream.save(path)
-    except (OSError, RuntimeError) as fault:
-        raise InputError(str(path), got=str(fault).splitlines()[0], wanted="a file that can be written") from fault
-    stream.send_recording_name(" and ".join(run.name for run in runs))
+    with written_recording(path, APPLICATION, " and ".join(run.name for run in runs)) as stream:
+        _log_runs(stream, runs, align)
+
+
+def _log_runs(stream: rr.RecordingStream, runs: Sequence[ComparedRun], align: RunAlignment) -> None:
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     longest = max(range(len(runs)), key=lambda k: float(runs[k].track.position_runway_m[:, 1].max(initial=-np.inf)))
     for number, run in enumerate(runs):
@@ -104,8 +101,6 @@ def write_comparison(path: Path, runs: Sequence[ComparedRun], align: RunAlignmen
     if at_s is not None:
         _log_event(stream, at_s, f"{event_text(runs, align)} of each run")
     stream.send_blueprint(comparison_blueprint(runs))
-    stream.flush()
-    stream.disconnect()
 
 
 def _log_event(stream: rr.RecordingStream, at_s: float, name: str) -> None:

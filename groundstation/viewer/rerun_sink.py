@@ -16,6 +16,7 @@ from groundstation.viewer.camera_channel import CameraChannel
 from groundstation.viewer.columns import ColumnBatch
 from groundstation.viewer.media import EmbeddedVideo, ImageFolder, Media, VideoAsset, log_video
 from groundstation.viewer.picture_channel import PictureChannel
+from groundstation.viewer.recording_file import RecordingFile, open_recording_file
 from groundstation.viewer.reference_lines import (
     AxisErrors,
     ReferenceLine,
@@ -48,7 +49,8 @@ class RerunSink:
 
     Parameters
     ----------
-    path : the file to write, an old one is replaced; or an open stream, to be looked at as it goes on.
+    path : the file to write, an old one is replaced; or an open stream, to be looked at as it goes on. The file has
+        its name once it is whole, and is given up where the disk takes no more: `fault` says why.
     rig : the calibrated rig.
     session_name : the recording's title in the viewer.
     media : by station, the session's own videos or pictures, or that they come with the reports; a station without any
@@ -75,7 +77,11 @@ class RerunSink:
         self._errors_against = ""
         self._notices: list[str] = []
         self._track = TrackChannel()
-        self._stream = _file_stream(path, session_name) if isinstance(path, Path) else path
+        self._file: RecordingFile | None = None
+        if isinstance(path, Path):
+            self._stream, self._file = _file_stream(path, session_name)
+        else:
+            self._stream = path
         self._send_blueprint(eye_before(rig), loop_s=None)
         media = media or {}
         self._pictures = {
@@ -90,8 +96,27 @@ class RerunSink:
         """Whether reports shall carry the pictures."""
         return any(channel.from_reports for channel in self._pictures.values())
 
+    @property
+    def fault(self) -> str | None:
+        """Why the file was given up; None as long as it was not."""
+        return None if self._file is None else self._file.fault
+
+    def give_up(self, reason: str) -> bool:
+        """Delete what is written of the file, to free its space; returns False if there is none to delete."""
+        if self._file is None or self._file.fault is not None:
+            return False
+        self._file.give_up(reason)
+        return True
+
+    def discard(self) -> None:
+        """Delete what is written of the file, unless it is closed."""
+        if self._file is not None:
+            self._file.discard()
+
     def write(self, report: StepReport) -> None:
         """Take one step's report; rows reach the file each `FLUSH_EPOCHS` pairs."""
+        if self.fault is not None:
+            return
         for camera in report.cameras:
             self._cameras[camera.station].add(camera)
             self._take_picture(camera)
@@ -118,6 +143,15 @@ class RerunSink:
 
     def close(self) -> None:
         """Write what is left, fit the opening view to the track, and finish the file."""
+        if self.fault is None:
+            self._finish()
+        if self._file is not None:
+            self._file.close()
+        else:
+            self._stream.flush()
+            self._stream.disconnect()
+
+    def _finish(self) -> None:
         self._flush()
         track = self._track
         if track.first_t_s is not None and track.last_t_s is not None:
@@ -129,8 +163,6 @@ class RerunSink:
                 fit_frustum(self._stream, station, track.lower_m, track.upper_m)
             eye = eye_over(self._rig, track.lower_m, track.upper_m)
             self._send_blueprint(eye, loop_s=(track.first_t_s, track.last_t_s))
-        self._stream.flush()
-        self._stream.disconnect()
 
     def _note(self, t_s: float, texts: Iterable[str]) -> None:
         """Say something about the recording itself in its own log."""
@@ -197,14 +229,11 @@ class RerunSink:
         return EmbeddedVideo()
 
 
-def _file_stream(path: Path, session_name: str) -> rr.RecordingStream:
+def _file_stream(path: Path, session_name: str) -> tuple[rr.RecordingStream, RecordingFile]:
     """Open the file; session time is its only timeline, so the wall clock stays out of it."""
     stream = rr.RecordingStream(APPLICATION, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    try:
-        stream.save(path)
-    except (OSError, RuntimeError) as fault:
-        raise SessionError(str(path), got=str(fault).splitlines()[0], wanted="a file that can be written") from fault
+    file = open_recording_file(path, stream)
     stream.send_recording_name(session_name)
-    return stream
+    return stream, file

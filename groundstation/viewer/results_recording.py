@@ -1,6 +1,6 @@
 """A Rerun recording from a replay's tables, if the replay wrote none: track, triangulation, smoothed track."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from groundstation.files.csv_table import CsvTable
 from groundstation.messages import Kinematics, TrackEstimate, TrackEvent, TrackStatus, TriangulationStatus
 from groundstation.sinks.track_files import TRACK_COLUMNS
 from groundstation.viewer.entity_paths import MAX_TIME_S
+from groundstation.viewer.recording_file import written_recording
 from groundstation.viewer.reference_lines import ReferenceLine, log_reference_line
 from groundstation.viewer.scene import RunwayOutline, log_runway, log_styles, long_enough
 from groundstation.viewer.track_channel import TrackChannel
@@ -28,11 +29,13 @@ def write_results_recording(folder: Path, path: Path, name: str) -> None:
     estimates = list(_estimates(folder / "track.csv"))
     smoothed = folder / "smoothed.csv"
     rows = [e for e in _estimates(smoothed) if e.kinematics is not None] if smoothed.is_file() else []
-    stream = rr.RecordingStream("groundstation", send_properties=False)
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-    stream.save(path)
-    stream.send_recording_name(name)
+    with written_recording(path, "groundstation", name) as stream:
+        _log_results(stream, estimates, rows)
+
+
+def _log_results(
+    stream: rr.RecordingStream, estimates: Sequence[TrackEstimate], smoothed: Sequence[TrackEstimate]
+) -> None:
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     log_styles(stream)
     channel = TrackChannel()
@@ -46,12 +49,10 @@ def write_results_recording(folder: Path, path: Path, name: str) -> None:
     _send(stream, channel)
     outline = RunwayOutline(left_m=-_HALF_WIDTH_M, right_m=_HALF_WIDTH_M)
     log_runway(stream, long_enough(outline, max(float(channel.upper_m[1]), 0.0)))
-    points = [e.kinematics.position_runway_m for e in rows if e.kinematics is not None]
+    points = [e.kinematics.position_runway_m for e in smoothed if e.kinematics is not None]
     if points:
-        t_s = np.array([e.t_s for e in rows])
+        t_s = np.array([e.t_s for e in smoothed])
         log_reference_line(stream, ReferenceLine(name="smoothed", t_s=t_s, position_runway_m=np.array(points)))
-    stream.flush()
-    stream.disconnect()
 
 
 def _send(stream: rr.RecordingStream, channel: TrackChannel) -> None:

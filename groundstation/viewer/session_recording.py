@@ -16,6 +16,7 @@ from groundstation.viewer import entity_paths
 from groundstation.viewer.columns import ColumnBatch
 from groundstation.viewer.media import VideoAsset, log_video
 from groundstation.viewer.picture_channel import PictureChannel
+from groundstation.viewer.recording_file import written_recording
 from groundstation.viewer.reference_lines import ReferenceLine, log_reference_line
 from groundstation.viewer.scene import log_pedestal, log_runway, log_world, long_enough, outline_between
 
@@ -26,11 +27,11 @@ def write_session_recording(session: Session, path: Path) -> tuple[str, ...]:
     A reference keeps its own clock. Unreadable files are skipped: the fault that prevents a replay is reported
     by the caller.
     """
-    stream = rr.RecordingStream("groundstation", send_properties=False)
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-    stream.save(path)
-    stream.send_recording_name(session.name)
+    with written_recording(path, "groundstation", session.name) as stream:
+        return _log_session(stream, session)
+
+
+def _log_session(stream: rr.RecordingStream, session: Session) -> tuple[str, ...]:
     log_world(stream)
     middle_m = np.mean([s.ptu_position_m for s in session.rig.stations], axis=0)
     for number, station in enumerate(session.rig.stations):
@@ -42,8 +43,6 @@ def write_session_recording(session: Session, path: Path) -> tuple[str, ...]:
     for line in lines:
         log_reference_line(stream, line)
     pictures = _log_pictures(stream, session)
-    stream.flush()
-    stream.disconnect()
     shown = [f"pictures of {' and '.join(pictures)}"] if pictures else []
     return (*shown, *({"dgps": "the DGPS path", "truth": "the true path"}[line.name] for line in lines))
 

@@ -14,9 +14,8 @@ import pytest
 from groundstation.bank.dispatcher import FailureKind
 from groundstation.bank.map_resumable import MapOutcome, map_resumable
 from groundstation.bank.program_version import function_digest, identity_of, program_digest
-from groundstation.bank.result_store import JobResult, ResultStore
+from groundstation.bank.result_store import JobResult, ResultStore, write_whole
 from groundstation.errors import InputError, MissingExtraError
-from groundstation.files.whole_file import write_whole
 from tests.bank import fake_jobs
 
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="extra cluster is not installed")

@@ -1,8 +1,10 @@
 """Ctrl-C while the program is still being read."""
 
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -35,6 +37,14 @@ cli.main = run
 from groundstation.cli.start import main
 sys.exit(main())
 """
+
+
+@pytest.fixture(autouse=True)
+def own_handler() -> Iterator[None]:
+    """Give the tests' process its handler back: at its end the program ignores interrupts."""
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def test_interrupted_while_it_is_read_it_ends_quietly() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.files.line_file import LineFile
 from groundstation.onboard.edges.line_state import A, B, C, D
 from groundstation.onboard.edges.report import EdgeReport, Edges
 
@@ -31,7 +32,7 @@ class EdgesFile:
 
     def __init__(self, path: Path) -> None:
         try:
-            self._file = path.open("w", encoding="utf-8", newline="\n")
+            self._file = LineFile(path)
         except OSError as fault:
             raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault
         self._file.write(",".join(EDGE_COLUMNS) + "\n")

@@ -16,6 +16,7 @@ from groundstation.errors import InputError
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.text_file import absence
 from groundstation.files.toml_table import quoted, shown
+from groundstation.files.whole_file import write_whole
 from groundstation.onboard.pose.pose_solver import RunwayPose
 from groundstation.onboard.pose.runway import Runway, runway_from_geodetic
 
@@ -175,7 +176,7 @@ def write_poses(path: Path, rows: Iterator[tuple[str, RunwayPose | None, str]]) 
         counts[status] = counts.get(status, 0) + 1
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text.getvalue(), encoding="utf-8", newline="")
+        write_whole(path, text.getvalue())
     except OSError as error:
         raise PoseError(
             str(error.filename or path), got=str(error.strerror), wanted="--out with a file that can be written"

@@ -10,6 +10,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.files.line_file import LineFile
 from groundstation.onboard.edges.edges_file import NO_POSE
 from groundstation.onboard.pose.agreement import PositionAgreement
 from groundstation.onboard.pose.runway import CORNERS
@@ -39,9 +40,7 @@ class NoseFiles:
         self.files = tuple(folder / name for name in ("track.csv", "track.tum", "pictures.csv"))
         with ExitStack() as stack:
             try:
-                track, self._tum, pictures = (
-                    stack.enter_context(path.open("w", encoding="utf-8", newline="")) for path in self.files
-                )
+                track, self._tum, pictures = (stack.enter_context(LineFile(path)) for path in self.files)
             except OSError as fault:
                 raise InputError(str(folder), got=str(fault.strerror), wanted="a folder to write to") from fault
             self._track = csv.writer(track, lineterminator="\n")

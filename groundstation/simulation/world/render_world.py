@@ -13,7 +13,7 @@ from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.rendered_scene import RenderedScene
 from groundstation.simulation.rendered_session_folder import checked_frames, write_rendered_session
 from groundstation.simulation.scenery import fine_range_around, surroundings_of
-from groundstation.simulation.session_folder import make_session_folder
+from groundstation.simulation.session_folder import require_new_folder
 from groundstation.simulation.simulate import simulate
 from groundstation.simulation.traffic import traffic_bodies, with_roads
 from groundstation.simulation.trajectory import Trajectory
@@ -45,7 +45,7 @@ def render_world(
     duration = world.flight.duration_s
     flight = simulate(built.scenario(flown, frame_hz=world.frame_hz, seed=world.seed))
     checked_frames(flight, built.faults)
-    make_session_folder(folder)
+    require_new_folder(folder)
     write_rendered_session(
         folder,
         flight,
@@ -53,9 +53,9 @@ def render_world(
         words=_words(world),
         faults=built.faults,
         recordings={s.name: c.recording() for s, c in zip(built.rig.stations, world.cameras, strict=True)},
+        texts={FILE_NAME: world_text(world)},
         progress=progress,
     )
-    (folder / FILE_NAME).write_text(world_text(world), encoding="utf-8", newline="\n")
     return FilmedWorld(pairs=flight.truth.t_s.size, duration_s=duration, folder=folder)
 
 

@@ -1,0 +1,49 @@
+"""Ctrl-C while a command runs: it is never lost, and never becomes a traceback.
+
+Python raises KeyboardInterrupt wherever the main thread happens to be. In a destructor or a callback of a library it
+would be printed with a traceback and forgotten, and in a module that is being imported it may become another error.
+"""
+
+import _thread
+import signal
+import sys
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
+
+
+class Interrupts:
+    """A context that keeps account of interrupts; one that falls where none can be raised is raised again.
+
+    ``received`` says whether there was one. Once the context has ended, further ones are ignored: the command is done,
+    and Python takes itself apart.
+    """
+
+    def __init__(self) -> None:
+        self.received = False
+        self._hook_before = sys.unraisablehook
+
+    def __enter__(self) -> "Interrupts":
+        # where it is ignored (a background job of a shell), it stays ignored
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, self._on_interrupt)
+        sys.unraisablehook = self._on_unraisable
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        sys.unraisablehook = self._hook_before
+
+    def _on_interrupt(self, *_: object) -> None:
+        self.received = True
+        raise KeyboardInterrupt
+
+    def _on_unraisable(self, lost: "UnraisableHookArgs") -> None:
+        if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
+            _thread.interrupt_main()
+        else:
+            self._hook_before(lost)
