@@ -24,7 +24,7 @@ PHASE_COLOURS = {"sky": "#56B4E9", "mixed": "#F0E442", "ground": "#8C6D46"}
 _PHASE_ALPHA = 0.13
 # narrow, so that the text is still readable where a phone shows the figure 360 px wide
 _WIDTH_IN = 4.7
-_PNG_DPI = 200
+_PNG_DPI = 150
 MAX_POINTS = 1000
 _BLACK_STROKE, _WHITE_GROUND = "stroke: #000000", '"fill: #ffffff"'
 REPORT_CSS = """
