@@ -149,8 +149,7 @@ def faults_of(command: Command, ended: Ended, out: Path) -> Iterator[str]:
         except Exception as fault:  # noqa: BLE001 - whatever a reader raises is the finding
             yield f"{path.name} cannot be read: {fault!r}"
     for line in ended.out.splitlines():
-        name = line.removeprefix("wrote ").strip()
-        if name != line and not Path(name).exists():
+        if line.startswith("wrote ") and not Path(line.removeprefix("wrote ")).exists():
             yield f"it says {line!r}, and there is nothing"
     last = ended.err.strip().splitlines()[-1:] if ended.code == 130 else []
     if ended.code == 130 and not (last and last[0].startswith("groundstation: interrupted")):
@@ -264,6 +263,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="*", default=[], help="names of commands")
     options = parser.parse_args()
+    # a shell starts a job in the background with interrupts ignored, which its children would inherit
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     inputs = options.out / "inputs"
     shutil.rmtree(inputs, ignore_errors=True)
     inputs.mkdir(parents=True)

@@ -4,14 +4,17 @@ Python raises KeyboardInterrupt wherever the main thread happens to be. In a des
 would be printed with a traceback and forgotten, and in a module that is being imported it may become another error.
 """
 
-import _thread
 import signal
 import sys
+import threading
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
+
+# longer than a destructor or a callback, and short for who waits
+_AGAIN_S = 0.02
 
 
 class Interrupts:
@@ -44,6 +47,14 @@ class Interrupts:
 
     def _on_unraisable(self, lost: "UnraisableHookArgs") -> None:
         if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
-            _thread.interrupt_main()
+            # not from here: a hook is another place that an interrupt cannot leave
+            again = threading.Timer(_AGAIN_S, _interrupt_main_thread)
+            again.daemon = True
+            again.start()
         else:
             self._hook_before(lost)
+
+
+def _interrupt_main_thread() -> None:
+    """Send it a true signal, which also ends a system call that waits."""
+    signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)

@@ -1,0 +1,75 @@
+"""Interrupts at moments at which Python would lose them, or print a traceback."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+# a command line whose command is given
+AROUND = """
+import signal, sys, time, types
+cli = sys.modules["groundstation.cli.main"] = types.ModuleType("groundstation.cli.main")
+class Interrupting:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(0)
+def run():
+    {command}
+cli.main = run
+from groundstation.cli.start import main
+sys.exit(main())
+"""
+IN_A_DESTRUCTOR = """
+    Interrupting()
+    time.sleep(20)
+    return 0
+"""
+AS_ANOTHER_ERROR = """
+    try:
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(0)
+    except KeyboardInterrupt:
+        raise ImportError("a module that could not be read") from None
+"""
+AT_THE_END = """
+    import atexit
+    atexit.register(signal.raise_signal, signal.SIGINT)
+    return 0
+"""
+OF_ITS_OWN = """
+    raise ValueError("a fault of the program")
+"""
+
+
+@pytest.fixture(autouse=True)
+def heard() -> Iterator[None]:
+    """Let the tests' child processes hear interrupts, which a shell's background job ignores."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def _run(command: str) -> "subprocess.CompletedProcess[str]":
+    program = AROUND.format(command=command.strip())
+    return subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("command", [IN_A_DESTRUCTOR, AS_ANOTHER_ERROR])
+def test_an_interrupt_is_never_lost_and_no_traceback(command: str) -> None:
+    done = _run(command)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "groundstation: interrupted\n")
+
+
+def test_a_finished_command_is_not_interrupted() -> None:
+    done = _run(AT_THE_END)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_an_error_without_an_interrupt_stays_one() -> None:
+    done = _run(OF_ITS_OWN)
+    assert done.returncode == 1
+    assert "ValueError: a fault of the program" in done.stderr

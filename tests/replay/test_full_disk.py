@@ -1,0 +1,85 @@
+"""A full disk, and Ctrl-C: results come first and whole, the Rerun recording is given up with its reason.
+
+A limit on the size of files stands for the disk: session.rrd, which holds the videos, is the first to meet it.
+"""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from groundstation.cli.main import main
+from groundstation.errors import InputError
+from groundstation.replay.replay import ReplayRequest, replay
+from tests.files.limits import files_of_at_most
+
+LANDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
+TABLES = ("track.csv", "triangulation.csv", "detections.csv", "track.tum")
+
+
+def _request(out: Path) -> ReplayRequest:
+    return ReplayRequest(session=LANDING, out=out, from_s=20.0, to_s=20.2, report=False)
+
+
+def _names(folder: Path) -> list[str]:
+    return [path.name for path in folder.iterdir()]
+
+
+def _whole_lines(path: Path) -> bool:
+    text = path.read_bytes()
+    return not text or text.endswith(b"\n")
+
+
+def test_results_are_whole_where_the_recording_has_no_room(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    words = ["replay", str(LANDING), "--out", str(out), "--from", "20", "--to", "20.2"]
+    with files_of_at_most(1_000_000):
+        code = main(words)
+    printed = capsys.readouterr()
+    assert code == 1
+    assert f"groundstation: {out / 'session.rrd'} was given up: File too large; the results are whole" in printed.err
+    said = {Path(line.removeprefix("wrote ")) for line in printed.out.splitlines() if line.startswith("wrote ")}
+    assert said == set(out.iterdir())
+    assert out / "session.rrd" not in said
+    assert json.loads((out / "summary.json").read_text())["session"]["name"]
+    assert (out / "report.html").read_text().endswith("</html>\n")
+
+
+def test_a_table_that_has_no_room_ends_with_a_whole_line(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match=r"csv|tum") as fault, files_of_at_most(120):
+        replay(_request(tmp_path))
+    assert str(tmp_path) in str(fault.value)
+    assert sorted(_names(tmp_path)) == sorted(TABLES)
+    assert all(_whole_lines(tmp_path / name) for name in TABLES)
+
+
+def test_a_result_takes_the_room_of_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The summary finds the disk full until the recording's draft is gone."""
+    import groundstation.replay.replay_outputs as outputs
+
+    write, drafts = outputs.write_summary, []
+
+    def full(path: Path, evaluation: object) -> None:
+        drafts.append([name for name in _names(tmp_path) if name.endswith("session.rrd")])
+        if drafts[-1]:
+            raise InputError(str(path), got="a full disk", wanted="room") from OSError(28, "No space left on device")
+        write(path, evaluation)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(outputs, "write_summary", full)
+    result = replay(_request(tmp_path))
+    assert [len(found) for found in drafts] == [1, 0]
+    assert result.recording_fault == "no room left after the results"
+    assert not any(name.endswith("session.rrd") for name in _names(tmp_path))
+    assert tmp_path / "summary.json" in result.files
+
+
+def test_an_interrupt_leaves_whole_lines_and_no_draft(tmp_path: Path) -> None:
+    (tmp_path / "session.rrd").write_bytes(b"of an earlier run")
+
+    def interrupted(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(_request(tmp_path), interrupted)
+    assert sorted(_names(tmp_path)) == sorted(TABLES)
+    assert all(_whole_lines(tmp_path / name) and (tmp_path / name).stat().st_size for name in TABLES[:3])
