@@ -142,9 +142,9 @@ def full_bound(
 
 
 def _informed(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatArray:
-    """Return (P⁻¹ + Hᵀ R⁻¹ H)⁻¹ without an inverse of P, which may be singular."""
-    information = H.T @ np.linalg.solve(R, H)
-    after = np.linalg.solve((np.eye(len(P)) + information @ P).T, P.T).T
+    """Return (P⁻¹ + Hᵀ R⁻¹ H)⁻¹ without an inverse of P, which may be singular (Woodbury's identity)."""
+    across = H @ P
+    after = P - across.T @ np.linalg.solve(across @ H.T + R, across)
     return np.asarray(0.5 * (after + after.T))
 
 

@@ -92,7 +92,7 @@ class PathResiduals:
         self._known = vstack([block_diag([design for design, _ in pieces]), *joins], format="csr")
         self._data = np.concatenate([*(data for _, data in pieces), *(np.zeros(j.shape[0]) for j in joins)])
         self._normal = (self._known.T @ self._known).tocsc()
-        self._alone = np.asarray(splu(self._normal).solve(self._known.T @ self._data))
+        self._alone = np.asarray(_factors(self._normal).solve(self._known.T @ self._data))
         along = self._along(self._alone)
         for name in along.observations:
             own = along.predict(name, self.at).own_px2[self.kept[name]] * self.factors[name] ** 2
@@ -149,7 +149,7 @@ class PathResiduals:
             chosen = np.zeros(len(which), dtype=np.bool_)
             chosen[places[first : first + _CHUNK]] = True
             white = np.broadcast_to(np.eye(2), (int(chosen.sum()), 2, 2))
-            A = csr_matrix(_beside([self._by_part(part, station, seen, chosen, white) for part in self.parts]))
+            A = self._by_paths(station, seen, chosen, white)
             covariance = np.asarray(A @ at.root.solve(A.T.toarray()))
             rows = 2 * np.arange(len(white))
             found[first : first + _CHUNK] = covariance[rows[:, None, None] + [[0], [1]], rows[:, None, None] + [[0, 1]]]
@@ -279,15 +279,15 @@ class PathResiduals:
         theta = self._alone
         for _ in range(_FAR_ROUNDS if self.has_lasting_error else _ROUNDS):
             linear = self._linearised(theta, change)
-            root = self._factors(linear)
+            root = _factors(self._normal_at(linear))
             aim = linear.by_path.T @ (linear.by_path @ theta - linear.residual) + self._known.T @ self._data
             theta = np.asarray(root.solve(aim))
         linear = self._linearised(theta, change)
-        self._last, self._done = _Solved(theta=theta, linear=linear, root=self._factors(linear)), change.tobytes()
+        self._last, self._done = (
+            _Solved(theta=theta, linear=linear, root=_factors(self._normal_at(linear))),
+            change.tobytes(),
+        )
         return self._last
-
-    def _factors(self, linear: _Linear) -> SuperLU:
-        return splu(self._normal_at(linear))
 
     def _normal_at(self, linear: _Linear) -> csc_matrix:
         """Return the normal matrix (K, K) of the coefficients: samples, smoothness and pixels."""
@@ -304,8 +304,7 @@ class PathResiduals:
             off = (seen.pixel_px - observed.pixel_px)[kept]
             residuals.append(np.einsum("nij,nj->ni", white, off).ravel())
             by_change.append((white @ seen.jacobian[kept]).reshape(-1, len(change)))
-            blocks = [self._by_part(part, name, seen, kept, white) for part in self.parts]
-            by_path.append(csr_matrix(_beside(blocks)))
+            by_path.append(self._by_paths(name, seen, kept, white))
         return _Linear(
             predicted=predicted,
             residual=np.concatenate(residuals),
@@ -313,26 +312,38 @@ class PathResiduals:
             by_change=np.concatenate(by_change),
         )
 
-    def _by_part(
-        self, part: PathPart, name: str, seen: PixelPredictions, kept: MaskArray, white: FloatArray
-    ) -> csr_matrix:
-        """Return the derivatives (2n, d · K) of a station's whitened pixels by one path's coefficients."""
-        axes = part.samples.shape[1]
-        if part.station is None:
-            times, by = seen.reference_s[kept], white @ seen.by_point_px_m[kept]
-        elif part.station == name:
-            times, by = seen.reading_s[kept], white @ seen.by_angle_px_rad[kept] / MILLI
-        else:
-            return csr_matrix((2 * int(kept.sum()), part.size))
-        inside = (times >= part.basis.from_s) & (times <= part.basis.to_s)
-        basis = part.basis.at(times).multiply(inside[:, None]).tocsr()
-        doubled = basis[np.repeat(np.arange(len(times)), 2)]
-        blocks = [doubled.multiply(by[:, :, axis].reshape(-1, 1)).tocsr() for axis in range(axes)]
-        if part.lasting is not None:
-            # the error is the fixes', not the aircraft's
-            blocks.append(csr_matrix((2 * len(times), part.lasting.size)))
-        return _beside(blocks)
+    def _by_paths(self, name: str, seen: PixelPredictions, kept: MaskArray, white: FloatArray) -> csr_matrix:
+        """Return the derivatives (2n, K) of a station's whitened pixels by the coefficients of all paths.
+
+        A fixes' lasting error has none: it is the fixes', not the aircraft's.
+        """
+        rows, columns = ([np.zeros(0, dtype=np.int64)] for _ in range(2))
+        values = [np.zeros(0)]
+        for part in self.parts:
+            if part.station is None:
+                times, by = seen.reference_s[kept], white @ seen.by_point_px_m[kept]
+            elif part.station == name:
+                times, by = seen.reading_s[kept], white @ seen.by_angle_px_rad[kept] / MILLI
+            else:
+                continue
+            inside = np.flatnonzero((times >= part.basis.from_s) & (times <= part.basis.to_s))
+            if not len(inside):
+                continue
+            basis = part.basis.at(times[inside]).tocsr()
+            pixel, place = np.repeat(inside, np.diff(basis.indptr)), part.first + basis.indices.astype(np.int64)
+            for axis in range(part.samples.shape[1]):
+                for component in range(2):
+                    rows.append(2 * pixel + component)
+                    columns.append(place + axis * part.basis.count)
+                    values.append(basis.data * by[pixel, component, axis])
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        return csr_matrix(entries, shape=(2 * int(kept.sum()), len(self._alone)))
 
 
-def _beside(blocks: list[csr_matrix]) -> csr_matrix:
-    return csr_matrix(vstack([block.T for block in blocks]).T)
+def _factors(normal: csc_matrix) -> SuperLU:
+    """Return the factors of a positive definite matrix, which needs no pivots.
+
+    Ordered as a symmetric one it has a sixth of the time of an ordering by columns: 3 ms for 18 ms, a landing by a
+    receiver without corrections (2026-11).
+    """
+    return splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

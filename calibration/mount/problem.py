@@ -7,7 +7,7 @@ the fields of `groundstation.rig.ptu_axes.PtuAxes` without their unit (``lean``,
 Equations: docs/derivation.md, section 18.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import lru_cache
@@ -105,8 +105,8 @@ class Mark:
 
 
 def _repeated(one: FloatArray, n: int) -> FloatArray:
-    """Return ``n`` times the same array, read only."""
-    return np.broadcast_to(one, (n, *one.shape))
+    """Return ``n`` times the same array."""
+    return one[None].repeat(n, axis=0)
 
 
 @lru_cache(maxsize=4096)
@@ -189,6 +189,7 @@ class MountProblem:
     """A station, its sightings, the marks, and p free parameters with prior sigmas (p,) (inf: no prior).
 
     ``stand`` (n,) numbers the standstills of the sightings, in which the error within an encoder's step is constant.
+    ``places`` are the parameters' places in a change, ``of_marks`` the sightings of each mark and its own parameters.
     """
 
     station: Station
@@ -197,10 +198,16 @@ class MountProblem:
     names: tuple[str, ...]
     prior_sigma: FloatArray
     stand: IntArray = field(init=False, repr=False)
+    places: Mapping[str, int] = field(init=False, repr=False)
+    of_marks: tuple[tuple[IntArray, tuple[str, ...]], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         seen = self.sightings
         object.__setattr__(self, "stand", standstills(seen.reading_rad, seen.sense, self.station))
+        object.__setattr__(self, "places", {name: k for k, name in enumerate(self.names)})
+        # a fit predicts hundreds of times
+        of_marks = tuple((np.flatnonzero(seen.mark == n), mark.names) for n, mark in enumerate(self.marks))
+        object.__setattr__(self, "of_marks", of_marks)
 
     @property
     def step_scale(self) -> FloatArray:
@@ -211,7 +218,8 @@ class MountProblem:
 
     def value(self, change: FloatArray, name: str) -> float:
         """Return one parameter of a change (p,); 0 where it is not free."""
-        return float(change[self.names.index(name)]) if name in self.names else 0.0
+        place = self.places.get(name)
+        return 0.0 if place is None else float(change[place])
 
     def without(self, held: Sequence[str]) -> "MountProblem":
         """Return the problem with parameters held where they are."""
@@ -240,11 +248,11 @@ class MountProblem:
         axes = station.ptu_axes
         angles = axes.angles_many(seen.reading_rad, seen.sense)
         points, by_mark = np.zeros((n, 3)), []
-        for number, mark in enumerate(self.marks):
-            own = np.flatnonzero(seen.mark == number)
-            part = np.array([self.value(change, name) for name in mark.names])
+        for mark, (own, names) in zip(self.marks, self.of_marks, strict=True):
+            part = np.array([self.value(change, name) for name in names])
             points[own], derivative = mark.points(part, self.station.ptu_position_m, seen.body_m[own])
-            by_mark.append((own, mark.names, derivative))
+            if any(name in self.places for name in names):
+                by_mark.append((own, names, derivative))
         pixel, by_state, by_rig = np.zeros((n, 2)), np.zeros((n, 2, 5)), np.zeros((n, 2, CALIBRATION_SIZE))
         depth = np.zeros(n)
         project_calibration_many(packed, points, angles, pixel, by_state, by_rig, depth)
@@ -260,8 +268,8 @@ class MountProblem:
         for own, names, derivative in by_mark:
             moved = by_state[own][:, :, :3] @ derivative
             for part_number, name in enumerate(names):
-                if name in self.names:
-                    jacobian[own, :, self.names.index(name)] = moved[:, :, part_number]
+                if name in self.places:
+                    jacobian[own, :, self.places[name]] = moved[:, :, part_number]
         usable = depth > MIN_DEPTH_M
         jacobian[~usable], by_angle[~usable] = 0.0, 0.0
         return PredictedSightings(pixel_px=pixel, jacobian=jacobian, by_angle=by_angle, usable=usable)

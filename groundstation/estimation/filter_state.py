@@ -119,15 +119,17 @@ class FilterState:
         if self.time_s is None or not accepted:
             return
         book, now_s = self.book, self.time_s
+        changes: dict[str, Any] = {"pixel": (station, now_s), "rejected": book.rejected.accepted(now_s)}
         together = book.pixel is not None and book.pixel[0] != station
         if together and book.pixel is not None and now_s - book.pixel[1] <= self.models.alone_after_s:
-            self.note(two_cameras_s=now_s)
+            changes["two_cameras_s"] = now_s
             if book.velocity.is_due(now_s):
                 where, imm = self.models.layout.velocity, self.imm
-                self.note(velocity=book.velocity.sampled(now_s, imm.x[where], imm.P[where, where]))
-        self.note(pixel=(station, now_s), rejected=book.rejected.accepted(now_s))
+                changes["velocity"] = book.velocity.sampled(now_s, imm.x[where], imm.P[where, where])
         if self.models.consider.keeps_pixel_times:
-            self.note(newest_pixel_s={**book.newest_pixel_s, station: now_s})
+            changes["newest_pixel_s"] = {**book.newest_pixel_s, station: now_s}
+        # at once: a replacement of all fields costs a tenth of an update
+        self.note(**changes)
 
     def is_contradicted(self, pixel: TargetPixel, residual_px: FloatArray) -> bool:
         """Count a rejected pixel; where a run of them contradicts the filter, widen the target's covariance."""

@@ -44,6 +44,10 @@ class Film:
     hidden: range = field(default_factory=lambda: range(0))
     jumps: dict[int, Place] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        assert np.ptp(self.scene, axis=2).max() == 0
+        self._grey = self.scene[:, :, 0].copy()
+
     def view(self, k: int) -> Place:
         """Return the upper-left corner of frame ``k`` in the panorama."""
         jump = np.sum([v for n, v in self.jumps.items() if n <= k] or [(0.0, 0.0)], axis=0)
@@ -65,12 +69,15 @@ class Film:
         """Return frame ``k``, (h, w, 3)."""
         x, y = self.view(k)
         shifted = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]])
-        picture = cv2.warpAffine(self.scene, shifted, SIZE, flags=cv2.INTER_LINEAR).astype(np.float32)
+        # one channel: all are equal until there is noise in them
+        grey = cv2.warpAffine(self._grey, shifted, SIZE, flags=cv2.INTER_LINEAR).astype(np.float32)
         if k not in self.hidden:
-            picture += self.level * self._silhouette(k)[:, :, None]
-        noise = np.float32(self.noise) * self.rng.standard_normal(picture.shape, dtype=np.float32)
-        picture = cv2.GaussianBlur(picture, (0, 0), 0.7) + noise
-        return np.clip(np.round(picture), 0, 255).astype(np.uint8)
+            grey += self.level * self._silhouette(k)
+        picture = self.rng.standard_normal((*grey.shape, 3), dtype=np.float32)
+        picture *= np.float32(self.noise)
+        picture += cv2.GaussianBlur(grey, (0, 0), 0.7)[:, :, None]
+        # rounds to even and limits to a byte
+        return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0.0, out=picture)))
 
     def _silhouette(self, k: int) -> Float32Array:
         """Return wing, body and fin of the aircraft, (h, w) from 0 to 1, float32."""
