@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from groundstation.api.replay_session import CameraSeries, ReplayedSession, replay_session
+    from groundstation.api.rig_file import load_rig
     from groundstation.api.session_events import session_events
     from groundstation.api.tracker import Tracker
     from groundstation.box import Box
@@ -34,12 +35,13 @@ if TYPE_CHECKING:
         TrackStatus,
         Triangulation,
     )
-    from groundstation.rig.rig import Rig, load_rig
+    from groundstation.rig.rig import Rig
 
 __version__ = "0.1.0"
 # where each public name is; what is not here may change without a note
 _PLACES = {
     "groundstation.api.replay_session": ("replay_session", "ReplayedSession", "CameraSeries"),
+    "groundstation.api.rig_file": ("load_rig",),
     "groundstation.api.session_events": ("session_events",),
     "groundstation.api.tracker": ("Tracker",),
     "groundstation.box": ("Box",),
@@ -51,7 +53,7 @@ _PLACES = {
         *("StepReport", "TrackEstimate", "TrackState", "TrackStatus", "Kinematics", "Triangulation"),
         *("CameraReport", "Detection", "DetectionStatus", "Miss"),
     ),
-    "groundstation.rig.rig": ("Rig", "load_rig"),
+    "groundstation.rig.rig": ("Rig",),
 }
 _MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
 __all__ = [

@@ -80,7 +80,8 @@ class ReplayedSession:
         return np.asarray(self.status == "tracking")
 
     def to_pandas(self) -> Any:
-        """Return the track as a pandas DataFrame: a row for each pair, columns as in `track.csv`.
+        """Return the track as a pandas DataFrame: a row for each pair with time, status, position, velocity
+        and one sigma of the position.
 
         Raises `InputError` where pandas is not installed.
         """

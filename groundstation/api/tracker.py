@@ -36,7 +36,7 @@ class Tracker:
     Events are fed as they come: PTU readings, frames or pixels, and after the last frame of each stereo pair its
     `Epoch`, which is answered by a `TrackEstimate`. Frames are processed once their angles are known, so that the
     answer to an event may come with a later one; events out of order are used at their own time, up to half a second
-    late.
+    late. A `ReferenceFix`, which the recording of a run that learnt from its reference has, changes nothing.
 
     Parameters
     ----------
@@ -136,8 +136,10 @@ class Tracker:
         if isinstance(event, PtuSample):
             numbers += [event.pan_rad, event.tilt_rad]
         elif isinstance(event, PixelMeasurement):
+            if isinstance(event.sigma_px, float | int):
+                raise InputError(f"{where}: sigma_px", got=f"{event.sigma_px:g}", wanted="two numbers, of u and of v")
             numbers += [event.u_px, event.v_px, *(event.sigma_px or ())]
-            if event.sigma_px is not None and min(event.sigma_px) <= 0.0:
+            if event.sigma_px is not None and (len(event.sigma_px) != 2 or min(event.sigma_px) <= 0.0):
                 raise InputError(f"{where}: sigma_px", got=str(event.sigma_px), wanted="> 0, or None")
         if not np.isfinite(numbers).all():
             raise InputError(where, got=f"a value that is not finite at t_s = {event.t_s:g}", wanted="finite numbers")
@@ -161,11 +163,12 @@ def _event(t_s: float, station: str, epoch: int, observed: Observation) -> Frame
     """Return what a camera saw as an event."""
     if isinstance(observed, Picture):
         return Frame(t_s=t_s, station=station, epoch=epoch, image=observed)
-    if isinstance(observed, np.ndarray):
+    if isinstance(observed, np.ndarray) and observed.ndim > 1:
         return Frame(t_s=t_s, station=station, epoch=epoch, image=picture_of(observed))
-    if not 2 <= len(observed) <= 3:
+    if not isinstance(observed, Sequence | np.ndarray) or not 2 <= len(observed) <= 3:
+        got = f"{len(observed)} numbers" if isinstance(observed, Sequence | np.ndarray) else type(observed).__name__
         wanted = "a picture, or a pixel (u, v) or (u, v, sigma)"
-        raise InputError(f"seen by {station} at {t_s:g} s", got=f"{len(observed)} numbers", wanted=wanted)
+        raise InputError(f"seen by {station} at {t_s:g} s", got=got, wanted=wanted)
     u, v, *sigma = (float(number) for number in observed)
     return PixelMeasurement(
         t_s=t_s,

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 from groundstation.conversion.convert import ConversionResult, pass_on
 from groundstation.conversion.ros_bag_reader import RosBag
-from groundstation.conversion.ros_bag_writer import RosBagWriter
+from groundstation.conversion.ros_bag_writer import RosBagWriter, track_table
 from groundstation.conversion.session_folder_writer import SessionFolderWriter
 from groundstation.errors import InputError
 from groundstation.files.text_file import AttachedFiles
@@ -19,6 +19,8 @@ from groundstation.session.media import Medium, MediumKind
 from groundstation.sources.session_source import session_source
 
 _KEPT = ("session.toml", "rig.toml")
+# carried where it is not too long for the bag's metadata
+_TRUTH, _MOST_TRUTH_BYTES = "truth.csv", 5_000_000
 _METADATA = "metadata.yaml"
 
 
@@ -43,15 +45,24 @@ def to_ros_bag(
     session = load_session(source)
     session.rig.require_known()
     notes: list[str] = []
+    track = None if run is None else track_table(run / "track.csv")
     files = {name: (session.folder / name).read_bytes() for name in _KEPT}
+    if (session.folder / _TRUTH).is_file() and len(
+        truth := (session.folder / _TRUTH).read_bytes()
+    ) <= _MOST_TRUTH_BYTES:
+        files[_TRUTH] = truth
     fixes = load_dgps(session, lambda fault: notes.append(str(fault)), notes.append)
     with session_source(session, from_s, to_s) as stream:
         begins_s = min([stream.span_s[0] - 1.0, *(fix.t_s for fix in fixes[:1])])
         with RosBagWriter(out, session, begins_s, files) as bag:
             events, fault = pass_on(stream, bag.take, progress, stream.epoch_count)
             bag.write_reference(fixes)
-            if run is not None:
-                notes.append(f"{bag.write_track(run / 'track.csv')} estimates of {run} are on /track")
+            if track is not None:
+                notes.append(f"{bag.write_track(track)} estimates of {run} are on /track")
+        if bag.partial_pictures:
+            notes.append(f"{bag.partial_pictures} pictures hold only what detection read; the rest is grey")
+        if bag.pixels_with_sigma:
+            notes.append(f"the sigmas of {bag.pixels_with_sigma} pixels are not in the bag")
     return ConversionResult(out=out, events=events, notes=tuple(notes), fault=fault)
 
 
@@ -69,7 +80,7 @@ def from_ros_bag(
     Raises `InputError`, or `MissingExtraError` without rosbags.
     """
     with RosBag(source) as bag:
-        files = {name: data for name, data in bag.files.items() if name in _KEPT}
+        files = {name: data for name, data in bag.files.items() if name in (*_KEPT, _TRUTH)}
         files.setdefault("session.toml", b'origin = "a ROS 2 bag"\n')
         if rig is not None:
             files["rig.toml"] = rig.read_bytes() if rig.is_file() else _no_rig(rig)
@@ -86,9 +97,13 @@ def from_ros_bag(
             stream = _by_the_devices_clocks(stream, session)
         events, fault = pass_on(stream, folder.take, progress, bag.pairs(chosen))
         if chosen.reference is not None:
-            files["dgps.csv"] = bag.reference_csv(chosen.reference)
+            try:
+                files["dgps.csv"] = bag.reference_csv(chosen.reference)
+            except InputError as damaged:
+                fault = fault or damaged
         folder.finish(files, "")
-    return ConversionResult(out=out, events=events, notes=(), fault=fault)
+        notes = [f"{n} messages of joints lack pan or tilt of {station}" for station, n in bag.without_angles.items()]
+    return ConversionResult(out=out, events=events, notes=tuple(notes), fault=fault)
 
 
 def _by_the_devices_clocks(events: Iterable[Event], session: Session) -> Iterator[Event]:

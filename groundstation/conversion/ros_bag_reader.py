@@ -5,7 +5,6 @@ bag defines itself are never compiled.
 """
 
 import itertools
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,31 +12,28 @@ from typing import Any
 
 import cv2
 import numpy as np
+from mcap.reader import make_reader
 
-from groundstation.conversion.ros_types import OFFSET_KEY, RosTypes, pixel_topic
+from groundstation.conversion.ros_messages import pan_tilt, plain_image
+from groundstation.conversion.ros_types import OFFSET_KEY, UNKNOWN_VARIANCE, RosTypes, pixel_topic
 from groundstation.conversion.video_frame_pairing import frames_rows
 from groundstation.errors import SessionError
 from groundstation.files.image_header import is_decodable
 from groundstation.files.output_names import name_fault
 from groundstation.files.toml_table import quoted, shown
 from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample
-from groundstation.picture import BayerPattern, BgrPicture, Picture, RawPicture
+from groundstation.picture import BgrPicture, Picture
 from groundstation.rig.rig import Rig
 
 IMAGE_KINDS = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 JOINT_KIND, REFERENCE_KIND = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseWithCovarianceStamped"
 PIXEL_KIND = "geometry_msgs/msg/PointStamped"
-# a picture of the largest size that is decoded, in 16 bits and three colours
-_MOST_MESSAGE_BYTES = 500_000_000
-_MOST_JOINTS = 1000
+OWN_REFERENCE = "/reference"
+# three bytes for each pixel of the largest picture that is decoded, three times over
+_MOST_MESSAGE_BYTES = 250_000_000
+_MOST_CHUNK_BYTES = 300_000_000
 _MOST_METADATA_BYTES = 20_000_000
 _LISTED = 12
-_BAYER = {
-    "bayer_rggb8": BayerPattern.RG,
-    "bayer_grbg8": BayerPattern.GR,
-    "bayer_gbrg8": BayerPattern.GB,
-    "bayer_bggr8": BayerPattern.BG,
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +70,7 @@ class RosBag:
         )
         try:
             metadata = self._metadata()
+            self._check_chunks(metadata)
             self._reader = Reader(folder)
             self._reader.open()
         except SessionError:
@@ -84,8 +81,13 @@ class RosBag:
                 got=f"no ROS 2 bag ({shown(str(error))})",
                 wanted="a folder with metadata.yaml and its files",
             ) from error
+        # only texts: an alias of YAML may stand for more than fits into the memory
         custom = metadata.get("custom_data")
-        self._custom = custom if isinstance(custom, dict) else {}
+        texts = custom.items() if isinstance(custom, dict) else ()
+        self._custom = {str(key): text for key, text in texts if isinstance(key, str) and isinstance(text, str)}
+        # messages of joints without both angles of a station, by station
+        self.without_angles: dict[str, int] = {}
+        self._joint_names: dict[str, str] = {}
 
     def _metadata(self) -> dict[str, Any]:
         """Return the metadata; raises `SessionError` where they are too long, or the bag has no limit when unpacked."""
@@ -106,6 +108,19 @@ class RosBag:
             raise SessionError(str(path), got=f"compression by {shown(mode)}", wanted=wanted)
         return dict(found)
 
+    def _check_chunks(self, metadata: dict[str, Any]) -> None:
+        """Raise `SessionError` for a chunk of MCAP storage that is too large to be unpacked, by its index."""
+        if metadata.get("storage_identifier") != "mcap":
+            return
+        for name in metadata["relative_file_paths"]:
+            path = self.folder / Path(str(name)).name
+            with path.open("rb") as stream:
+                summary = make_reader(stream).get_summary()
+            sizes = [chunk.uncompressed_size for chunk in summary.chunk_indexes] if summary is not None else []
+            if max(sizes, default=0) > _MOST_CHUNK_BYTES:
+                got, wanted = f"a chunk of {max(sizes)} bytes", f"at most {_MOST_CHUNK_BYTES}"
+                raise SessionError(str(path), got=got, wanted=wanted)
+
     def __enter__(self) -> "RosBag":
         """Return the bag."""
         return self
@@ -119,7 +134,7 @@ class RosBag:
         """Files of a session that this program has put into the bag, by name."""
         prefix = "groundstation/"
         return {
-            key.removeprefix(prefix): str(text).encode("utf-8", "surrogateescape")
+            key.removeprefix(prefix): text.encode("utf-8", "surrogateescape")
             for key, text in self._custom.items()
             if key.startswith(prefix) and key != OFFSET_KEY and name_fault(key.removeprefix(prefix)) is None
         }
@@ -136,7 +151,7 @@ class RosBag:
 
     def offset_s(self) -> int:
         """Return the whole seconds that session time is behind the stamps."""
-        kept = str(self._custom.get(OFFSET_KEY, ""))
+        kept = self._custom.get(OFFSET_KEY, "")
         if kept.isascii() and kept.isdigit() and len(kept) < 10:
             return int(kept)
         return int(self._reader.start_time // 10**9)
@@ -153,9 +168,14 @@ class RosBag:
                 raise SessionError("--topic", got=quoted(key), wanted="one of " + ", ".join(allowed))
         pixels = {n: pixel_topic(n) for n in rig.names if self.kinds.get(pixel_topic(n)) == PIXEL_KIND}
         images = {} if pixels else {n: self._topic(f"{n}.image", n, IMAGE_KINDS, given) for n in rig.names}
+        for n, topic in images.items():
+            others = [other for other, t in images.items() if t == topic and other != n]
+            if others:
+                raise self._no_topic(f"{n}.image", f"{quoted(topic)}, which is that of {others[0]}, too", IMAGE_KINDS)
         joints = {n: self._topic(f"{n}.joints", n, (JOINT_KIND,), given) for n in turning}
-        references = [t for t, kind in self.kinds.items() if kind == REFERENCE_KIND]
-        reference = given.get("reference", references[0] if len(references) == 1 else None)
+        # of a foreign bag it is not known whether a pose is in the session's frame
+        own = OWN_REFERENCE if self.is_ours and self.kinds.get(OWN_REFERENCE) == REFERENCE_KIND else None
+        reference = given.get("reference", own)
         if reference is not None and self.kinds.get(reference) != REFERENCE_KIND:
             raise self._no_topic("reference", f"{quoted(reference)}", (REFERENCE_KIND,))
         return RosTopics(images=images, joints=joints, pixels=pixels, reference=reference)
@@ -165,17 +185,25 @@ class RosBag:
         epochs = self._epochs(topics.images or topics.pixels)
         left = {number: set(stations) for number, stations in epochs.stations.items()}
         counts: dict[str, int] = {}
+        read: set[str] = set()
         stamps: dict[int, list[float]] = {}
         for topic, message in self._messages(
             {*topics.images.values(), *topics.joints.values(), *topics.pixels.values()}
         ):
             t_s = self._time_s(message)
             for station in (n for n, t in topics.joints.items() if t == topic):
-                angles = _pan_tilt(message, station, alone=list(topics.joints.values()).count(topic) == 1)
-                if angles is not None:
+                angles = pan_tilt(message, station, alone=list(topics.joints.values()).count(topic) == 1)
+                if angles is None:
+                    self.without_angles[station] = self.without_angles.get(station, 0) + 1
+                    names = ", ".join(shown(str(name), 30) for name in message.name[:_LISTED])
+                    self._joint_names[station] = names
+                else:
+                    read.add(station)
                     yield PtuSample(t_s=t_s, station=station, pan_rad=angles[0], tilt_rad=angles[1])
             for station in (n for n, t in (topics.images or topics.pixels).items() if t == topic):
                 k = counts[station] = counts.get(station, -1) + 1
+                if k >= len(epochs.numbers[station]):
+                    return
                 epoch = epochs.numbers[station][k]
                 if topics.images:
                     image = self._picture(message, topic, rig[station].lens.image_size_px)
@@ -188,6 +216,15 @@ class RosBag:
                 if not left[epoch]:
                     own = stamps.pop(epoch)
                     yield Epoch(t_s=sum(own) / len(own), epoch=epoch, stations=tuple(epochs.stations[epoch]))
+        self._require_angles(topics, read)
+
+    def _require_angles(self, topics: RosTopics, read: set[str]) -> None:
+        """Raise `SessionError` for a station whose angles no message of its topic has."""
+        for station, topic in topics.joints.items():
+            if station not in read:
+                got = f"joints {self._joint_names.get(station, 'of no message')}"
+                wanted = f"pan and tilt of {station} by their names, with its own where several share a topic"
+                raise SessionError(f"{self.folder.name}: {topic}", got=got, wanted=wanted)
 
     def pairs(self, topics: RosTopics) -> int:
         """Return the number of messages of the topic that has the most pictures, or pixels."""
@@ -199,9 +236,13 @@ class RosBag:
         lines = ["t_s,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m"]
         for _, message in self._messages({topic}):
             at, variance = message.pose.pose.position, np.asarray(message.pose.covariance).reshape(6, 6).diagonal()[:3]
-            numbers = [self._time_s(message), at.x, at.y, at.z, *np.sqrt(np.maximum(variance, 0.0)).tolist()]
-            if np.isfinite(numbers).all():
-                lines.append(",".join(repr(float(number)) for number in numbers))
+            numbers = [self._time_s(message), at.x, at.y, at.z]
+            if not np.isfinite(numbers).all():
+                continue
+            # zero is ROS's word for unknown, and one so large that of `RosBagWriter`
+            known = bool(((variance > 0.0) & (variance < UNKNOWN_VARIANCE)).all())
+            sigma = [repr(float(v)) for v in np.sqrt(variance)] if known else ["", "", ""]
+            lines.append(",".join([*(repr(float(number)) for number in numbers), *sigma]))
         return ("\n".join(lines) + "\n").encode()
 
     # -------------------------------------------------------------------------------------------- messages
@@ -210,19 +251,24 @@ class RosBag:
         connections = [c for c in self._reader.connections if c.topic in topics]
         if not connections:
             return
+        records = self._reader.messages(connections=connections)
         number = 0
-        try:
-            for connection, _, data in self._reader.messages(connections=connections):
+        while True:
+            try:
+                record = next(records, None)
+                if record is None:
+                    return
+                connection, _, data = record
                 number += 1
                 if len(data) > _MOST_MESSAGE_BYTES:
-                    got, wanted = f"a message of {len(data)} bytes", f"at most {_MOST_MESSAGE_BYTES}"
-                    raise SessionError(f"{self.folder.name}: {connection.topic}", got=got, wanted=wanted)
-                yield connection.topic, self._ros.decoded(data, connection.msgtype)
-        except SessionError:
-            raise
-        except (*self._faults, ArithmeticError, IndexError, AttributeError, MemoryError) as error:
-            where = f"{self.folder.name}: message {number}"
-            raise SessionError(where, got=f"a damaged one ({error})", wanted="a ROS 2 message") from error
+                    raise ValueError(f"{len(data)} bytes, more than {_MOST_MESSAGE_BYTES}")
+                message = self._ros.decoded(data, connection.msgtype)
+            # the library and those that it unpacks with raise whatever a damaged byte leads to
+            except Exception as error:
+                where = f"{self.folder.name}: message {number} of {', '.join(sorted(topics))}"
+                got = f"a damaged one ({shown(str(error) or type(error).__name__)})"
+                raise SessionError(where, got=got, wanted="a ROS 2 message") from error
+            yield connection.topic, message
 
     def _time_s(self, message: Any) -> float:
         """Return the session time of a message's header, s."""
@@ -232,12 +278,17 @@ class RosBag:
     def _epochs(self, topics: Mapping[str, str]) -> "_Epochs":
         """Return which frames belong together: nearest in time, each used once."""
         stamps: dict[str, list[float]] = {station: [] for station in topics}
-        for topic, message in self._messages(set(topics.values())):
-            for station in (n for n, t in topics.items() if t == topic):
-                stamps[station].append(self._time_s(message))
+        try:
+            for topic, message in self._messages(set(topics.values())):
+                for station in (n for n, t in topics.items() if t == topic):
+                    stamps[station].append(self._time_s(message))
+        except SessionError:
+            # the events before it are wanted all the same, and then raise it again
+            pass
         for station, times in stamps.items():
-            if len(times) < 2 or any(after <= before for before, after in itertools.pairwise(times)):
-                got = f"{len(times)} of them" if len(times) < 2 else "stamps that do not grow"
+            least = 1 if self.is_ours else 2
+            if len(times) < least or any(after <= before for before, after in itertools.pairwise(times)):
+                got = f"{len(times)} of them" if len(times) < least else "stamps that do not grow"
                 raise SessionError(f"{self.folder.name}: {topics[station]}", got=got, wanted="images in order of time")
         numbers: dict[str, list[int]] = {station: [] for station in topics}
         together: dict[int, list[str]] = {}
@@ -258,7 +309,7 @@ class RosBag:
                 raise SessionError(where, got=f"no picture ({message.format[:40]})", wanted="a JPEG or a PNG")
             picture: Picture = BgrPicture(np.asarray(image, np.uint8))
         else:
-            picture = _plain(message, data, where)
+            picture = plain_image(message, data, where)
         if picture.size_px != size_px:
             got, wanted = (f"{w}×{h} px" for w, h in (picture.size_px, size_px))
             raise SessionError(where, got=got, wanted=f"{wanted} as in the rig")
@@ -289,34 +340,3 @@ class _Epochs:
 
     numbers: Mapping[str, list[int]]
     stations: Mapping[int, list[str]]
-
-
-def _pan_tilt(message: Any, station: str, *, alone: bool) -> tuple[float, float] | None:
-    """Return a station's pan and tilt; None where the message has not both.
-
-    Joints are told by "pan" and "tilt" in their names, and by the station's where several share a topic.
-    """
-    names = [str(name).lower() for name in message.name[:_MOST_JOINTS]]
-    found = []
-    for axis in ("pan", "tilt"):
-        at = [k for k, name in enumerate(names) if axis in name and (alone or station.lower() in name)]
-        if len(at) != 1 or at[0] >= len(message.position) or not math.isfinite(message.position[at[0]]):
-            return None
-        found.append(float(message.position[at[0]]))
-    return found[0], found[1]
-
-
-def _plain(message: Any, data: Any, where: str) -> Picture:
-    """Return an uncompressed image as a picture."""
-    h, w, step, encoding = int(message.height), int(message.width), int(message.step), str(message.encoding)
-    depth = 3 if encoding in ("bgr8", "rgb8") else 1
-    if encoding not in ("bgr8", "rgb8", "mono8", *_BAYER):
-        wanted = "bgr8, rgb8, mono8 or " + ", ".join(_BAYER)
-        raise SessionError(where, got=f"encoding {quoted(encoding)}", wanted=wanted)
-    if h < 1 or w < 1 or step < depth * w or len(data) < step * h:
-        raise SessionError(where, got=f"{len(data)} bytes for {w}×{h} px", wanted="as many as the image has")
-    pixels = np.ascontiguousarray(data[: step * h].reshape(h, step)[:, : depth * w])
-    if depth == 1:
-        return RawPicture(pixels, _BAYER.get(encoding))
-    image = pixels.reshape(h, w, 3)
-    return BgrPicture(image if encoding == "bgr8" else np.ascontiguousarray(image[:, :, ::-1]))

@@ -5,6 +5,7 @@ keep that number and the session's own files, so that the bag can be turned into
 """
 
 import math
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +15,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.conversion.ros_types import MAP_FRAME, OFFSET_KEY, RosTypes, pixel_topic, topic_of
+from groundstation.conversion.ros_types import MAP_FRAME, OFFSET_KEY, UNKNOWN_VARIANCE, RosTypes, pixel_topic, topic_of
 from groundstation.errors import InputError
 from groundstation.files.csv_table import CsvTable
 from groundstation.geometry.rotation import wxyz_from_matrix
@@ -30,8 +31,11 @@ _POSITION = ("x_m", "y_m", "z_m")
 _VELOCITY = ("vx_m_s", "vy_m_s", "vz_m_s")
 _COVARIANCE = ("cov_xx_m2", "cov_xy_m2", "cov_xz_m2", "cov_yy_m2", "cov_yz_m2", "cov_zz_m2")
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-# REP 117 and sensor_msgs have no word for an unknown covariance of one axis; navigation uses a number so large
-_UNKNOWN_VARIANCE = 1e6
+
+
+def track_table(path: Path) -> CsvTable:
+    """Open the track.csv of a run; raises `InputError` if it or a column is missing."""
+    return CsvTable(path, ["t_s", *_POSITION, *_VELOCITY, *_COVARIANCE])
 
 
 class RosBagWriter:
@@ -60,6 +64,7 @@ class RosBagWriter:
             self._writer.set_custom_data(f"groundstation/{name}", data.decode("utf-8", "surrogateescape"))
         self._topics: dict[str, Connection] = {}
         self._begins_s = begins_s
+        self.pixels_with_sigma = self.partial_pictures = 0
 
     def __enter__(self) -> "RosBagWriter":
         """Open the bag and write the static transforms."""
@@ -73,8 +78,10 @@ class RosBagWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Close the bag, which is then whole."""
+        """Close the bag, which is then whole; after an error or an interrupt it is removed."""
         self._writer.close()
+        if kind is not None:
+            shutil.rmtree(self._writer.path, ignore_errors=True)
 
     def take(self, event: Event) -> None:
         """Write one event; those without a counterpart in ROS are left out."""
@@ -87,20 +94,20 @@ class RosBagWriter:
             header = self._header(event.t_s, f"{event.station}_optical")
             stamped = self._ros.new("geometry_msgs/msg/PointStamped", header=header, point=point)
             self._write(pixel_topic(event.station), event.t_s, stamped)
+            self.pixels_with_sigma += event.sigma_px is not None
 
     def write_reference(self, fixes: tuple[DgpsFix, ...]) -> None:
         """Write positions of the reference; the offset of its clock is not applied."""
         for fix in fixes:
-            variance = np.full(3, _UNKNOWN_VARIANCE) if fix.sigma_m is None else np.square(fix.sigma_m)
+            variance = np.full(3, UNKNOWN_VARIANCE) if fix.sigma_m is None else np.square(fix.sigma_m)
             pose = self._ros.pose(fix.position_runway_m, np.diag(variance))
             message = self._ros.new(
                 "geometry_msgs/msg/PoseWithCovarianceStamped", header=self._header(fix.t_s, MAP_FRAME), pose=pose
             )
             self._write("/reference", fix.t_s, message)
 
-    def write_track(self, path: Path) -> int:
-        """Write the track of a run (track.csv) as odometry; return the number of estimates. Raises `InputError`."""
-        table = CsvTable(path, ["t_s", *_POSITION, *_VELOCITY, *_COVARIANCE])
+    def write_track(self, table: CsvTable) -> int:
+        """Write the track of a run (`track_table`) as odometry; return the number of estimates. Raises `InputError`."""
         count = 0
         for row in table:
             values = [table.optional_number(row, name) for name in (*_POSITION, *_VELOCITY, *_COVARIANCE)]
@@ -117,7 +124,7 @@ class RosBagWriter:
                 header=self._header(t_s, MAP_FRAME),
                 child_frame_id="aircraft",
                 pose=self._ros.pose(np.array(known[:3]), covariance),
-                twist=self._ros.twist(np.array(known[3:6]), _UNKNOWN_VARIANCE),
+                twist=self._ros.twist(np.array(known[3:6]), UNKNOWN_VARIANCE),
             )
             self._write("/track", t_s, message)
             count += 1
@@ -127,6 +134,7 @@ class RosBagWriter:
     def _write_picture(self, event: Frame) -> None:
         """Write a frame as PNG, without loss, and its camera info."""
         station = self._stations[event.station]
+        self.partial_pictures += not event.image.has_all
         header = self._header(event.t_s, f"{event.station}_optical")
         coded = cv2.imencode(".png", event.image.preview(), (cv2.IMWRITE_PNG_COMPRESSION, 1))[1]
         message = self._ros.new(

@@ -12,6 +12,8 @@ from groundstation.geometry.camera import Lens
 # the frame of positions: the session's, not east-north-up, unless session.toml says so
 MAP_FRAME = "runway"
 OFFSET_KEY = "groundstation/time_offset_s"
+# of what is not known; ROS's own word, zero, stands for a whole covariance only
+UNKNOWN_VARIANCE = 1e6
 _TOPICS = {
     "image": "/{}/image_raw/compressed",
     "info": "/{}/camera_info",

@@ -7,7 +7,7 @@ the target exists, None changes nothing.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -148,19 +148,21 @@ def for_stations(
 
 def _candidates(
     callback: DetectorCallback, station: str, picture: Picture, region: Box[int], hint: DetectionHint | None
-) -> Sequence[TargetCandidate] | None:
+) -> list[TargetCandidate] | None:
     """Call the function; return its candidates, checked, or None where it did not look."""
     image = (picture.whole() if picture.has_all else picture.preview()).view()
     image.flags.writeable = False
-    found = callback(image, region, hint)
-    if found is None:
+    answer: object = callback(image, region, hint)
+    if answer is None:
         return None
-    for candidate in found:
-        _check(candidate, f"detector of {station}")
-    return found
+    where = f"detector of {station}"
+    if not isinstance(answer, Iterable):
+        raise InputError(where, got=type(answer).__name__, wanted="TargetCandidate, in a sequence, or None")
+    return [_checked(candidate, where) for candidate in answer]
 
 
-def _check(candidate: object, where: str) -> None:
+def _checked(candidate: object, where: str) -> TargetCandidate:
+    """Return a candidate; raises `InputError` for what is none."""
     if not isinstance(candidate, TargetCandidate):
         raise InputError(where, got=type(candidate).__name__, wanted="TargetCandidate, in a sequence, or None")
     covariance = np.asarray(candidate.covariance_px2, np.float64)
@@ -177,6 +179,7 @@ def _check(candidate: object, where: str) -> None:
         raise InputError(
             f"{where}: covariance_px2", got=str(covariance.tolist()), wanted="symmetric, positive definite"
         )
+    return candidate
 
 
 def _distance(candidate: TargetCandidate, hint: DetectionHint) -> float:

@@ -107,12 +107,11 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
     # frees the fixes (one object each) before the figures are drawn
     del inputs
     files = outputs.write(evaluation, smoothed_track, config.evaluation)
-    output_comparison = None if comparison is None else comparison.result()
     return ReplayResult(
         evaluation=evaluation,
         files=files,
         fault=outcome.fault,
-        output_comparison=output_comparison,
+        output_comparison=None if comparison is None else comparison.result(),
         recording_fault=outputs.recording_fault,
     )
 

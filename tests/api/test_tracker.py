@@ -1,6 +1,6 @@
 """The tracker for scripts: fed event by event it gives what a replay gives; what the rig does not fit is refused."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -170,6 +170,7 @@ def test_nothing_seen_and_not_looked_are_two_things(answer: list[TargetCandidate
     ("candidate", "wanted"),
     [
         ((3.0, 4.0), "TargetCandidate"),
+        (None, "got NoneType; wanted TargetCandidate"),
         (TargetCandidate(u_px=1.0, v_px=1.0, covariance_px2=np.eye(3)), r"\(2, 2\)"),
         (TargetCandidate(u_px=np.nan, v_px=1.0, covariance_px2=SIGMA), "finite"),
         (TargetCandidate(u_px=1.0, v_px=1.0, covariance_px2=-SIGMA), "positive definite"),
@@ -180,6 +181,20 @@ def test_a_candidate_that_is_none_is_refused(candidate: object, wanted: str) -> 
     tracker = Tracker(make_rig(fixed=True), detector={"left": lambda image, region, hint: [candidate]})  # type: ignore[dict-item, list-item]
     with pytest.raises(InputError, match=f"detector of left.*{wanted}"):
         tracker.step_pair(0.0, discs(0.0))
+
+
+def test_a_generator_and_an_array_do_as_well() -> None:
+    """Candidates one by one from a generator; pixels as an array."""
+
+    def one_by_one(image: np.ndarray, region: Box[int], hint: DetectionHint | None) -> Iterator[TargetCandidate]:
+        yield from disc_detector(image, region, hint)
+
+    tracker = Tracker(make_rig(fixed=True), detector=one_by_one)  # type: ignore[arg-type]
+    statuses = [e.status for k in range(20) for e in tracker.step_pair(0.1 * k, discs(0.1 * k)).estimates]
+    assert TrackStatus.TRACKING in statuses
+    tracker = Tracker(make_rig(fixed=True))
+    reports = [tracker.step_pair(0.0, {"left": np.array([600.0, 500.0])}), tracker.finish()]
+    assert [c.station for report in reports for c in report.cameras] == ["left"]
 
 
 def test_what_does_not_fit_the_rig_is_refused(tmp_path: Path) -> None:
@@ -198,6 +213,10 @@ def test_what_does_not_fit_the_rig_is_refused(tmp_path: Path) -> None:
             tracker.step(event)
     with pytest.raises(InputError, match="got 1 numbers"):
         tracker.step_pair(0.0, {"left": (3.0,)})
+    with pytest.raises(InputError, match="got NoneType"):
+        tracker.step_pair(0.0, {"left": None})  # type: ignore[dict-item]
+    with pytest.raises(InputError, match=r"sigma_px: got 2; wanted two numbers"):
+        tracker.step(replace(pixel, sigma_px=2.0))
     with pytest.raises(InputError, match=r"got float64 \(48, 64\)"):
         tracker.step_pair(0.0, {"left": np.zeros((48, 64))})  # type: ignore[dict-item]
     with pytest.raises(InputError, match="fixed"):

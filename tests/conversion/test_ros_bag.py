@@ -1,6 +1,7 @@
 """Sessions as ROS 2 bags and back: read independently, with foreign topics, and damaged."""
 
 import itertools
+import sqlite3
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -175,12 +176,13 @@ def foreign(
     encoding: str = "mono8",
     topics: tuple[str, ...] = ("/cam0/image", "/cam1/image"),
     size: tuple[int, int] = SIZE,
+    joints: tuple[str, ...] = ("left_pan", "left_tilt", "right_pan", "right_tilt"),
 ) -> Path:
     """A bag of another program: plain images, both heads' joints on one topic, sqlite3 storage, no calibration."""
     w, h = size
     with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         images = [writer.add_connection(t, "sensor_msgs/msg/Image", typestore=STORE) for t in topics]
-        joints = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=STORE)
+        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=STORE)
         for k in range(8):
             t_s = 10.0 + 0.1 * k
             for n, image in enumerate(images):
@@ -198,17 +200,16 @@ def foreign(
                     data=pixels.ravel(),
                 )
                 writer.write(image, round((1.7e9 + t_s) * 1e9), STORE.serialize_cdr(taken, "sensor_msgs/msg/Image"))
-            names = ["left_pan", "left_tilt", "right_pan", "right_tilt"]
             angles = np.array([0.01 * k, 0.02, -0.01 * k, 0.03])
             read = message(
                 "sensor_msgs/msg/JointState",
                 header=header(t_s + 0.02),
-                name=names,
+                name=list(joints),
                 position=angles,
                 velocity=np.zeros(0),
                 effort=np.zeros(0),
             )
-            writer.write(joints, round((1.7e9 + t_s) * 1e9), STORE.serialize_cdr(read, "sensor_msgs/msg/JointState"))
+            writer.write(states, round((1.7e9 + t_s) * 1e9), STORE.serialize_cdr(read, "sensor_msgs/msg/JointState"))
     return folder
 
 
@@ -333,6 +334,52 @@ def test_without_the_library_the_extra_is_named(
         assert main(["convert", str(source), str(tmp_path / "out"), *more]) == 1
         assert "pip install 'groundstation[ros]'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("topic", ["/cam0/image", "/joint_states"])
+def test_a_damaged_message_ends_it_and_what_came_before_is_written(
+    tmp_path: Path, rig_file: Path, capsys: pytest.CaptureFixture[str], topic: str
+) -> None:
+    bag = foreign(tmp_path / "bag")
+    with sqlite3.connect(bag / "bag.db3") as base:
+        (number,) = base.execute("SELECT id FROM topics WHERE name = ?", (topic,)).fetchone()
+        rows = base.execute("SELECT id FROM messages WHERE topic_id = ? ORDER BY timestamp", (number,)).fetchall()
+        base.execute("UPDATE messages SET data = substr(data, 1, 30) WHERE id = ?", rows[4])
+    session = tmp_path / "session"
+    assert main(["convert", str(bag), str(session), "--rig", str(rig_file), *CAMERAS]) == 1
+    assert "a damaged one" in capsys.readouterr().err
+    frames = [e for e in streamed(session) if isinstance(e, Frame)]
+    assert 7 <= len(frames) <= 10
+
+
+def test_one_topic_is_not_two_cameras(tmp_path: Path, rig_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = foreign(tmp_path / "bag", topics=("/cam0/image",))
+    assert main(["convert", str(bag), str(tmp_path / "session"), "--rig", str(rig_file)]) == 1
+    assert "got '/cam0/image', which is that of right, too" in capsys.readouterr().err
+
+
+def test_joints_that_are_not_told_are_refused_with_their_names(
+    tmp_path: Path, rig_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = foreign(tmp_path / "bag", joints=("a", "b", "c", "d"))
+    assert main(["convert", str(bag), str(tmp_path / "session"), "--rig", str(rig_file), *CAMERAS]) == 1
+    assert "got joints a, b, c, d; wanted pan and tilt of left" in capsys.readouterr().err
+
+
+def test_a_run_without_a_track_is_refused_before_anything_is_written(
+    written: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["convert", str(written[0]), str(tmp_path / "bag"), "--ros2", "--run", str(tmp_path)]) == 1
+    assert "track.csv" in capsys.readouterr().err
+    assert not (tmp_path / "bag").exists()
+
+
+def test_a_reference_without_sigma_has_none_afterwards(tmp_path: Path) -> None:
+    session = Tiny(rows=3, video="png").write(tmp_path / "session")
+    (session / "dgps.csv").write_text("t_s,x_m,y_m,z_m\n1.0,0,300,20\n1.1,0,299,20\n")
+    assert main(["convert", str(session), str(tmp_path / "bag"), "--ros2"]) == 0
+    assert main(["convert", str(tmp_path / "bag"), str(tmp_path / "back")]) == 0
+    assert [fix.sigma_m for fix in load_dgps(load_session(tmp_path / "back"))] == [None, None]
 
 
 def test_pixels_go_both_ways(tmp_path: Path) -> None:
