@@ -177,7 +177,7 @@ def measure(root: Path) -> int:
     most_mb, at = max(reading for stretch, reading in watch.most.items() if stretch > 0)
     summary = result.evaluation.summary
     rrd, report = out / "session.rrd", out / "report.html"
-    verify = [sys.executable, "-m", "rerun", "rrd", "verify", str(rrd)]
+    verify = [sys.executable, "-m", "rerun_cli", "rrd", "verify", str(rrd)]
     sound = subprocess.run(verify, env={**os.environ, "RERUN_ANALYTICS": "0"}, check=False).returncode == 0
     report_mb = report.stat().st_size / 1e6
     print(f"pairs, tracked        {total}, {summary['counts']['track']['tracking']}")

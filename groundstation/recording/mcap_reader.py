@@ -33,6 +33,7 @@ _MAX_METADATA = 1_000
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 R = TypeVar("R", bound=McapRecord)
+A = TypeVar("A", Schema, Channel)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,6 +224,8 @@ class _ChunkReader:
         self._where = where
         self._schemas = schemas
         self._channels = channels
+        # as they were announced: a file may repeat them millions of times, and the library takes half a millisecond
+        self._announced: dict[tuple[type, bytes], Schema | Channel] = {}
 
     def messages(self, offset: int) -> Iterator[McapMessage]:
         """Yield the messages; raises `RecordingError` where a record is damaged."""
@@ -241,14 +244,21 @@ class _ChunkReader:
                 yield self._message(content, offset)
             elif opcode == Opcode.SCHEMA:
                 self._budget.announce(length)
-                schema = _parse(Schema, bytes(content), self._where)
+                schema = self._parsed(Schema, bytes(content))
                 self._schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
                 self._budget.announce(length)
-                channel = _parse(Channel, bytes(content), self._where)
+                channel = self._parsed(Channel, bytes(content))
                 self._channels[channel.id] = channel
             if len(self._channels) + len(self._schemas) > _MAX_CHANNELS:
                 raise self._fault("more channels", f"at most {_MAX_CHANNELS}")
+
+    def _parsed(self, kind: type[A], content: bytes) -> A:
+        """Return an announced schema or channel; the same bytes are parsed once."""
+        known = self._announced.get((kind, content))
+        if not isinstance(known, kind):
+            known = self._announced[kind, content] = _parse(kind, content, self._where)
+        return known
 
     def _message(self, content: memoryview, offset: int) -> McapMessage:
         if len(content) < _MESSAGE.size:

@@ -33,7 +33,7 @@ class ViewerError(GroundstationError):
 
 def viewer_command(path: Path) -> list[str]:
     """Return the command that opens a recording; it listens to this machine alone."""
-    return [sys.executable, "-m", "rerun", str(path), "--bind", "127.0.0.1", "--port", "auto"]
+    return [sys.executable, "-m", "rerun_cli", str(path), "--bind", "127.0.0.1", "--port", "auto"]
 
 
 def viewer_environment(environment: Mapping[str, str]) -> dict[str, str]:
@@ -68,7 +68,7 @@ def open_viewer(path: Path, environment: Mapping[str, str]) -> subprocess.Popen[
 
 def web_viewer_command(path: Path, port: int, web_port: int) -> list[str]:
     """Return the command that serves a recording to browsers on this machine, and to no other."""
-    command = [sys.executable, "-m", "rerun", "--serve-web", "--bind", "127.0.0.1", "--port", str(port)]
+    command = [sys.executable, "-m", "rerun_cli", "--serve-web", "--bind", "127.0.0.1", "--port", str(port)]
     held = max(_SERVER_LEAST_BYTES, _SERVER_MARGIN * (path.stat().st_size if path.is_file() else 0))
     command += ["--web-viewer-port", str(web_port), "--server-memory-limit", f"{-(-held // 10**6)}MB"]
     return [*command, str(path)]
@@ -112,7 +112,7 @@ def has_display(environment: Mapping[str, str]) -> bool:
 
 def live_viewer_command(port: int) -> list[str]:
     """Return the command that opens a viewer waiting for data on a port of this machine, and of no other."""
-    command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+    command = [sys.executable, "-m", "rerun_cli", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
     return [*command, "--memory-limit", _LIVE_MEMORY]
 
 
@@ -139,7 +139,7 @@ def open_web_stream(
     ``web_port`` as in `serve_recording`. Raises `ViewerError` where the port is not free or the server stops at once.
     """
     port, web_port = _free_port(), _free_port(web_port)
-    command = [sys.executable, "-m", "rerun", "--serve-web", "--bind", "127.0.0.1", "--port", str(port)]
+    command = [sys.executable, "-m", "rerun_cli", "--serve-web", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--web-viewer-port", str(web_port), "--server-memory-limit", _SERVER_MEMORY]
     process = _start(command, environment)
     code = _stopped(process)

@@ -149,7 +149,7 @@ def test_nothing_lies_before_0_and_the_event_is_marked(
 
 def test_nothing_is_lost_and_rerun_finds_no_fault(two: tuple[Path, Path], tmp_path: Path) -> None:
     both = show(two, tmp_path, RunAlignment.START)
-    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(both)]
+    command = [sys.executable, "-m", "rerun_cli", "rrd", "verify", str(both)]
     done = subprocess.run(
         command, env={**os.environ, "RERUN_ANALYTICS": "0"}, capture_output=True, text=True, check=False
     )

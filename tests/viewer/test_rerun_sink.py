@@ -105,7 +105,7 @@ def few(reports: list[StepReport]) -> Iterator[list[StepReport]]:
 
 
 def _verify(path: Path) -> None:
-    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
+    command = [sys.executable, "-m", "rerun_cli", "rrd", "verify", str(path)]
     done = subprocess.run(
         command, env={**os.environ, "RERUN_ANALYTICS": "0"}, capture_output=True, text=True, check=False
     )
