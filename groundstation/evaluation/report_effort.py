@@ -8,7 +8,7 @@ from groundstation.files.html_page import Column, page_table, plain
 
 _PERCENTILES = (("p50", "median"), ("p90", "90 %"), ("p99", "99 %"), ("max", "worst"))
 _SPEED = {
-    "preparation_s": ("preparation: imports, kernels, opening of the inputs", "s"),
+    "preparation_s": ("preparation", "s"),
     "replay_s": ("replay", "s"),
     "epochs_per_s": ("pairs per second", ""),
     "times_real_time": ("times real time", ""),

@@ -34,8 +34,7 @@ def _tiles(summary: dict[str, Any]) -> str:
             tiles.append((f"{x:.3f} / {y:.3f} / {z:.3f} m", f"error against {words}: root mean square of x / y / z"))
         if table["anees"]:
             figure, meaning = _split(describe_nees(table["anees"], first=not explained))
-            # without its meaning only the band in brackets follows
-            tiles.append((figure, f"against {words}{':' if not explained else ''} {meaning}"))
+            tiles.append((figure, f"against {words}{' ' if explained else ': '}{meaning}"))
             explained = True
     nis = summary["nis"]["all"]
     if nis["mean"] is not None:

@@ -46,8 +46,8 @@
       this.least = Math.min(LEAST_POINTS / Math.max(x.length - 1, 1), 1) * (this.all[1] - this.all[0]);
       this.build(holder);
       this.listen(this.svg);
+      this.draw();
       new ResizeObserver(() => this.ask()).observe(this.box);
-      this.ask();
     }
 
     build(holder) {

@@ -74,6 +74,7 @@ def evaluation(
             CarriedError(name="right.ptu_clock.offset", value=0.0, sigma=0.01, prior_sigma=0.01, estimated=False),
         ),
         learnt_until_s=12.5,
+        speed={"preparation_s": 3.5, "replay_s": 10.2, "epochs_per_s": 30.0, "times_real_time": 3.1},
         provenance={"command": "groundstation replay " + "a-folder/" * 12, "machine": {"cores": 2}},
     )
     return evaluate_run(
@@ -241,6 +242,7 @@ def test_nees_and_nis_are_explained_where_they_first_stand(page: str) -> None:
         assert meaning in body[first : first + 300]
         assert "the sample admits" in body[first : first + 300]
     assert body.count("1 when that covariance is true") == 1
+    assert "against DGPS (the sample admits " in body
 
 
 def test_every_picture_has_a_caption(page: str) -> None:
