@@ -131,8 +131,8 @@ def run(words: Sequence[str], after_s: float | None) -> Ended:
 
 def before_the_program(ended: Ended) -> bool:
     """Return whether Python itself was interrupted: it had not come to a line of the program."""
-    own = "groundstation/" in ended.err or "groundstation:" in ended.err
-    return not own and not ended.out and (ended.code in (1, -signal.SIGINT) and "Interrupt" in ended.err + "Interrupt")
+    own = "groundstation" in ended.err or bool(ended.out)
+    return not own and ended.code in (1, -signal.SIGINT) and ("KeyboardInterrupt" in ended.err or not ended.err)
 
 
 def faults_of(command: Command, ended: Ended, out: Path) -> Iterator[str]:
@@ -157,7 +157,9 @@ def faults_of(command: Command, ended: Ended, out: Path) -> Iterator[str]:
     target = Path(last[0].rpartition("nothing was written to ")[2]) if last else out
     if last and "nothing was written to" in last[0] and target.exists() and any(_files(target)):
         yield f"it says that nothing was written, and there is {target.name}"
-    held = last[0].partition("interrupted; ")[2].partition(" holds what")[0] if last else ""
+    held = (
+        last[0].partition("interrupted; ")[2].partition(" holds what")[0] if last and " holds what" in last[0] else ""
+    )
     if held and not any(_files(Path(held))):
         yield f"it says that {held} holds something, and there is nothing"
 

@@ -1,9 +1,12 @@
 """Where the program begins: Ctrl-C ends it quietly from here on, also while it is still being read."""
 
-import contextlib
 import os
 import sys
-from typing import NoReturn
+
+# as typing has it, whose import an interrupt would find before `main` stands ready for it
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import NoReturn
 
 # The libraries of linear algebra start a thread for each core, and those wait by counting. Matrices here have ten to
 # some hundred rows, too few to share: the threads would only take cores from what has to be done in time.
@@ -42,11 +45,13 @@ def _interrupted() -> int:
     return 130
 
 
-def leave(code: int) -> NoReturn:
+def leave(code: int) -> "NoReturn":
     """End the program now: a station has closed all that it opened, and has a bounded time to end.
 
     Taking the interpreter apart, with all its libraries, takes half a second of a core, and longer on a busy machine.
     """
+    import contextlib
+
     for stream in (sys.stdout, sys.stderr):
         # a terminal that is gone
         with contextlib.suppress(OSError, ValueError):

@@ -54,6 +54,13 @@ def test_interrupted_while_it_is_read_it_ends_quietly() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "groundstation: interrupted\n")
 
 
+def test_what_is_imported_before_it_stands_ready_is_its_own() -> None:
+    """An interrupt within an import of Python's library would end in a traceback: there is none."""
+    program = "import sys; known = set(sys.modules); import groundstation.cli.start; print(*set(sys.modules) - known)"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == {"groundstation", "groundstation.cli", "groundstation.cli.start"}
+
+
 def test_else_it_is_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(groundstation.cli.main, "main", lambda: 7)
     assert main() == 7
