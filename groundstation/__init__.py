@@ -4,14 +4,8 @@ From Python: `replay_session` replays a session and returns NumPy arrays, `Track
 (docs/python.md).
 """
 
-<<<<<<< HEAD
-import importlib
-from typing import TYPE_CHECKING, Any
-
-=======
 # nothing is imported before `cli.start` stands ready for an interrupt; type checkers take this as true
 TYPE_CHECKING = False
->>>>>>> c0b41058d239cb0c477f706f277e6e6274ac924f
 if TYPE_CHECKING:
     from groundstation.api.replay_session import CameraSeries, ReplayedSession, replay_session
     from groundstation.api.rig_file import load_rig
@@ -96,6 +90,8 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Import a public name when it is first used: the command line starts without what it does not need."""
+    import importlib
+
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(_MODULE_OF[name]), name)
