@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from groundstation.conversion.corrected_rig import corrected_rig
 from groundstation.conversion.recording_header import build_header
 from groundstation.conversion.session_folder_writer import SessionFolderWriter, WrittenCounts
 from groundstation.errors import InputError
@@ -71,7 +72,10 @@ def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int
 
 def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> ConversionResult:
     """Write a folder."""
-    files = {} if session.recorded is None else session.recorded.header.files
+    files = {} if session.recorded is None else dict(session.recorded.header.files)
+    remarks: tuple[str, ...] = ()
+    if "rig.toml" in files:
+        files["rig.toml"], remarks = corrected_rig(session.rig, files["rig.toml"])
     for name in files:
         # before anything is written, not after
         below(out, name)
@@ -79,7 +83,8 @@ def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[i
     events, fault = pass_on(stream, folder.take, progress, stream.epoch_count)
     remark = _partial(folder.done)
     folder.finish(files, "".join(remark))
-    return ConversionResult(out=out, events=events, notes=(*remark, *_notes(folder.done, stream)), fault=fault)
+    notes = (*remark, *remarks, *_notes(folder.done, stream))
+    return ConversionResult(out=out, events=events, notes=notes, fault=fault)
 
 
 def pass_on(

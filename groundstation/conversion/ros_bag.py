@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from groundstation.conversion.convert import ConversionResult, pass_on
+from groundstation.conversion.corrected_rig import corrected_rig
 from groundstation.conversion.ros_bag_reader import RosBag
 from groundstation.conversion.ros_bag_writer import RosBagWriter, track_table
 from groundstation.conversion.session_folder_writer import SessionFolderWriter
@@ -47,6 +48,8 @@ def to_ros_bag(
     notes: list[str] = []
     track = None if run is None else track_table(run / "track.csv")
     files = {name: (session.folder / name).read_bytes() for name in _KEPT}
+    files["rig.toml"], remarks = corrected_rig(session.rig, files["rig.toml"])
+    notes += remarks
     if (session.folder / _TRUTH).is_file() and len(
         truth := (session.folder / _TRUTH).read_bytes()
     ) <= _MOST_TRUTH_BYTES:

@@ -9,7 +9,7 @@ import pytest
 
 from groundstation.cli.main import main
 from groundstation.conversion.recording_header import build_header
-from groundstation.messages import Event, Frame, Heartbeat
+from groundstation.messages import Event, Frame, Heartbeat, PtuSample
 from groundstation.recording.recorder import PATIENT, Recorder, RecorderConfig
 from groundstation.session import load_session
 from groundstation.sources.session_source import session_source
@@ -59,6 +59,25 @@ def test_a_converted_folder_replays_as_the_folder(tmp_path: Path) -> None:
     for source, out in ((first, "a"), (packed, "b")):
         assert main(["replay", str(source), "--out", str(tmp_path / out), "--no-rerun"]) == 0
     assert (tmp_path / "a" / "track.csv").read_bytes() == (tmp_path / "b" / "track.csv").read_bytes()
+
+
+@pytest.mark.parametrize("packing", [("packed.mcap",), ("bag", "--ros2")], ids=["recording", "ROS bag"])
+def test_errors_of_the_axes_are_applied_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], packing: tuple[str, ...]
+) -> None:
+    """What `ptu_axes` makes of a reading is in the angle that is converted; the lean of an axis stays in rig.toml."""
+    axes = "ptu_axes = { pan_zero_deg = 1.5, tilt_scale_ppm = 900.0, lean_deg = 0.2 }"
+    first = Tiny(rows=4, video="png", rig_more={"left": axes}).write(tmp_path / "first")
+    assert main(["convert", str(first), str(tmp_path / packing[0]), *packing[1:]]) == 0
+    assert main(["convert", str(tmp_path / packing[0]), str(tmp_path / "second")]) == 0
+    assert "the angles of left are corrected by ptu_axes" in capsys.readouterr().out
+    given, back = ([e for e in streamed(tmp_path / f) if isinstance(e, PtuSample)] for f in ("first", "second"))
+    one, two = ({(e.station, round(e.t_s, 6)): (e.pan_rad, e.tilt_rad) for e in each} for each in (given, back))
+    assert one.keys() == two.keys()
+    assert all(one[key] == pytest.approx(two[key], abs=1e-12) for key in one)
+    leans = [load_session(tmp_path / f).rig["left"].ptu_axes.lean_rad for f in ("first", "second")]
+    assert leans[0] == pytest.approx(leans[1], abs=1e-12)
+    assert leans[0] != 0.0
 
 
 def test_pixels_that_others_found_go_both_ways(tmp_path: Path) -> None:
