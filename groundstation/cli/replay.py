@@ -25,8 +25,8 @@ _REPLAY_MORE = """example:
   groundstation replay recordings/landing-1 --out out/landing-1 --from 20
 
 exit code: 0 done, also where nothing was tracked; 1 the recording is at fault
-(what came before the fault is written), its inputs contradict each other, or the
-disk had no room for session.rrd, which comes last; 2 wrong usage; 130
+(what came before the fault is written), its inputs contradict each other, or
+the disk had no room for session.rrd, which comes last; 2 wrong usage; 130
 interrupted"""
 
 

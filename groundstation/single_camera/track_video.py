@@ -218,6 +218,8 @@ def _checked(request: TrackRequest, video: VideoFile) -> int | None:
     for path in outputs:
         if not path.parent.is_dir():
             raise InputError(str(path), got=f"no folder {path.parent}", wanted="a file in a folder that exists")
+    if request.save_video is not None and request.save_video.is_dir():
+        raise InputError(str(request.save_video), got="Is a directory", wanted="a video that can be written")
     if video.count is None:
         return None if last is None else last - first + 1
     return min(video.count, video.count if last is None else last + 1) - first

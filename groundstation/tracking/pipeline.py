@@ -8,7 +8,6 @@ runs over the same events give the same reports. The stopwatch passed by the cal
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 from groundstation.detection.detector_callback import DetectorCallback
 from groundstation.estimation.encoders import EncoderFeed
@@ -74,13 +73,13 @@ class Pipeline:
         stopwatch: Callable[[], float] = lambda: 0.0,
         keep_images: bool = False,
         reference_errors: ParameterPrior | None = None,
-        callbacks: Mapping[str, DetectorCallback] = MappingProxyType({}),
+        callbacks: Mapping[str, DetectorCallback] | None = None,
     ) -> None:
         rig.require_known()
         self._rig, self._config, self._span_m = rig, config, span_m
         self._stopwatch = stopwatch
         self._keep_images = keep_images
-        self._reference_errors, self._callbacks = reference_errors, callbacks
+        self._reference_errors, self._callbacks = reference_errors, callbacks or {}
         self._counts_before_restart: Counter[str] = Counter()
         self._on_smoothed: Callable[[float, Kinematics], None] | None = None
         self.reference_used_until_s: float | None = None

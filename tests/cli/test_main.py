@@ -224,7 +224,7 @@ def test_a_disk_that_fails_is_one_line(
         raise OSError(28, "No space left on device", "track.csv")
 
     monkeypatch.setattr("groundstation.replay.replay.run_pipeline", full)
-    refused(capsys, [str(session), "--out", str(session.parent / "out")], "No space left on device: 'track.csv'")
+    refused(capsys, [str(session), "--out", str(session.parent / "out")], "track.csv: No space left on device")
 
 
 def test_an_interrupt_is_no_crash(

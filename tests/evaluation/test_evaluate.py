@@ -110,7 +110,8 @@ def test_page_is_self_contained_and_names_are_escaped(evaluation: Evaluation, tm
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert len(page) < 3_000_000
     assert "landing &lt;1&gt;" in page
-    assert "<script" not in page
+    # the plots' own scripts are in the page
+    assert not re.search(r"<script[^>]*\ssrc\b", page)
     assert not re.search(r"(src|href)\s*=\s*['\"](https?:)?//", page)
     pictures = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
     assert len(pictures) == 8
