@@ -30,7 +30,7 @@ $(VENV)/kernels: $(KERNELS) | $(VENV)/installed
 demo: $(VENV)/installed $(VENV)/kernels
 	$(BIN)/groundstation replay recordings/landing-1 --out $(OUT)
 
-## test: everything that must hold, some ten minutes on two cores (three workers: a sixth of the time is waiting for devices)
+## test: everything that must hold, a quarter of an hour on two cores (three workers: a sixth of the time is waiting for devices)
 test: $(VENV)/installed $(VENV)/kernels
 	@$(MAKE) --no-print-directory --jobs=2 kernels lint kernels-aboard $(VENV)/bytecode
 	$(BIN)/python -m pytest --numprocesses=3 --dist=loadfile --no-loadscope-reorder
