@@ -59,13 +59,13 @@ class ResultStore:
             "cpu_s": result.cpu_s,
         }
         text = json.dumps(content, ensure_ascii=False)
-        write_whole(self._path(result.name), lambda path: path.write_text(text, encoding="utf-8"))
+        write_atomically(self._path(result.name), lambda path: path.write_text(text, encoding="utf-8"))
 
     def _path(self, name: str) -> Path:
         return below(self.folder, f"{name}-{self._identity[:_IDENTITY_CHARACTERS]}.json")
 
 
-def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file under another name, sync it, and give it its own: a reader finds all of it or the file before."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as draft:

@@ -9,7 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from groundstation.bank.result_store import write_whole
+from groundstation.bank.result_store import write_atomically
 
 Row = Mapping[str, Any]
 
@@ -31,4 +31,4 @@ def table_hash(rows: Sequence[Row]) -> str:
 def write_table(path: Path, rows: Sequence[Row]) -> None:
     """Write rows, sorted, as Parquet; a column of whole numbers and fractions is one of fractions."""
     table = pa.Table.from_pylist(sorted_rows(rows))
-    write_whole(path, lambda draft: pq.write_table(table, draft))
+    write_atomically(path, lambda draft: pq.write_table(table, draft))

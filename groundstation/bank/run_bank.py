@@ -13,7 +13,7 @@ from groundstation.bank.bank_summary import bank_summary
 from groundstation.bank.csrt_process import require_csrt
 from groundstation.bank.map_resumable import map_resumable
 from groundstation.bank.program_version import identity_of
-from groundstation.bank.result_store import write_whole
+from groundstation.bank.result_store import write_atomically
 from groundstation.bank.result_table import table_hash, write_table
 from groundstation.bank.score_world import WorldJob, score_world
 from groundstation.errors import InputError
@@ -103,7 +103,7 @@ def _write(out: Path, result: BankResult, words: str, summary: dict[str, Any]) -
     """Write table, summary and page; returns their paths."""
     write_table(out / ROWS, result.rows)
     text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
-    write_whole(out / SUMMARY, lambda draft: draft.write_text(text, encoding="utf-8"))
+    write_atomically(out / SUMMARY, lambda draft: draft.write_text(text, encoding="utf-8"))
     html = bank_page(result, words)
-    write_whole(out / PAGE, lambda draft: draft.write_text(html, encoding="utf-8"))
+    write_atomically(out / PAGE, lambda draft: draft.write_text(html, encoding="utf-8"))
     return out / ROWS, out / SUMMARY, out / PAGE

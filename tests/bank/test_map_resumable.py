@@ -14,7 +14,7 @@ import pytest
 from groundstation.bank.dispatcher import FailureKind
 from groundstation.bank.map_resumable import MapOutcome, map_resumable
 from groundstation.bank.program_version import function_digest, identity_of, program_digest
-from groundstation.bank.result_store import JobResult, ResultStore, write_whole
+from groundstation.bank.result_store import JobResult, ResultStore, write_atomically
 from groundstation.errors import InputError, MissingExtraError
 from tests.bank import fake_jobs
 
@@ -147,7 +147,7 @@ def test_a_file_that_cannot_be_written_whole_is_not_there(tmp_path: Path) -> Non
         raise OSError("no space left")
 
     with pytest.raises(OSError, match="no space"):
-        write_whole(tmp_path / "table", fail)
+        write_atomically(tmp_path / "table", fail)
     assert list(tmp_path.iterdir()) == []
 
 
