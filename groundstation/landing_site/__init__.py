@@ -1,0 +1,1 @@
+"""The landing site: runway, planned approach and alert limits, and its file."""

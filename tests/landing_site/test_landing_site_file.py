@@ -1,0 +1,92 @@
+"""The landing site file: what it means, and the errors for files that are none."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from groundstation.errors import ConfigError
+from groundstation.landing_site.landing_site_file import LandingSite, load_landing_site
+from groundstation.landing_site.runway import LandingRunway
+
+_WHOLE = """format = "groundstation-landing-site/1"
+[runway]
+threshold_m = [1.0, 100.0, 0.5]
+direction_deg = 90.0
+width_m = 20.0
+length_m = 400.0
+[approach]
+glide_path_deg = 4.0
+aim_past_threshold_m = 30.0
+speed_m_s = 22.0
+[alert_limits]
+lateral_m = 2.0
+"""
+
+
+def _written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "landing-site.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_whole_file_is_read(tmp_path: Path) -> None:
+    site = load_landing_site(_written(tmp_path, _WHOLE))
+    assert site.runway.threshold_m == (1.0, 100.0, 0.5)
+    assert site.runway.width_m == 20.0
+    assert site.runway.length_m == 400.0
+    assert site.runway.direction_rad == pytest.approx(math.pi / 2)
+    assert site.approach is not None
+    # expected: tan 4° times the distance to the aim point, 130 m before which the aircraft is
+    assert site.approach.height_m(-100.0) == pytest.approx(130.0 * math.tan(math.radians(4.0)))
+    assert site.alert_limits.lateral_m == 2.0
+    assert site.alert_limits.along_m == LandingSite().alert_limits.along_m
+
+
+def test_a_file_without_tables_is_the_default_site(tmp_path: Path) -> None:
+    assert load_landing_site(_written(tmp_path, 'format = "groundstation-landing-site/1"\n')) == LandingSite()
+
+
+def test_the_vertical_limit_is_tighter_near_the_ground() -> None:
+    limits = LandingSite().alert_limits
+    assert (limits.vertical_at(5.1), limits.vertical_at(5.0), limits.vertical_at(-1.0)) == (1.5, 0.6, 0.6)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ('format = "groundstation-landing-site/2"', "format"),
+        ('format = "groundstation-landing-site/1"\n[runway]\nwidth = 3', "width"),
+        ('format = "groundstation-landing-site/1"\n[runway]\nwidth_m = 0', "width_m"),
+        ('format = "groundstation-landing-site/1"\n[runway]\nthreshold_m = [0, 1e9, 0]', "threshold_m"),
+        ('format = "groundstation-landing-site/1"\n[approach]\naim_past_threshold_m = 3', "glide_path_deg"),
+        ('format = "groundstation-landing-site/1"\n[approach]\nglide_path_deg = nan', "glide_path_deg"),
+        ('format = "groundstation-landing-site/1"\n[alert_limits]\nalong_m = -1', "along_m"),
+    ],
+)
+def test_a_wrong_file_is_refused_by_the_name_of_its_key(tmp_path: Path, wrong: str, named: str) -> None:
+    with pytest.raises(ConfigError, match=named):
+        load_landing_site(_written(tmp_path, wrong))
+
+
+def test_an_aircraft_that_lands_towards_the_stations_has_its_right_at_minus_x() -> None:
+    runway = LandingRunway(threshold_m=(0.0, 100.0, 0.0))
+    np.testing.assert_allclose(runway.threshold_coordinates(np.array([-2.0, 150.0, 7.0])), [-50.0, 2.0, 7.0])
+
+
+_METRES = st.floats(-1e4, 1e4)
+
+
+@given(st.tuples(_METRES, _METRES, _METRES), st.tuples(_METRES, _METRES, _METRES), st.floats(-math.pi, math.pi))
+def test_there_and_back(point: tuple[float, ...], threshold: tuple[float, float, float], direction_rad: float) -> None:
+    runway = LandingRunway(threshold_m=threshold, direction_rad=direction_rad)
+    axes = runway.axes()
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    # along × up is right of it
+    np.testing.assert_allclose(np.cross(axes[0], axes[2]), axes[1], atol=1e-12)
+    np.testing.assert_allclose(
+        runway.runway_position(runway.threshold_coordinates(np.array(point))), point, rtol=1e-12, atol=1e-9
+    )
