@@ -1,0 +1,51 @@
+"""What is sent to an autopilot: the state of its own reference point at one time, north, east, down."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.autopilot.local_frame import GeodeticPosition
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NavigationState:
+    """Position and velocity of the vehicle's reference point.
+
+    Attributes
+    ----------
+    t_s : session time to which it belongs.
+    position_ned_m, velocity_ned_m_s : (3,) north, east, down of the runway frame's origin.
+    covariance : (6, 6) of both.
+    geodetic : the same position on Earth.
+    attitude_wxyz : (4,) rotation from the vehicle's body (forward, right, down) to north, east, down as the vehicle
+        itself reports it; None if it does not, or no longer.
+    stations : how many stations' pixels support it at present.
+    """
+
+    t_s: float
+    position_ned_m: FloatArray
+    velocity_ned_m_s: FloatArray
+    covariance: FloatArray
+    geodetic: GeodeticPosition
+    attitude_wxyz: FloatArray | None
+    stations: int
+
+    @property
+    def horizontal_sigma_m(self) -> float:
+        """One sigma of the position along the worst horizontal direction, m."""
+        return _largest_sigma(self.covariance[:2, :2])
+
+    @property
+    def vertical_sigma_m(self) -> float:
+        """One sigma of the height, m."""
+        return float(np.sqrt(self.covariance[2, 2]))
+
+    @property
+    def speed_sigma_m_s(self) -> float:
+        """One sigma of the velocity along its worst direction, m/s."""
+        return _largest_sigma(self.covariance[3:, 3:])
+
+
+def _largest_sigma(covariance: FloatArray) -> float:
+    return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))

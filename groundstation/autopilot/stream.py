@@ -1,0 +1,267 @@
+"""The stream to an autopilot: which message is sent when, of which state, and when nothing is.
+
+A message tells the state at the time to which the vehicle will attribute it: the arrival, less the delay that its
+parameters state. The state is predicted to that time, or interpolated between the last pictures. While there is no
+track, or no camera has seen the target lately, nothing is sent: neither the last state again nor an extrapolated one.
+"""
+
+import math
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.autopilot.global_position_sensor import global_position_sensor
+from groundstation.autopilot.gps_input import gps_input
+from groundstation.autopilot.lever_arm import MovedState, moved_to_reference
+from groundstation.autopilot.local_frame import LocalFrame
+from groundstation.autopilot.message import MavlinkMessage
+from groundstation.autopilot.navigation_state import NavigationState
+from groundstation.autopilot.reset_detector import ResetDetector
+from groundstation.autopilot.settings import MOST_DELAY_S, AutopilotMode, AutopilotSettings
+from groundstation.autopilot.vehicle_state import VehicleState
+from groundstation.autopilot.vision_estimate import global_origin, odometry, vision_estimates
+from groundstation.geometry.rotation import wxyz_from_matrix
+from groundstation.messages import Kinematics, StepReport, TrackStatus
+
+# ArduPilot calls external navigation unhealthy after 0.3 s without a sample
+_LATEST_FIX_S = 0.3
+# a radio may not ask for a longer prediction
+_MOST_PREDICTION_S = 0.5
+_EVERY_S = 1.0
+# of the last minutes
+_KEPT_AGES = 10_000
+_ALL_STATIONS, _ONE_STATION = 100, 50
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamClock:
+    """Session time on the link's clock and as Unix time: what is added to it, s."""
+
+    link_s: float
+    unix_s: float
+
+    def link_us(self, t_s: float) -> int:
+        """Return a session time on the link's clock, µs."""
+        return round((t_s + self.link_s) * 1e6)
+
+
+@dataclass(slots=True)
+class StreamStatistics:
+    """``sent`` states, ``withheld`` by reason, ``resets`` announced; ages of the newest picture when sent, s."""
+
+    sent: int = 0
+    resets: int = 0
+    withheld: Counter[str] = field(default_factory=Counter)
+    ages_s: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_AGES))
+
+
+class AutopilotStream:
+    """Messages for one vehicle.
+
+    Parameters
+    ----------
+    settings : of the stream.
+    frame : the runway frame on Earth.
+    clock : of the link.
+    estimate_at : the target at a session time, as `Pipeline.estimate_at` returns it.
+    """
+
+    def __init__(
+        self,
+        settings: AutopilotSettings,
+        frame: LocalFrame,
+        clock: StreamClock,
+        estimate_at: Callable[[float], Kinematics | None],
+    ) -> None:
+        self.statistics = StreamStatistics()
+        self.silent_because = "no track yet"
+        self._settings, self._frame, self._clock = settings, frame, clock
+        self._estimate_at = estimate_at
+        self._arm = np.array(settings.reference_in_body_m or (0.0, 0.0, 0.0))
+        self._rotation = np.kron(np.eye(2), frame.ned_from_runway)
+        self._resets = ResetDetector()
+        self._status = TrackStatus.SEARCHING
+        self._fix_s, self._stations = -math.inf, 0
+        self._due_s: float | None = None
+        self._service_s = -math.inf
+        self._last_stamp_us = -1
+
+    def note(self, report: StepReport) -> None:
+        """Note what the pipeline answered; before the `messages` of that time."""
+        for estimate in report.estimates:
+            self._note_status(estimate.status)
+            if estimate.kinematics is not None and estimate.seen_by:
+                self._fix_s, self._stations = estimate.t_s, len(estimate.seen_by)
+        for state in report.states:
+            self._note_status(state.status)
+
+    def _note_status(self, status: TrackStatus) -> None:
+        if status in (TrackStatus.LOST, TrackStatus.SEARCHING) and status is not self._status:
+            self._resets.lost()
+        self._status = status
+
+    def messages(self, now_s: float, vehicle: VehicleState) -> list[MavlinkMessage]:
+        """Return what is to be sent at a session time; to be called often, at least at the stream's rate."""
+        messages = self._service(now_s, vehicle)
+        period_s = self._settings.period_s
+        if self._due_s is None:
+            self._due_s = now_s
+        # a little early is on time: the grid is kept, not the distance to the last message
+        if now_s < self._due_s - 0.01 * period_s:
+            return messages
+        self._due_s += period_s * (math.floor((now_s - self._due_s) / period_s + 0.01) + 1)
+        state = self._state(now_s, vehicle)
+        if isinstance(state, str):
+            self.silent_because = state
+            self.statistics.withheld[state] += 1
+            return messages
+        return messages + self._encoded(state, now_s, vehicle)
+
+    # ---------------------------------------------------------------------------------- which state
+    def delay_s(self, vehicle: VehicleState) -> float:
+        """Return how long before its arrival the vehicle takes a measurement to be, s."""
+        if self._settings.delay_s is not None:
+            return self._settings.delay_s
+        told = _parameter_delay_s(self._settings, vehicle)
+        return self._settings.assumed_delay_s if told is None else told
+
+    def link_delay_s(self, vehicle: VehicleState) -> float:
+        """Return the delay of the link, one way, s."""
+        if self._settings.link_delay_s is not None:
+            return self._settings.link_delay_s
+        return vehicle.round_trip.one_way_s or 0.0
+
+    def _state(self, now_s: float, vehicle: VehicleState) -> NavigationState | str:
+        """Return the state to be sent, or why there is none."""
+        if self._status not in (TrackStatus.TRACKING, TrackStatus.COASTING):
+            return f"no track: {self._status.value}"
+        if now_s - self._fix_s > _LATEST_FIX_S:
+            return f"no camera has seen it for {_LATEST_FIX_S:g} s"
+        delay_s = self.delay_s(vehicle)
+        if delay_s > MOST_DELAY_S[self._settings.mode]:
+            return f"the vehicle states a delay of {1e3 * delay_s:.0f} ms, which its filter does not take"
+        t_s = now_s + self.link_delay_s(vehicle) - delay_s
+        if t_s - self._fix_s > _MOST_PREDICTION_S:
+            return f"the link is slower than {_MOST_PREDICTION_S:g} s"
+        kinematics = self._estimate_at(t_s)
+        if kinematics is None or not _usable(kinematics):
+            return "no estimate of that time"
+        state = self._at_reference(t_s, kinematics, vehicle)
+        if max(state.horizontal_sigma_m, state.vertical_sigma_m) > self._settings.most_sigma_m:
+            return f"one sigma is more than {self._settings.most_sigma_m:g} m"
+        return state
+
+    def _at_reference(self, t_s: float, kinematics: Kinematics, vehicle: VehicleState) -> NavigationState:
+        attitude = None if vehicle.attitude is None else vehicle.attitude.at(t_s)
+        nose = MovedState(
+            position_m=self._frame.ned_from_runway @ kinematics.position_runway_m,
+            velocity_m_s=self._frame.ned_from_runway @ kinematics.velocity_runway_m_s,
+            covariance=self._rotation @ kinematics.covariance @ self._rotation.T,
+        )
+        moved = moved_to_reference(nose, self._arm, attitude)
+        geodetic = self._frame.geodetic(moved.position_m)
+        position = moved.position_m
+        if self._settings.mode in (AutopilotMode.VISION, AutopilotMode.ODOMETRY) and vehicle.global_origin is not None:
+            position = self._frame.about(geodetic, vehicle.global_origin)
+        return NavigationState(
+            t_s=t_s,
+            position_ned_m=position,
+            velocity_ned_m_s=moved.velocity_m_s,
+            covariance=moved.covariance,
+            geodetic=geodetic,
+            attitude_wxyz=None if attitude is None else wxyz_from_matrix(attitude.ned_from_body),
+            stations=self._stations,
+        )
+
+    # ------------------------------------------------------------------------------------- encoding
+    def _encoded(self, state: NavigationState, now_s: float, vehicle: VehicleState) -> list[MavlinkMessage]:
+        # the vehicle subtracts its delay from the stamp, or from the arrival where clocks are not synchronised
+        stamp_us = self._clock.link_us(state.t_s + self.delay_s(vehicle))
+        if stamp_us <= self._last_stamp_us or stamp_us < 0:
+            self.silent_because = "a state of that time was sent"
+            self.statistics.withheld[self.silent_because] += 1
+            return []
+        self._last_stamp_us, self.silent_because = stamp_us, ""
+        counter = self._resets.counter_of(state)
+        self.statistics.sent += 1
+        self.statistics.resets = self._resets.resets
+        self.statistics.ages_s.append(now_s - self._fix_s)
+        mode = self._settings.mode
+        if mode is AutopilotMode.GPS_INPUT:
+            unix_s = state.t_s + self._clock.unix_s
+            return [gps_input(state, stamp_us=stamp_us, unix_s=unix_s, gps_id=self._settings.gps_id)]
+        if mode is AutopilotMode.GLOBAL_POSITION:
+            sent_us = self._clock.link_us(now_s)
+            target = (vehicle.system or self._settings.target_system, 1)
+            age_us = max(sent_us - stamp_us, 0)
+            return [
+                global_position_sensor(
+                    state, sent_us=sent_us, age_us=age_us, sensor_id=self._settings.sensor_id, target=target
+                )
+            ]
+        if mode is AutopilotMode.VISION:
+            return list(vision_estimates(state, stamp_us=stamp_us, reset_counter=counter))
+        quality = _ALL_STATIONS if state.stations > 1 else _ONE_STATION
+        return [odometry(state, stamp_us=stamp_us, reset_counter=counter, quality=quality)]
+
+    def _service(self, now_s: float, vehicle: VehicleState) -> list[MavlinkMessage]:
+        """Return the messages of each second: heartbeat, request of the clock, origin of the local frame."""
+        if now_s < self._service_s + _EVERY_S:
+            return []
+        self._service_s = now_s
+        stamp_us = self._clock.link_us(now_s)
+        messages = [_HEARTBEAT, MavlinkMessage(name="TIMESYNC", fields={"tc1": 0, "ts1": stamp_us * 1000})]
+        if self._settings.mode in (AutopilotMode.VISION, AutopilotMode.ODOMETRY) and vehicle.global_origin is None:
+            place, system = self._frame.origin, vehicle.system or self._settings.target_system
+            messages.append(
+                global_origin(place.lat_deg, place.lon_deg, place.height_amsl_m, system=system, stamp_us=stamp_us)
+            )
+        return messages
+
+
+# MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE
+_HEARTBEAT = MavlinkMessage(
+    name="HEARTBEAT",
+    fields={
+        "type": 18,
+        "autopilot": 8,
+        "base_mode": 0,
+        "custom_mode": 0,
+        "system_status": 4,
+        "mavlink_version": 3,
+    },
+)
+# by mode, the parameters of ArduPilot and of PX4 that state the delay, ms, the newest name first
+_DELAY_PARAMETERS = {
+    AutopilotMode.GPS_INPUT: ("GPS1_DELAY_MS", "GPS_DELAY_MS"),
+    AutopilotMode.GLOBAL_POSITION: ("EKF2_AGP0_DELAY", "EKF2_AGP_DELAY"),
+    AutopilotMode.VISION: ("VISO_DELAY_MS", "EKF2_EV_DELAY"),
+    AutopilotMode.ODOMETRY: ("VISO_DELAY_MS", "EKF2_EV_DELAY"),
+}
+
+
+def delay_parameters(mode: AutopilotMode) -> tuple[str, ...]:
+    """Return the names of the parameters that state the delay of a mode's measurements."""
+    return _DELAY_PARAMETERS[mode]
+
+
+def _parameter_delay_s(settings: AutopilotSettings, vehicle: VehicleState) -> float | None:
+    for name in _DELAY_PARAMETERS[settings.mode]:
+        if name in vehicle.parameters:
+            delay_s = 1e-3 * vehicle.parameters[name]
+            # ArduPilot: zero leaves it to the receiver's driver
+            zero = settings.mode is AutopilotMode.GPS_INPUT and delay_s == 0.0
+            return settings.assumed_delay_s if zero else delay_s
+    return None
+
+
+def _usable(kinematics: Kinematics) -> bool:
+    values: tuple[FloatArray, ...] = (
+        kinematics.position_runway_m,
+        kinematics.velocity_runway_m_s,
+        kinematics.covariance,
+    )
+    return all(bool(np.all(np.isfinite(v))) for v in values) and bool(np.all(np.diag(kinematics.covariance) > 0.0))

@@ -1,0 +1,42 @@
+"""What a vehicle has told of itself: attitude, clock, origin, parameters, its own GNSS position."""
+
+from dataclasses import dataclass, field
+
+from groundstation.autopilot.round_trip import RoundTripDelay
+from groundstation.autopilot.vehicle_attitude import VehicleAttitude
+
+# MAV_AUTOPILOT
+ARDUPILOT, PX4 = 3, 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GnssReport:
+    """The vehicle's own GNSS position (GPS_RAW_INT), received at session time ``received_s``.
+
+    Degrees and m above mean sea level; one sigma horizontal and vertical, None where it is not told; ``fix_type`` as in
+    the message; ``source_us`` its own stamp.
+    """
+
+    received_s: float
+    source_us: int
+    lat_deg: float
+    lon_deg: float
+    height_amsl_m: float
+    sigma_horizontal_m: float | None
+    sigma_vertical_m: float | None
+    fix_type: int
+
+
+@dataclass(slots=True)
+class VehicleState:
+    """The newest of each kind; None before it came. Times are session time, s."""
+
+    system: int | None = None
+    autopilot: int | None = None
+    heard_s: float | None = None
+    attitude: VehicleAttitude | None = None
+    # latitude, longitude (degrees) and height above mean sea level (m) of its local frame
+    global_origin: tuple[float, float, float] | None = None
+    gnss: GnssReport | None = None
+    parameters: dict[str, float] = field(default_factory=dict)
+    round_trip: RoundTripDelay = field(default_factory=RoundTripDelay)

@@ -1,0 +1,264 @@
+"""When the stream speaks and when it is silent, at which rate, with which reset counter, of which point."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from groundstation.autopilot.settings import MOST_DELAY_S, AutopilotMode, AutopilotSettings
+from groundstation.autopilot.stream import AutopilotStream, delay_parameters
+from groundstation.autopilot.vehicle_attitude import VehicleAttitude
+from groundstation.autopilot.vehicle_state import VehicleState
+from groundstation.errors import ConfigError
+from groundstation.messages import TrackStatus
+from tests.autopilot.flights import StraightFlight, answer, listed, one_state, sent_states, stream_of, symmetric, values
+
+_MODES = list(AutopilotMode)
+
+
+def _flown(
+    stream: AutopilotStream, flight: StraightFlight, from_s: float, to_s: float, **status: object
+) -> list[float]:
+    """Fly at 25 pairs a second, polled each 10 ms; return the times at which a state was sent."""
+    times = []
+    for k in range(round(100 * (to_s - from_s))):
+        t_s = from_s + 0.01 * k
+        if k % 4 == 0:
+            stream.note(answer(flight, t_s, **status))  # type: ignore[arg-type]
+        times += [t_s] * len(sent_states(stream.messages(t_s, VehicleState())))
+    return times
+
+
+@pytest.mark.parametrize(
+    ("mode", "rate_hz"),
+    [
+        (AutopilotMode.GPS_INPUT, 10.0),
+        (AutopilotMode.GLOBAL_POSITION, 20.0),
+        (AutopilotMode.VISION, 40.0),
+        (AutopilotMode.ODOMETRY, 40.0),
+    ],
+)
+def test_messages_are_evenly_spaced_at_the_modes_rate(mode: AutopilotMode, rate_hz: float) -> None:
+    flight = StraightFlight()
+    times = _flown(stream_of(flight, mode), flight, 1.0, 6.0)
+    assert len(times) == pytest.approx(5.0 * rate_hz, abs=1)
+    # polled each 10 ms, a message is up to so much late
+    assert max(abs(np.diff(times) - 1.0 / rate_hz)) <= 0.0101
+
+
+def test_a_poll_that_comes_late_does_not_send_a_burst() -> None:
+    flight = StraightFlight()
+    stream = stream_of(flight, AutopilotMode.VISION)
+    _flown(stream, flight, 1.0, 2.0)
+    stream.note(answer(flight, 2.4))
+    assert len(sent_states(stream.messages(2.45, VehicleState()))) == 1
+    assert not sent_states(stream.messages(2.452, VehicleState()))
+
+
+@pytest.mark.parametrize("mode", _MODES)
+@pytest.mark.parametrize("status", [TrackStatus.SEARCHING, TrackStatus.ACQUIRING, TrackStatus.LOST])
+def test_without_a_track_it_is_silent(mode: AutopilotMode, status: TrackStatus) -> None:
+    flight = StraightFlight()
+    stream = stream_of(flight, mode)
+    assert not _flown(stream, flight, 0.0, 1.0, status=status, seen_by=())
+    assert status.value in stream.silent_because
+    assert _flown(stream, flight, 1.0, 2.0)
+    assert not _flown(stream, flight, 2.0, 3.0, status=status, seen_by=())
+
+
+@pytest.mark.parametrize("mode", _MODES)
+def test_what_no_camera_has_seen_lately_is_not_sent(mode: AutopilotMode) -> None:
+    flight = StraightFlight()
+    stream = stream_of(flight, mode)
+    _flown(stream, flight, 0.0, 1.0)
+    # expected: the last picture of 0.96 s bears for 0.3 s, whatever the filter extrapolates
+    times = _flown(stream, flight, 1.0, 3.0, status=TrackStatus.COASTING, seen_by=())
+    assert times
+    assert max(times) <= 0.96 + 0.3 + 1e-9
+    # no answer at all: the same
+    stream = stream_of(flight, mode)
+    _flown(stream, flight, 0.0, 1.0)
+    late = [t for t in np.arange(1.0, 3.0, 0.01) if sent_states(stream.messages(float(t), VehicleState()))]
+    assert max(late) <= 0.96 + 0.3 + 1e-9
+
+
+@pytest.mark.parametrize("mode", _MODES)
+def test_no_stamp_comes_twice_or_goes_back(mode: AutopilotMode) -> None:
+    flight = StraightFlight()
+    stream = stream_of(flight, mode)
+    stamps: list[int] = []
+    link_delays = iter([0.02, 0.2, 0.0, 0.4] * 500)
+    for k in range(400):
+        t_s = 1.0 + 0.01 * k
+        stream.note(answer(flight, t_s))
+        vehicle = VehicleState()
+        for _ in range(3):
+            vehicle.round_trip.answered(0.0, 2.0 * next(link_delays))
+        for message in sent_states(stream.messages(t_s, vehicle)):
+            key = "usec" if mode is AutopilotMode.VISION else "time_usec"
+            stamps.append(message.fields[key])  # type: ignore[arg-type]
+    assert len(stamps) > 10
+    assert all(b > a for a, b in itertools.pairwise(stamps))
+
+
+def test_a_sigma_of_ten_metres_is_no_position() -> None:
+    flight = StraightFlight()
+    flight.covariance = np.diag([1.0, 11.0, 1.0, 0.1, 0.1, 0.1]) ** 2
+    stream = stream_of(flight, AutopilotMode.GPS_INPUT)
+    assert not _flown(stream, flight, 0.0, 1.0)
+    assert "one sigma" in stream.silent_because
+
+
+@pytest.mark.parametrize("broken", [math.nan, math.inf, -1.0])
+def test_numbers_that_are_none_are_never_sent(broken: float) -> None:
+    flight = StraightFlight()
+    flight.covariance = np.diag([broken, 1.0, 1.0, 0.1, 0.1, 0.1])
+    assert not _flown(stream_of(flight, AutopilotMode.VISION), flight, 0.0, 1.0)
+
+
+def test_the_reset_counter_moves_for_a_real_reset_only() -> None:
+    flight = StraightFlight()
+    stream = stream_of(flight, AutopilotMode.VISION)
+    assert _counter(stream, flight, 1.0) == 0
+    for k in range(100):
+        assert _counter(stream, flight, 1.1 + 0.1 * k) == 0
+    # a gap without a loss, the same track: none
+    assert _counter(stream, flight, 13.0) == 0
+    # restarted elsewhere, 4 m off at a sigma of 0.4 m
+    flight.offset_m = np.array([0.0, 4.0, 0.0])
+    assert _counter(stream, flight, 13.1) == 1
+    assert _counter(stream, flight, 13.2) == 1
+    # lost and found again
+    stream.note(answer(flight, 13.3, TrackStatus.LOST, ()))
+    assert _counter(stream, flight, 14.0) == 2
+    assert stream.statistics.resets == 2
+
+
+def test_a_hard_turn_is_no_reset() -> None:
+    flight = StraightFlight()
+    stream = stream_of(flight, AutopilotMode.VISION)
+    # 8 m/s² to the one side and to the other
+    for k in range(100):
+        assert _counter(stream, flight, 1.0 + 0.025 * k) == 0
+        acceleration = np.array([8.0 * (-1) ** (k // 10), 0.0, 0.0])
+        # the state of the next message: where it has been accelerated to
+        flight.offset_m = flight.offset_m + acceleration * (0.5 * 0.025**2 - 0.025 * (1.025 + 0.025 * k))
+        flight.velocity = flight.velocity + acceleration * 0.025
+
+
+def _counter(stream: AutopilotStream, flight: StraightFlight, t_s: float) -> int:
+    counter = one_state(stream, flight, t_s, VehicleState()).fields["reset_counter"]
+    assert isinstance(counter, int)
+    return counter
+
+
+def test_each_second_a_heartbeat_and_a_time_request_whether_it_tracks_or_not() -> None:
+    flight = StraightFlight()
+    stream = stream_of(flight, AutopilotMode.VISION)
+    names = [m.name for k in range(500) for m in stream.messages(0.01 * k, VehicleState())]
+    assert names.count("HEARTBEAT") == 5
+    assert names.count("TIMESYNC") == 5
+    # the local frame's origin, until the vehicle tells one
+    assert names.count("SET_GPS_GLOBAL_ORIGIN") == 5
+    known = VehicleState(system=1, global_origin=(47.3, 8.5, 400.0))
+    stream = stream_of(flight, AutopilotMode.VISION)
+    assert "SET_GPS_GLOBAL_ORIGIN" not in [m.name for k in range(500) for m in stream.messages(0.01 * k, known)]
+
+
+def test_the_delay_of_the_link_is_predicted_over() -> None:
+    flight = StraightFlight()
+    vehicle = VehicleState()
+    for _ in range(5):
+        vehicle.round_trip.answered(0.0, 0.16)
+    there = one_state(stream_of(flight, AutopilotMode.VISION), flight, 2.0, vehicle)
+    # expected: where it will be 80 ms later, when the message arrives
+    moved = np.linalg.norm(np.diff([flight.position(2.0), flight.position(2.08)], axis=0))
+    here = one_state(stream_of(flight, AutopilotMode.VISION), flight, 2.0, VehicleState())
+    assert math.dist(values(there, "x", "y", "z"), values(here, "x", "y", "z")) == pytest.approx(moved)
+
+
+@pytest.mark.parametrize("mode", _MODES)
+def test_a_delay_beyond_the_vehicles_horizon_is_refused(mode: AutopilotMode) -> None:
+    with pytest.raises(ConfigError, match="filter refuses"):
+        AutopilotSettings(url="udpout:127.0.0.1:1", mode=mode, delay_s=MOST_DELAY_S[mode] + 0.01)
+    flight = StraightFlight()
+    vehicle = VehicleState(parameters={delay_parameters(mode)[0]: 300.0})
+    stream = stream_of(flight, mode)
+    stream.note(answer(flight, 2.0))
+    assert not sent_states(stream.messages(2.0, vehicle))
+    assert "300 ms" in stream.silent_because
+
+
+_ARM = (-0.8, 0.1, -0.2)
+
+
+def test_the_lever_arm_is_turned_by_the_vehicles_attitude() -> None:
+    flight = StraightFlight()
+    stream = stream_of(flight, AutopilotMode.VISION, arm_m=_ARM)
+    attitude = VehicleAttitude.from_euler(2.0, 0.3, 0.1, 1.2, np.array([0.0, 0.0, 0.5]))
+    assert attitude is not None
+    moved = one_state(stream, flight, 2.0, VehicleState(attitude=attitude))
+    plain = one_state(stream_of(flight, AutopilotMode.VISION), flight, 2.0, VehicleState())
+    difference = values(moved, "x", "y", "z") - values(plain, "x", "y", "z")
+    np.testing.assert_allclose(difference, attitude.ned_from_body @ np.array(_ARM), atol=1e-9)
+
+
+@pytest.mark.parametrize("crab_deg", [-15.0, 0.0, 15.0])
+def test_without_an_attitude_a_crab_of_fifteen_degrees_is_within_two_sigma(crab_deg: float) -> None:
+    flight = StraightFlight()
+    arm = (-1.2, 0.0, 0.0)
+    with_arm = one_state(stream_of(flight, AutopilotMode.VISION, arm_m=arm), flight, 2.0, VehicleState())
+    plain = one_state(stream_of(flight, AutopilotMode.VISION), flight, 2.0, VehicleState())
+    velocity = np.array([-math.cos(math.pi / 6), -math.sin(math.pi / 6)])
+    crab = math.radians(crab_deg)
+    nose = np.array(
+        [
+            math.cos(crab) * velocity[0] - math.sin(crab) * velocity[1],
+            math.sin(crab) * velocity[0] + math.cos(crab) * velocity[1],
+        ]
+    )
+    true = values(plain, "x", "y") - 1.2 * nose
+    error = values(with_arm, "x", "y") - true
+    covariance = symmetric(listed(with_arm, "covariance"))
+    # expected: the error is across the track, where the nose's sigma is 3 cm, and the arm's 0.21 m
+    across = np.array([-velocity[1], velocity[0]])
+    sigma = math.sqrt(across @ covariance[:2, :2] @ across)
+    assert abs(across @ error) == pytest.approx(1.2 * abs(math.sin(crab)), abs=1e-6)
+    assert abs(across @ error) <= 2.0 * sigma
+
+
+def test_an_old_attitude_is_none() -> None:
+    attitude = VehicleAttitude.from_euler(1.0, 0.0, 0.0, 0.0, np.zeros(3))
+    assert attitude is not None
+    assert attitude.at(1.4) is not None
+    assert attitude.at(1.6) is None
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(_MODES),
+    st.lists(
+        st.tuples(st.sampled_from(list(TrackStatus)), st.integers(0, 2), st.floats(0.0, 1.0)), min_size=1, max_size=40
+    ),
+)
+def test_it_never_speaks_without_a_fresh_picture(
+    mode: AutopilotMode, steps: list[tuple[TrackStatus, int, float]]
+) -> None:
+    """Expected: over any sequence of answers and gaps, only within 0.3 s of a pixel, and while tracked."""
+    flight = StraightFlight()
+    stream = stream_of(flight, mode)
+    t_s, fix_s, last = 1.0, -math.inf, TrackStatus.SEARCHING
+    for status, cameras, gap_s in steps:
+        stream.note(answer(flight, t_s, status, ("left", "right")[:cameras]))
+        last = status
+        if cameras and status in (TrackStatus.TRACKING, TrackStatus.COASTING):
+            fix_s = t_s
+        for k in range(int(gap_s / 0.02) + 1):
+            now_s = t_s + 0.02 * k
+            if sent_states(stream.messages(now_s, VehicleState())):
+                assert now_s - fix_s <= 0.3 + 1e-9
+                assert last in (TrackStatus.TRACKING, TrackStatus.COASTING)
+        t_s += gap_s + 0.02
