@@ -9,7 +9,7 @@ KERNELS := $(shell grep -rl --include=*.py njit groundstation calibration)
 # every module as text, the tests' assertions included, half a minute of a core each.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test docs docs-check lint kernels kernels-aboard fuzz mutants peers cameras figures study constraints clean
+.PHONY: demo test docs docs-check lint kernels kernels-aboard fuzz mutants peers peers-node cameras figures study constraints clean
 
 # the versions that the tests ran with, for every install below
 PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
@@ -18,7 +18,7 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
 	@$(PYTHON) -c 'import venv, ensurepip' || { echo "On Debian and Ubuntu: apt install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python $(PIP_INSTALL) --editable '.[dev,docs,logs]'
+	$(BIN)/python $(PIP_INSTALL) --editable '.[dev,docs,logs,autopilot]'
 	@touch $@
 
 # numba looks whether a kernel's own file has changed, not those of the kernels that are compiled into it
@@ -82,6 +82,13 @@ peers: .venv-peers/installed
 	.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check flirptu==0.0.1a2 alpaca-simulators==1.3.2 evo==1.38.1
 	@touch $@
 
+# a MAVLink receiver in TypeScript (LGPL, a process of its own)
+peers-node: .venv-peers/node/installed
+
+.venv-peers/node/installed:
+	npm install --silent --no-audit --no-fund --prefix .venv-peers/node node-mavlink@2.3.0
+	@touch $@
+
 ## cameras: what GenICam and GigE Vision cameras need, for their tests (docs/cameras.md)
 cameras: $(VENV)/installed
 	$(BIN)/python $(PIP_INSTALL) --editable '.[genicam,gige]'
@@ -97,7 +104,7 @@ study: $(VENV)/installed
 ## constraints: the newest versions that pyproject.toml admits become those that the tests run with
 constraints:
 	rm -rf build/newest && $(PYTHON) -m venv build/newest
-	build/newest/bin/python -m pip install --quiet --disable-pip-version-check '.[dev,docs,logs,genicam,gige]'
+	build/newest/bin/python -m pip install --quiet --disable-pip-version-check '.[dev,docs,logs,autopilot,genicam,gige]'
 	{ sed '/^#/!Q' constraints.txt; build/newest/bin/python -m pip freeze --exclude groundstation; } >build/constraints.txt
 	mv build/constraints.txt constraints.txt
 

@@ -1,17 +1,20 @@
 """What a vehicle's messages change in its `VehicleState`, and what is answered."""
 
 import math
+import struct
 from collections.abc import Mapping
 
 import numpy as np
 
 from groundstation.autopilot.message import MavlinkMessage
 from groundstation.autopilot.vehicle_attitude import VehicleAttitude
-from groundstation.autopilot.vehicle_state import GnssReport, VehicleState
+from groundstation.autopilot.vehicle_state import PX4, GnssReport, VehicleState
 
 # MAV_AUTOPILOT_INVALID: a ground station, a camera, a companion computer
 _NO_AUTOPILOT = 8
 _MOST_PARAMETERS = 5000
+# MAV_PARAM_TYPE of whole numbers of up to 32 bits
+_INTEGERS = (1, 2, 3, 4, 5, 6)
 
 
 def answer_time_request(fields: Mapping[str, object], link_ns: int) -> MavlinkMessage | None:
@@ -63,7 +66,7 @@ def receive(
     elif name == "GPS_RAW_INT":
         _gnss(vehicle, fields, received_s)
     elif name == "PARAM_VALUE" and len(vehicle.parameters) < _MOST_PARAMETERS:
-        vehicle.parameters[str(fields.get("param_id"))] = _number(fields, "param_value")
+        vehicle.parameters[str(fields.get("param_id"))] = _parameter(vehicle, fields)
 
 
 def _heartbeat(
@@ -93,6 +96,14 @@ def _gnss(vehicle: VehicleState, fields: Mapping[str, object], received_s: float
         sigma_vertical_m=_accuracy(fields, "v_acc"),
         fix_type=int(fix_type),
     )
+
+
+def _parameter(vehicle: VehicleState, fields: Mapping[str, object]) -> float:
+    """Return a parameter's value; PX4 sends an integer as the float of the same 32 bits."""
+    value = _number(fields, "param_value")
+    if vehicle.autopilot != PX4 or fields.get("param_type") not in _INTEGERS or not math.isfinite(value):
+        return value
+    return float(struct.unpack("<i", struct.pack("<f", value))[0])
 
 
 def _accuracy(fields: Mapping[str, object], key: str) -> float | None:

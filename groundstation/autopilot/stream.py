@@ -195,7 +195,7 @@ class AutopilotStream:
             return [gps_input(state, stamp_us=stamp_us, unix_s=unix_s, gps_id=self._settings.gps_id)]
         if mode is AutopilotMode.GLOBAL_POSITION:
             sent_us = self._clock.link_us(now_s)
-            target = (vehicle.system or self._settings.target_system, 1)
+            target = (vehicle.system or self._settings.target_system, 0)
             age_us = max(sent_us - stamp_us, 0)
             return [
                 global_position_sensor(
@@ -213,7 +213,7 @@ class AutopilotStream:
             return []
         self._service_s = now_s
         stamp_us = self._clock.link_us(now_s)
-        messages = [_HEARTBEAT, MavlinkMessage(name="TIMESYNC", fields={"tc1": 0, "ts1": stamp_us * 1000})]
+        messages = [HEARTBEAT, MavlinkMessage(name="TIMESYNC", fields={"tc1": 0, "ts1": stamp_us * 1000})]
         if self._settings.mode in (AutopilotMode.VISION, AutopilotMode.ODOMETRY) and vehicle.global_origin is None:
             place, system = self._frame.origin, vehicle.system or self._settings.target_system
             messages.append(
@@ -223,7 +223,7 @@ class AutopilotStream:
 
 
 # MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE
-_HEARTBEAT = MavlinkMessage(
+HEARTBEAT = MavlinkMessage(
     name="HEARTBEAT",
     fields={
         "type": 18,

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 
 from groundstation import __version__
+from groundstation.cli.autopilot import add_autopilot
 from groundstation.cli.bank import add_bank
 from groundstation.cli.calibrate import add_calibrate
 from groundstation.cli.cameras import add_cameras
@@ -41,6 +42,7 @@ _COMMANDS: tuple[Callable[[Commands], None], ...] = (
         add_check,
         add_onboard,
         add_ptu,
+        add_autopilot,
         add_simulate,
         add_bank,
         add_train,

@@ -1,0 +1,123 @@
+"""`groundstation autopilot check`: what is wrong with a vehicle's parameters, and the file that mends it."""
+
+from pathlib import Path
+
+import pytest
+
+from groundstation.autopilot.parameter_rules import Finding, check_parameters, parameter_rules
+from groundstation.autopilot.settings import AutopilotMode, AutopilotSettings
+from groundstation.cli.main import main
+from tests.autopilot.vehicles import ParameterVehicle
+
+_ARDUPILOT, _PX4 = 3, 12
+_TAKEN = [
+    (_ARDUPILOT, AutopilotMode.GPS_INPUT),
+    (_ARDUPILOT, AutopilotMode.VISION),
+    (_ARDUPILOT, AutopilotMode.ODOMETRY),
+    (_PX4, AutopilotMode.GLOBAL_POSITION),
+    (_PX4, AutopilotMode.VISION),
+    (_PX4, AutopilotMode.ODOMETRY),
+]
+
+
+def _settings(mode: AutopilotMode) -> AutopilotSettings:
+    return AutopilotSettings(url="udpout:127.0.0.1:1", mode=mode)
+
+
+@pytest.mark.parametrize(("autopilot", "mode"), _TAKEN)
+def test_the_recommended_values_are_good_and_an_absent_one_is_said(autopilot: int, mode: AutopilotMode) -> None:
+    rules = parameter_rules(autopilot, _settings(mode))
+    assert not isinstance(rules, str)
+    good = {rule.names[0]: rule.recommended for rule in rules}
+    assert {f.finding for f in check_parameters(rules, good)} == {Finding.OK}
+    for rule in rules:
+        without = {name: value for name, value in good.items() if name != rule.names[0]}
+        (worst, *others) = check_parameters(rules, without)
+        assert (worst.finding, worst.name) == (Finding.UNKNOWN, rule.names[0])
+        assert {f.finding for f in others} == {Finding.OK}
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "name", "value", "finding"),
+    [
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_TYPE", 1, Finding.ERROR),
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_POSZ", 1, Finding.ERROR),
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_YAW", 2, Finding.ERROR),
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_DELAY_MS", 400, Finding.ERROR),
+        (_ARDUPILOT, AutopilotMode.VISION, "VISO_QUAL_MIN", 1, Finding.ERROR),
+        (_ARDUPILOT, AutopilotMode.VISION, "EK3_SRC1_POSXY", 3, Finding.ERROR),
+        (_ARDUPILOT, AutopilotMode.ODOMETRY, "VISO_TYPE", 0, Finding.ERROR),
+        (_ARDUPILOT, AutopilotMode.ODOMETRY, "EK3_SRC1_YAW", 6, Finding.ERROR),
+        (_PX4, AutopilotMode.GLOBAL_POSITION, "EKF2_AGP0_CTRL", 1, Finding.ERROR),
+        (_PX4, AutopilotMode.GLOBAL_POSITION, "EKF2_AGP0_NOISE", 1.0, Finding.WARNING),
+        (_PX4, AutopilotMode.VISION, "EKF2_EV_CTRL", 15, Finding.ERROR),
+        (_PX4, AutopilotMode.VISION, "EKF2_HGT_REF", 1, Finding.ERROR),
+        (_PX4, AutopilotMode.ODOMETRY, "EKF2_EV_DELAY", 250, Finding.ERROR),
+        (_PX4, AutopilotMode.ODOMETRY, "EKF2_GPS_CTRL", 7, Finding.WARNING),
+    ],
+)
+def test_traps_are_found(autopilot: int, mode: AutopilotMode, name: str, value: float, finding: Finding) -> None:
+    rules = parameter_rules(autopilot, _settings(mode))
+    assert not isinstance(rules, str)
+    good = {rule.names[0]: rule.recommended for rule in rules}
+    assert name in good
+    (worst, *others) = check_parameters(rules, good | {name: value})
+    assert (worst.finding, worst.name) == (finding, name)
+    assert {f.finding for f in others} == {Finding.OK}
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "wanted"),
+    [
+        (_ARDUPILOT, AutopilotMode.GLOBAL_POSITION, "gps_input"),
+        (_PX4, AutopilotMode.GPS_INPUT, "global_position"),
+        (0, AutopilotMode.VISION, "type 0"),
+    ],
+)
+def test_a_mode_that_the_autopilot_does_not_take_is_refused(autopilot: int, mode: AutopilotMode, wanted: str) -> None:
+    assert wanted in str(parameter_rules(autopilot, _settings(mode)))
+
+
+def test_a_vehicle_is_asked_and_the_file_mends_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rules = parameter_rules(_ARDUPILOT, _settings(AutopilotMode.GPS_INPUT))
+    assert not isinstance(rules, str)
+    values: dict[str, float | int] = {rule.names[0]: int(rule.recommended) for rule in rules}
+    # an older firmware's names, and the barometer's height
+    del values["GPS1_TYPE"], values["EK3_POSNE_M_NSE"]
+    values |= {"GPS_TYPE": 1, "EK3_SRC1_POSZ": 1, "EK3_POSNE_M_NSE": 0.3}
+    out = tmp_path / "vehicle.parm"
+    with ParameterVehicle(_ARDUPILOT, values) as vehicle:
+        code = main(["autopilot", "check", vehicle.url, "--mode", "gps_input", "--out", str(out)])
+    printed = capsys.readouterr()
+    assert code == 1
+    assert "ArduPilot, system 7" in printed.out
+    errors = [line for line in printed.out.splitlines() if line.startswith("error")]
+    assert [line.split()[1] for line in errors] == ["GPS_TYPE", "EK3_SRC1_POSZ"]
+    assert "ignore or misuse" in printed.err
+    written = dict(line.split(",") for line in out.read_text().splitlines())
+    assert (written["GPS_TYPE"], written["EK3_SRC1_POSZ"], written["EK3_POSNE_M_NSE"]) == ("14", "3", "0.3")
+    with ParameterVehicle(_ARDUPILOT, values | {name: float(value) for name, value in written.items()}) as vehicle:
+        assert main(["autopilot", "check", vehicle.url, "--mode", "gps_input"]) == 0
+
+
+def test_px4s_integers_are_read(capsys: pytest.CaptureFixture[str]) -> None:
+    rules = parameter_rules(_PX4, _settings(AutopilotMode.GLOBAL_POSITION))
+    assert not isinstance(rules, str)
+    whole = ("EKF2_AGP0_ID", "EKF2_AGP0_CTRL")
+    values: dict[str, float | int] = {
+        r.names[0]: int(r.recommended) if r.names[0] in whole else float(r.recommended) for r in rules
+    }
+    with ParameterVehicle(_PX4, values) as vehicle:
+        assert main(["autopilot", "check", vehicle.url, "--mode", "global_position"]) == 0
+    assert "EKF2_AGP0_CTRL = 3" in capsys.readouterr().out
+
+
+def test_no_vehicle_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    code = main(["autopilot", "check", "udpout:127.0.0.1:9", "--mode", "vision", "--patience", "0.2"])
+    assert code == 1
+    assert "no vehicle's heartbeat in 0.2 s" in capsys.readouterr().err
+
+
+def test_without_a_mode_it_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["autopilot", "check", "udpout:127.0.0.1:9"]) == 2
+    assert "--mode" in capsys.readouterr().err
