@@ -39,7 +39,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
 )
 MOST_FLAT = 10
 # read no clock, no file, no socket and no environment
-CORE = ("detection", "estimation", "geometry", "integrity", "picture", "pointing", "simulation", "tracking")
+CORE = ("detection", "estimation", "geometry", "integrity", "landing", "picture", "pointing", "simulation", "tracking")
 # of the simulation, what runs in real time, in processes, or writes folders
 SIMULATION_EDGE = (
     "attached_simulator",

@@ -1,0 +1,1 @@
+"""Approaches tracked through the whole pipeline at the level of pixels, for the studies of landings."""

@@ -1,0 +1,1 @@
+"""The approach and the landing: glide path, touchdown foretold, landing reports."""
