@@ -57,3 +57,8 @@ class LocalFrame:
         place = (np.array(position.lat_deg), np.array(position.lon_deg), np.array(position.height_ellipsoid_m))
         enu = enu_from_geodetic(*place, (lat_deg, lon_deg, height_m + self._separation_m))
         return np.asarray(_NED_FROM_ENU @ enu)
+
+    def runway_position(self, lat_deg: float, lon_deg: float, height_amsl_m: float) -> FloatArray:
+        """Return a place on Earth as (3,) m in the runway frame."""
+        place = (np.array(lat_deg), np.array(lon_deg), np.array(height_amsl_m + self._separation_m))
+        return np.asarray(self.ned_from_runway.T @ _NED_FROM_ENU @ enu_from_geodetic(*place, self._origin_deg_m))

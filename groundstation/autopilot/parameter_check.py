@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from groundstation.autopilot.link_url import parse_link_url
 from groundstation.autopilot.mavlink_link import MavlinkLink
 from groundstation.autopilot.message import MavlinkMessage
-from groundstation.autopilot.parameter_rules import Finding, ParameterFinding, check_parameters, parameter_rules
+from groundstation.autopilot.parameter_rules import (
+    ParameterFinding,
+    ParameterVerdict,
+    check_parameters,
+    parameter_rules,
+)
 from groundstation.autopilot.received import receive
 from groundstation.autopilot.settings import AutopilotSettings
 from groundstation.autopilot.signing_key import read_signing_key
@@ -33,7 +38,7 @@ class VehicleCheck:
     @property
     def whole(self) -> bool:
         """Whether nothing found makes the vehicle ignore or misuse the stream."""
-        return not any(f.finding is Finding.ERROR for f in self.findings)
+        return not any(f.finding is ParameterVerdict.ERROR for f in self.findings)
 
 
 def check_vehicle(
@@ -125,7 +130,7 @@ def _request(system: int, name: str) -> MavlinkMessage:
 
 def _parameter_file(autopilot: int, system: int, findings: tuple[ParameterFinding, ...]) -> str:
     """Return the values recommended, in the ground stations' format for the autopilot."""
-    wanted = sorted((f.name, f.value if f.finding is Finding.OK else f.recommended) for f in findings)
+    wanted = sorted((f.name, f.value if f.finding is ParameterVerdict.OK else f.recommended) for f in findings)
     if autopilot == ARDUPILOT:
         return "".join(f"{name},{value:g}\n" for name, value in wanted)
     # QGroundControl: system, component, name, value, MAV_PARAM_TYPE

@@ -12,7 +12,7 @@ from groundstation.autopilot.settings import MOST_DELAY_S, AutopilotMode, Autopi
 from groundstation.autopilot.vehicle_state import ARDUPILOT, PX4
 
 
-class Finding(StrEnum):
+class ParameterVerdict(StrEnum):
     """How bad a parameter's value is."""
 
     OK = "ok"
@@ -38,14 +38,14 @@ class ParameterRule:
     accepts: Callable[[float], bool]
     recommended: float
     why: str
-    finding: Finding = Finding.ERROR
+    finding: ParameterVerdict = ParameterVerdict.ERROR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterFinding:
     """What is to be said of a parameter: its ``name``, ``value`` (None if the vehicle does not have it), and why."""
 
-    finding: Finding
+    finding: ParameterVerdict
     name: str
     value: float | None
     recommended: float
@@ -53,7 +53,7 @@ class ParameterFinding:
 
     def text(self) -> str:
         """Return it in one line."""
-        if self.finding is Finding.OK:
+        if self.finding is ParameterVerdict.OK:
             return f"ok       {self.name} = {self.value:g}"
         got = "not there" if self.value is None else f"{self.value:g}"
         return f"{self.finding:8} {self.name} = {got}, wanted {self.recommended:g}: {self.why}"
@@ -79,11 +79,13 @@ def check_parameters(rules: tuple[ParameterRule, ...], values: Mapping[str, floa
     for rule in rules:
         name = next((n for n in rule.names if n in values), rule.names[0])
         value = values.get(name)
-        finding = Finding.UNKNOWN if value is None else Finding.OK if rule.accepts(value) else rule.finding
+        finding = (
+            ParameterVerdict.UNKNOWN if value is None else ParameterVerdict.OK if rule.accepts(value) else rule.finding
+        )
         findings.append(
             ParameterFinding(finding=finding, name=name, value=value, recommended=rule.recommended, why=rule.why)
         )
-    order = (Finding.ERROR, Finding.WARNING, Finding.UNKNOWN, Finding.OK)
+    order = (ParameterVerdict.ERROR, ParameterVerdict.WARNING, ParameterVerdict.UNKNOWN, ParameterVerdict.OK)
     return sorted(findings, key=lambda f: order.index(f.finding))
 
 
@@ -134,7 +136,7 @@ def _ardupilot_gps(settings: AutopilotSettings) -> tuple[ParameterRule, ...]:
             accepts=_is(3),
             recommended=3,
             why="the velocity is not used",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
         ParameterRule(
             names=("EK3_SRC1_POSZ", "EK3_ALT_SOURCE"),
@@ -147,14 +149,14 @@ def _ardupilot_gps(settings: AutopilotSettings) -> tuple[ParameterRule, ...]:
             accepts=_is(3),
             recommended=3,
             why="the sink rate is not used",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
         ParameterRule(
             names=("EK3_POSNE_M_NSE",),
             accepts=_at_most(0.5),
             recommended=0.1,
             why="a larger noise than that drowns the stream's sigma",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
         *_EKF3,
     )
@@ -188,7 +190,7 @@ def _ardupilot_vision(mode: AutopilotMode) -> tuple[ParameterRule, ...]:
             accepts=_at_most(0.2),
             recommended=0.05,
             why="a larger noise than that drowns the stream's sigma",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
         ParameterRule(
             names=("EK3_SRC1_POSXY",), accepts=_is(6), recommended=6, why="the position is not external navigation's"
@@ -217,7 +219,7 @@ def _px4_global(settings: AutopilotSettings) -> tuple[ParameterRule, ...]:
             accepts=_is(settings.sensor_id, 0),
             recommended=settings.sensor_id,
             why="the first slot is another sensor's",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
         ParameterRule(
             names=("EKF2_AGP0_CTRL", "EKF2_AGP_CTRL"),
@@ -236,14 +238,14 @@ def _px4_global(settings: AutopilotSettings) -> tuple[ParameterRule, ...]:
             accepts=_at_most(0.2),
             recommended=0.05,
             why="the noise is at least this: the default of 0.9 to 1 m drowns the stream's sigma",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
         ParameterRule(
             names=("EKF2_AGP0_GATE", "EKF2_AGP_GATE"),
             accepts=lambda value: value >= 3.0,
             recommended=5,
             why="a smaller gate refuses the stream after a dead-reckoned turn",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
     )
 
@@ -275,14 +277,14 @@ def _px4_vision(mode: AutopilotMode) -> tuple[ParameterRule, ...]:
             accepts=_is(0),
             recommended=0,
             why="the stream's covariance is not used",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
         ParameterRule(
             names=("EKF2_EVP_NOISE",),
             accepts=_at_most(0.1),
             recommended=0.05,
             why="the noise is at least this",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
         ParameterRule(
             names=("EKF2_EV_QMIN",),
@@ -295,6 +297,6 @@ def _px4_vision(mode: AutopilotMode) -> tuple[ParameterRule, ...]:
             accepts=_is(0),
             recommended=0,
             why="while GNSS is fused, vision trains a bias only, and its sigma is raised to EKF2_GPS_P_NOISE",
-            finding=Finding.WARNING,
+            finding=ParameterVerdict.WARNING,
         ),
     )

@@ -63,8 +63,8 @@ def receive(
         lat_deg, lon_deg = (1e-7 * _number(fields, key) for key in ("latitude", "longitude"))
         if lat_deg or lon_deg:
             vehicle.global_origin = (lat_deg, lon_deg, 1e-3 * _number(fields, "altitude"))
-    elif name == "GPS_RAW_INT":
-        _gnss(vehicle, fields, received_s)
+    elif name in ("GPS_RAW_INT", "GPS2_RAW"):
+        _gnss(vehicle, int(name == "GPS2_RAW"), fields, received_s)
     elif name == "PARAM_VALUE" and len(vehicle.parameters) < _MOST_PARAMETERS:
         vehicle.parameters[str(fields.get("param_id"))] = _parameter(vehicle, fields)
 
@@ -81,12 +81,12 @@ def _heartbeat(
         vehicle.heard_s = received_s
 
 
-def _gnss(vehicle: VehicleState, fields: Mapping[str, object], received_s: float) -> None:
+def _gnss(vehicle: VehicleState, receiver: int, fields: Mapping[str, object], received_s: float) -> None:
     lat_deg, lon_deg = (1e-7 * _number(fields, key) for key in ("lat", "lon"))
     fix_type = _number(fields, "fix_type")
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and (lat_deg or lon_deg) and math.isfinite(fix_type)):
         return
-    vehicle.gnss = GnssReport(
+    vehicle.gnss[receiver] = GnssReport(
         received_s=received_s,
         source_us=int(_number(fields, "time_usec")),
         lat_deg=lat_deg,

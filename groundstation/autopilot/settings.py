@@ -1,10 +1,10 @@
 """How an autopilot is reached and what it is sent; the keys of ``[autopilot]`` (docs/autopilot.md)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
-from groundstation.errors import ConfigError
+from groundstation.errors import ConfigError, UsageError
 from groundstation.files.toml_table import TomlTable, load_toml
 
 AUTOPILOT_FORMAT = "groundstation-autopilot/1"
@@ -113,6 +113,15 @@ def load_autopilot(path: Path) -> AutopilotSettings:
     top.choice("format", [AUTOPILOT_FORMAT])
     values = {key: value for key, value in top.values.items() if key != "format"}
     return parse_autopilot(TomlTable(values, str(path), ConfigError), path.parent)
+
+
+def with_link(file: AutopilotSettings | None, url: str, mode: str | None) -> AutopilotSettings:
+    """Return a file's settings, if there are any, with a URL and a mode, None for the file's. Raises `UsageError`."""
+    if file is not None:
+        return replace(file, url=url, mode=file.mode if mode is None else AutopilotMode(mode))
+    if mode is None:
+        raise UsageError("mode of the autopilot", got="none", wanted=f"one of {', '.join(AutopilotMode)}, or a file")
+    return AutopilotSettings(url=url, mode=AutopilotMode(mode))
 
 
 def parse_autopilot(table: TomlTable, folder: Path) -> AutopilotSettings:

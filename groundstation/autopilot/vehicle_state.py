@@ -11,7 +11,7 @@ ARDUPILOT, PX4 = 3, 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GnssReport:
-    """The vehicle's own GNSS position (GPS_RAW_INT), received at session time ``received_s``.
+    """The vehicle's own GNSS position (GPS_RAW_INT, GPS2_RAW), received at session time ``received_s``.
 
     Degrees and m above mean sea level; one sigma horizontal and vertical, None where it is not told; ``fix_type`` as in
     the message; ``source_us`` its own stamp.
@@ -37,6 +37,7 @@ class VehicleState:
     attitude: VehicleAttitude | None = None
     # latitude, longitude (degrees) and height above mean sea level (m) of its local frame
     global_origin: tuple[float, float, float] | None = None
-    gnss: GnssReport | None = None
+    # of each of its receivers, by number from 0
+    gnss: dict[int, GnssReport] = field(default_factory=dict)
     parameters: dict[str, float] = field(default_factory=dict)
     round_trip: RoundTripDelay = field(default_factory=RoundTripDelay)

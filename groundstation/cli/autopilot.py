@@ -3,11 +3,10 @@
 import argparse
 import sys
 
-from groundstation.autopilot.settings import AutopilotMode, AutopilotSettings, load_autopilot
+from groundstation.autopilot.settings import AutopilotMode, load_autopilot, with_link
 from groundstation.cli.command_arguments import Commands, add_command
 from groundstation.cli.number_arguments import positive_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
-from groundstation.errors import UsageError
 
 _CHECK = """Ask a vehicle for its parameters, and say which of them make its autopilot ignore or
 misuse the position that `live --autopilot` would send. Nothing is changed on it."""
@@ -39,26 +38,13 @@ def add_autopilot(commands: Commands) -> None:
     check.add_argument("--out", type=WRITTEN_FILE, metavar="FILE", help="write the parameters recommended")
 
 
-def autopilot_settings(url: str, mode: str | None, file: AutopilotSettings | None) -> AutopilotSettings:
-    """Return the settings of a URL and a mode on the command line, over those of a file. Raises `UsageError`."""
-    from dataclasses import replace
-
-    if file is not None:
-        return replace(file, url=url, mode=file.mode if mode is None else AutopilotMode(mode))
-    if mode is None:
-        raise UsageError("--autopilot-mode", got="none", wanted=f"one of {', '.join(AutopilotMode)}")
-    return AutopilotSettings(url=url, mode=AutopilotMode(mode))
-
-
 def run_check_vehicle(options: argparse.Namespace) -> int:
     """Check a vehicle, print the findings; returns the exit code."""
     from groundstation.autopilot.parameter_check import check_vehicle
     from groundstation.files.whole_file import write_text_whole
 
     file = None if options.settings is None else load_autopilot(options.settings)
-    if file is None and options.mode is None:
-        raise UsageError("--mode", got="none", wanted=f"one of {', '.join(AutopilotMode)}, or --settings")
-    result = check_vehicle(autopilot_settings(options.url, options.mode, file), options.patience)
+    result = check_vehicle(with_link(file, options.url, options.mode), options.patience)
     print(result.vehicle)
     for finding in result.findings:
         print(finding.text())

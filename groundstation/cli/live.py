@@ -6,6 +6,7 @@ import sys
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
+from groundstation.cli.approach_arguments import add_approach, approach_options
 from groundstation.cli.command_arguments import (
     Commands,
     add_command,
@@ -80,6 +81,7 @@ def add_live(commands: Commands) -> None:
     screen.add_argument("--view", action="store_true", help="the operator's screen in the desktop viewer")
     screen.add_argument("--web", action="store_true", help="the operator's screen in a browser on this machine")
     add_port(live)
+    add_approach(live, "[origin] in the station file")
 
 
 def run_live(options: argparse.Namespace) -> int:
@@ -101,6 +103,7 @@ def run_live(options: argparse.Namespace) -> int:
         record=not options.no_record,
         weights=options.weights,
         web_port=options.port,
+        approach=approach_options(options),
     )
     simulator = _simulator(options) if options.simulate else None
     with StopRequest() as stop, StatusDisplay(sys.stderr) as display, StatusWatchdog(display.silent) as watch:
@@ -226,6 +229,8 @@ def _result_text(result: "LiveResult", score: "SimulationScore | None" = None, m
     if done.dropped:
         lines.append(dropped_text(done.dropped))
     lines += [f"counted: {what}" for what in describe_counts(done.counts)]
+    if done.approach is not None and done.approach.text:
+        lines += ["", done.approach.text]
     if score is not None:
         lines += ["", format_score(score)]
     lines += ["", *(f"wrote {path}" for path in result.files)]

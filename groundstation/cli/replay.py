@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 
+from groundstation.cli.approach_arguments import add_approach, approach_options
 from groundstation.cli.command_arguments import (
     Commands,
     add_command,
@@ -63,6 +64,8 @@ def add_replay(commands: Commands) -> None:
     replay.add_argument(
         "--record", type=WRITTEN_FILE, metavar="FILE.mcap", help="also record what was consumed and answered"
     )
+    replay.add_argument("--realtime", action="store_true", help="at the speed of the recording, as streams need it")
+    add_approach(replay, "[origin]")
     recording = replay.add_mutually_exclusive_group()
     recording.add_argument("--view", action="store_true", help="open the Rerun recording when done")
     recording.add_argument("--no-rerun", action="store_true", help="do not write session.rrd")
@@ -93,6 +96,8 @@ def run_replay(options: argparse.Namespace) -> int:
         smooth=options.smooth,
         weights=options.weights,
         command=options.words,
+        approach=approach_options(options),
+        realtime=options.realtime,
     )
     with ProgressLine(sys.stderr, "replay") as line:
         result = replay(request, line.update)
@@ -100,6 +105,8 @@ def run_replay(options: argparse.Namespace) -> int:
     print()
     if result.output_comparison is not None:
         print(f"{result.output_comparison.line()}\n")
+    if result.approach is not None and result.approach.text:
+        print(f"{result.approach.text}\n")
     print_files(result.files)
     if result.fault is not None:
         print(f"groundstation: fault in the recording: {result.fault}", file=sys.stderr)

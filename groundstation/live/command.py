@@ -4,20 +4,27 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
+from groundstation.approach.approach_options import (
+    ApproachOptions,
+    SessionTime,
+    open_approach,
+    station_options,
+)
 from groundstation.errors import InputError
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.live.core import live_config
 from groundstation.live.devices import check_against_rig
+from groundstation.live.guarded_sink import GuardedSink
 from groundstation.live.head_manager import CLOSE_S, HeadManager
 from groundstation.live.keep_out_zones import sun_text, with_keep_out
 from groundstation.live.memory import configure_allocator
 from groundstation.live.opened_cameras import opened_cameras
-from groundstation.live.operation import Operation, OperationOutputs, OperationResult, StatusSink
+from groundstation.live.operation import ApproachOpener, Operation, OperationOutputs, OperationResult, StatusSink
 from groundstation.live.operator_screen import StatusCallback, open_screen
 from groundstation.live.out_folder import removed_unless_started, require_free, written_files
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
@@ -26,7 +33,6 @@ from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.live.status_board import LiveStatus
-from groundstation.messages import StepReport
 from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.replay.reference_prior import ReferencePrior
 from groundstation.rig.rig import Rig, load_rig
@@ -46,7 +52,8 @@ class LiveRequest:
     ``station`` None only with a simulator. ``out`` None is a folder of its own below the station file's [record]
     folder. ``seconds`` None continues until ``stop``. ``screen`` is "desktop", "browser" or "none",
     ``web_port`` the browser's page's port, None for any. ``weights``
-    are one's own for the learned channel, which then detects.
+    are one's own for the learned channel, which then detects. ``approach`` is what is wanted of an approach, over what
+    the station file asks for.
     """
 
     station: Path | None
@@ -56,6 +63,7 @@ class LiveRequest:
     record: bool = True
     weights: Path | None = None
     web_port: int | None = None
+    approach: ApproachOptions = field(default_factory=ApproachOptions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +137,7 @@ def _live(
         heads.begin()
         say("compiling, once")
         warm_up(station.config.detection.detector)
-        outputs = _Outputs(out, opened, tell, simulator)
+        outputs = _Outputs(out, opened, tell, simulator, station.approach(request.approach, start_s))
         recorder = outputs.open_recorder(station) if request.record else None
         if recorder is not None:
             shutdown.watch_recorder(lambda: recorder.status.written_bytes)
@@ -175,6 +183,23 @@ class _LiveStation:
         """Return the prior of the reference's errors; None if the filter does not learn from it."""
         return self.reference.errors if self.header.learns_from_reference else None
 
+    def approach(self, asked: ApproachOptions, start_s: float) -> ApproachOpener | None:
+        """Return what opens the outputs of an approach, None for none; ``start_s`` is session zero, monotonic."""
+        file = self.file
+        options = station_options(asked, file.landing_site, file.autopilot)
+        if not options.wanted:
+            return None
+        unix_s = time.time() - (time.monotonic() - start_s)
+        return lambda estimate_at, now_s: open_approach(
+            options,
+            self.rig,
+            file.span_m,
+            file.origin,
+            file.geoid_separation_m,
+            SessionTime(now_s=now_s, link_s=start_s, unix_s=unix_s),
+            estimate_at,
+        )
+
 
 def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -> _LiveStation:
     """Read and check the files of a station; raises `InputError` or `ConfigError`."""
@@ -199,7 +224,12 @@ class _Outputs:
     """Track files, recorder and screen of an operation; ``faults`` collects what the disk did not take."""
 
     def __init__(
-        self, out: Path, opened: ExitStack, tell: Callable[[LiveStatus], None], simulator: StationSimulator | None
+        self,
+        out: Path,
+        opened: ExitStack,
+        tell: Callable[[LiveStatus], None],
+        simulator: StationSimulator | None,
+        approach: ApproachOpener | None,
     ) -> None:
         self.faults: list[str] = []
         self._out, self._opened = out, opened
@@ -210,6 +240,7 @@ class _Outputs:
         self._recorder: LiveRecorder | None = None
         self._screen_status: Callable[[], str] = str
         self._keep_images = False
+        self._approach = approach
 
     def open_recorder(self, station: _LiveStation) -> LiveRecorder:
         """Open the recorder."""
@@ -242,12 +273,18 @@ class _Outputs:
             sinks=self._sinks,
             recorders=[] if self._recorder is None else [self._recorder],
             operators=self._operators,
+            approach=self._approach,
             extra_status=self._status,
             keep_images=self._keep_images,
         )
 
     def result(self, result: OperationResult, begin_s: float, losses: tuple[str, ...]) -> LiveResult:
         """Return the result of the run, after everything was closed."""
+        if result.approach is not None:
+            try:
+                result.approach.write(self._out)
+            except InputError as fault:
+                self.faults.append(str(fault))
         recorder = self._recorder
         if recorder is not None and recorder.status.trouble:
             self.faults.insert(0, f"{LIVE_RECORDING}: {recorder.summary()}")
@@ -279,32 +316,6 @@ def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> No
     if stop():
         raise KeyboardInterrupt
     say(text)
-
-
-class GuardedSink:
-    """A sink that is disabled after a disk error, which is reported to the operator; tracking continues."""
-
-    def __init__(self, sink: Sink, faults: list[str]) -> None:
-        self._sink = sink
-        # shared with other sinks
-        self._faults = faults
-        self._failed = False
-
-    def write(self, report: StepReport) -> None:
-        """Pass a report on, as long as the disk takes it."""
-        if not self._failed:
-            try:
-                self._sink.write(report)
-            except OSError as fault:
-                self._failed = True
-                self._faults.append(f"track files end here: {fault.strerror or fault}")
-
-    def close(self) -> None:
-        """Close the sink; an error on closing is recorded as well."""
-        try:
-            self._sink.close()
-        except OSError as fault:
-            self._faults.append(f"track files are not whole: {fault.strerror or fault}")
 
 
 def _folder(request: LiveRequest) -> Path:

@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
+from groundstation.approach.approach_outputs import ApproachOutputs, ApproachSummary
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.live.camera_status import clock_status, lost_frames
 from groundstation.live.camera_worker import CameraWorker
@@ -22,7 +23,7 @@ from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile
 from groundstation.live.status_board import DeviceState, LiveStatus, StatusBoard
-from groundstation.messages import Event, Frame, PtuSample, TrackStatus
+from groundstation.messages import Event, Frame, Kinematics, PtuSample, StepReport, TrackEvent, TrackStatus
 from groundstation.pointing.keep_out import KeepOut
 from groundstation.pointing.pointing_law import HeadController
 from groundstation.pointing.search_pattern import SearchPattern
@@ -54,13 +55,17 @@ class StatusSink(Protocol):
         """Take it; never waits long."""
 
 
+# from the pipeline's ``estimate_at`` and the session's clock
+ApproachOpener = Callable[[Callable[[float], Kinematics | None], Callable[[], float]], ApproachOutputs]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationResult:
     """Statistics of an operation.
 
     ``epochs`` pairs were answered, ``dropped`` counts what was not step, ``latency_*`` from a pair's first frame at
     the host to its answer, ``tracking_*`` while tracking, 0 where there is none; ``counts`` are the pipeline's;
-    ``busy_s`` is what its thread computed in ``elapsed_s``.
+    ``busy_s`` is what its thread computed in ``elapsed_s``; ``approach`` is what came of the outputs of an approach.
     """
 
     elapsed_s: float
@@ -73,6 +78,7 @@ class OperationResult:
     dropped: Mapping[str, int]
     counts: Mapping[str, int]
     busy_s: float
+    approach: ApproachSummary | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,6 +86,8 @@ class OperationOutputs:
     """Receivers of an operation's results.
 
     ``sinks`` get every report, the recorder among them, ``recorders`` every event and ``operators`` the status;
+    ``approach`` opens what watches the approach and sends it, given the pipeline's ``estimate_at`` and the session's
+    clock; None for nothing.
     ``extra_status`` returns the status of recorder and screen, ``keep_images`` leaves the pictures in the reports for
     a screen.
     """
@@ -87,6 +95,7 @@ class OperationOutputs:
     sinks: Sequence[Sink] = ()
     recorders: Sequence[EventSink] = ()
     operators: Sequence[StatusSink] = ()
+    approach: ApproachOpener | None = None
     extra_status: Callable[[], str] = str
     keep_images: bool = False
 
@@ -122,6 +131,8 @@ class Operation:
         self._keep_images = outputs.keep_images
         self._reference_errors = reference_errors
         self._reference: ReferenceWorker | None = None
+        self._open_approach = outputs.approach
+        self._approach: ApproachOutputs | None = None
         self.start_s = clock() if start_s is None else start_s
         self.input_queue = InputQueue(together_s=0.5 / file.rate_hz)
         self._board = StatusBoard()
@@ -157,6 +168,9 @@ class Operation:
         workers = [CameraWorker(n, c, self.input_queue, -self.start_s) for n, c in cameras.items()]
         core = self._core(heads)
         with ExitStack() as stack:
+            if self._open_approach is not None:
+                self._approach = self._open_approach(core.pipeline.estimate_at, lambda: self.now_s)
+                stack.callback(self._approach.close)
             stack.enter_context(short_gil_switch_interval())
             for worker in workers:
                 stack.callback(worker.stop)
@@ -179,7 +193,9 @@ class Operation:
                 self._cycle(core, heads, workers, None if isinstance(item, TimedPicture) else item)
             for line in core.not_parked(self.now_s, _PARKED_RAD):
                 self._dispatch(core.take(DeviceLogLine(t_s=self.now_s, level="warning", text=line), self.now_s), heads)
-        self._dispatch(core.finish(), heads)
+            self._dispatch(core.finish(), heads)
+            if self._approach is not None:
+                self._log_events(self._approach.finish())
         return OperationResult(
             elapsed_s=self.now_s - began_s,
             epochs=self._epochs,
@@ -191,6 +207,7 @@ class Operation:
             dropped=self._dropped(),
             counts=core.pipeline.counts,
             busy_s=self._busy_s,
+            approach=None if self._approach is None else self._approach.summary(),
         )
 
     # ------------------------------------------------------------------------------------- one turn
@@ -208,6 +225,8 @@ class Operation:
                     self._board.arrived(event.epoch, item.arrived_s)
         self._dispatch(step, heads)
         now_s = self.now_s
+        if self._approach is not None:
+            self._log_events(self._approach.pass_time(now_s))
         if item is not None:
             self._busy_s += now_s - began_s
         track_changed = core.status is not self._shown_track and any(report.states for report in step.reports)
@@ -239,6 +258,14 @@ class Operation:
                 self._board.passed(state)
             for sink in self._sinks:
                 sink.write(report)
+            if self._approach is not None:
+                self._log_events(self._approach.note(report, now_s))
+
+    def _log_events(self, events: Sequence[TrackEvent]) -> None:
+        """Give lines of the approach to the sinks: log, recording, screen."""
+        if events:
+            for sink in self._sinks:
+                sink.write(StepReport(events=tuple(events)))
 
     def _publish_status(
         self, core: LiveCore, heads: HeadManager, cameras: Sequence[CameraWorker], now_s: float
@@ -251,7 +278,8 @@ class Operation:
             contradicted = core.pipeline.counts["references_refused"]
             states.append(self._reference.state(now_s, rate_hz, contradicted))
         dropped = self._dropped()
-        status = self._board.status(now_s, core.status, tuple(states), dropped, self._extra_status())
+        approach = () if self._approach is None else self._approach.lines(now_s)
+        status = self._board.status(now_s, core.status, tuple(states), dropped, self._extra_status(), approach)
         for operator in self._operators:
             operator.update(status)
 

@@ -7,6 +7,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+from groundstation.autopilot.settings import AutopilotSettings, parse_autopilot
 from groundstation.errors import ConfigError
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.live.head_device import HeadDevice
@@ -22,7 +23,7 @@ MAX_STATIONS = 16
 _TOP = frozenset(
     {
         *("format", "name", "rig", "config", "rate_hz", "target", "record", "pointing", "search", "station"),
-        *("reference", "origin", "safety", "park_s"),
+        *("reference", "origin", "safety", "park_s", "autopilot", "landing_site"),
     }
 )
 _REFERENCE = frozenset({"url", "baud", "clock_offset_s", "clock_sigma_s", "geoid_separation_m", "learn", "senders"})
@@ -61,6 +62,9 @@ class StationFile:
     reference : the reference receiver, if there is one; then ``origin`` is where the runway frame lies on Earth.
     sun_angle_rad : how far from the Sun each lens is kept; 0 does not avoid it, None goes by the field of view.
     antenna_in_body_m : its antenna from the nose: forward, right, down; None if unknown.
+    autopilot : the vehicle that the position is sent to, None for none; it needs ``origin``.
+    geoid_separation_m : height of the geoid above the ellipsoid, None if no table states it.
+    landing_site : file of runway, plan and alert limits; None for none.
     park_s : what heads may take to park in the end, on top of the time for the rest; None parks within that time.
     """
 
@@ -80,6 +84,9 @@ class StationFile:
     sun_angle_rad: float | None = None
     record_s: float = 1800.0
     park_s: float | None = None
+    autopilot: AutopilotSettings | None = None
+    landing_site: Path | None = None
+    geoid_separation_m: float | None = None
 
 
 def load_station(path: Path) -> StationFile:
@@ -109,6 +116,9 @@ def load_station(path: Path) -> StationFile:
         raise top.fail(
             "origin", "nothing", "a table [origin]: where the station is on Earth, for [safety] sun_angle_deg"
         )
+    autopilot = parse_autopilot(top.table("autopilot"), here) if "autopilot" in top else None
+    if autopilot is not None and "origin" not in top:
+        raise top.fail("origin", "nothing", "a table [origin]: where the runway frame lies on Earth, for [autopilot]")
     antenna = target.vector("antenna_in_body_m", 3) if "antenna_in_body_m" in target else None
     return StationFile(
         path=path,
@@ -126,6 +136,9 @@ def load_station(path: Path) -> StationFile:
         reference=reference,
         origin=parse_origin(top.table("origin"), "runway") if "origin" in top else None,
         park_s=top.number("park_s", minimum=0.0, maximum=120.0) if "park_s" in top else None,
+        autopilot=autopilot,
+        geoid_separation_m=None if reference is None else reference.geoid_separation_m,
+        landing_site=here / top.text("landing_site") if "landing_site" in top else None,
         antenna_in_body_m=None if antenna is None else (float(antenna[0]), float(antenna[1]), float(antenna[2])),
     )
 

@@ -128,14 +128,20 @@ class StatusBoard:
         return self._counts.setdefault(name, RecentRate()).at(now_s, count)
 
     def status(
-        self, now_s: float, track: TrackStatus, devices: tuple[DeviceState, ...], dropped: Mapping[str, int], also: str
+        self,
+        now_s: float,
+        track: TrackStatus,
+        devices: tuple[DeviceState, ...],
+        dropped: Mapping[str, int],
+        also: str,
+        approach: tuple[str, ...] = (),
     ) -> LiveStatus:
-        """Return the lines to show now; ``also`` are those of the recorder."""
+        """Return the lines to show now; ``also`` are those of the recorder, ``approach`` those of the approach."""
         while self._latencies and self._latencies[0][0] < now_s - OVER_S:
             self._latencies.popleft()
         recent = [delay for _, delay in self._latencies]
         p50, p99 = (1e3 * float(np.percentile(recent, q)) if recent else 0.0 for q in (50, 99))
-        lines = [self._track(now_s, track)]
+        lines = [self._track(now_s, track), *approach]
         lines += [device.summary() for device in devices]
         if recent:
             lines.append(f"delay {p50:.0f} ms, 99 % within {p99:.0f} ms")

@@ -5,7 +5,7 @@ A fault in the recording ends the run early; the results up to it are written, a
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from groundstation.errors import InputError
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run
 from groundstation.evaluation.run_description import RunDescription
-from groundstation.messages import ReferenceFix
+from groundstation.messages import Event, ReferenceFix
+from groundstation.replay.approach_replay import approach_replay
 from groundstation.replay.initial_state import initial_state
 from groundstation.replay.provenance import provenance
 from groundstation.replay.recording_replay import (
@@ -29,8 +30,11 @@ from groundstation.replay.replay_inputs import ReplayInputs, learning_fixes, loa
 from groundstation.replay.replay_outputs import ReplayOutputs
 from groundstation.replay.replay_request import ReplayRequest, ReplayResult
 from groundstation.replay.run_pipeline import RunOutcome, run_pipeline
+from groundstation.session import Session
 from groundstation.sinks.geographic_frame import place_of
 from groundstation.sinks.output_comparison import OutputComparisonSink
+from groundstation.sources.folder_source import FolderSource
+from groundstation.sources.recording_source import RecordingSource
 from groundstation.sources.reference_fixes import with_reference
 from groundstation.sources.session_source import session_source
 from groundstation.thread_scheduling import short_gil_switch_interval
@@ -91,12 +95,10 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
             outputs.smoothed.want = pipeline.smooth(outputs.smoothed.found)
         prepared_s = time.perf_counter() - began_s
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
-        recorded_events = apply_filter_resets(source) if session.recorded is not None else source
-        events = with_reference(without_reference_fixes(recorded_events) if fixes else recorded_events, fixes)
-        if outputs.recorder is not None:
-            events = outputs.recorder.taken(events)
-        events = outputs.checks.watched(events)
+        outputs.approach = approach_replay(request, session, pipeline, source.span_s[0], outputs.sinks(), opened)
+        events = outputs.taken(_events(source, session, fixes))
         outcome = run_pipeline(events, pipeline, outputs.sinks(), lambda done: progress(done, total))
+        outputs.finish_approach()
     pipeline.finish_smoothing()
     notes = [] if outcome.fault is None else [str(outcome.fault)]
     notes += recording_notes(source, outputs.recorder)
@@ -113,7 +115,14 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         fault=outcome.fault,
         output_comparison=None if comparison is None else comparison.result(),
         recording_fault=outputs.recording_fault,
+        approach=outputs.approach_summary,
     )
+
+
+def _events(source: FolderSource | RecordingSource, session: Session, fixes: list[ReferenceFix]) -> Iterable[Event]:
+    """Return the events of a source with the reference fixes that the filter learns from."""
+    recorded = apply_filter_resets(source) if session.recorded is not None else source
+    return with_reference(without_reference_fixes(recorded) if fixes else recorded, fixes)
 
 
 def _learns_as_recorded(request: ReplayRequest, inputs: ReplayInputs) -> bool:

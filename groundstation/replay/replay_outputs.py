@@ -1,20 +1,22 @@
 """The sinks of a replay, and the files that it writes: results first, the Rerun recording with what room is left."""
 
 import errno
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+from groundstation.approach.approach_outputs import ApproachSummary
 from groundstation.errors import InputError
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, write_summary
 from groundstation.evaluation.html_report import write_report
 from groundstation.evaluation.silhouettes import SilhouetteCollector
-from groundstation.messages import StepReport
+from groundstation.messages import Event, StepReport
 from groundstation.recording.recorder import Recorder
+from groundstation.replay.approach_replay import ApproachReplay
 from groundstation.replay.input_checks import InputChecks
 from groundstation.replay.replay_maps import write_replay_maps
 from groundstation.replay.replay_request import ReplayRequest
@@ -43,6 +45,8 @@ class ReplayOutputs:
         self.collector = ResultCollector()
         self.checks = InputChecks(session.rig)
         self.recorder: Recorder | None = None
+        self.approach: ApproachReplay | None = None
+        self.approach_summary: ApproachSummary | None = None
         self.comparison = comparison
         self.smoothed = SmoothedTrackSink() if request.smooth else None
         self._files = opened.enter_context(TrackFilesSink(request.out))
@@ -59,8 +63,18 @@ class ReplayOutputs:
 
     def sinks(self) -> list[Sink]:
         """Return all sinks, in the order in which they get each report."""
-        optional = (self.recorder, self._view, self.smoothed, self.comparison, self._silhouettes)
+        optional = (self.recorder, self._view, self.smoothed, self.comparison, self._silhouettes, self.approach)
         return [self.collector, self.checks, self._room_for_tables, *(sink for sink in optional if sink is not None)]
+
+    def taken(self, events: Iterable[Event]) -> Iterable[Event]:
+        """Return the events by way of the recorder, if there is one, the input checks, and what paces them."""
+        events = self.checks.watched(events if self.recorder is None else self.recorder.taken(events))
+        return events if self.approach is None else self.approach.paced(events)
+
+    def finish_approach(self) -> None:
+        """End the outputs of an approach, before the sinks are closed."""
+        if self.approach is not None:
+            self.approach_summary = self.approach.finish()
 
     def smoothed_track(self) -> ResultCollector | None:
         """Return the smoothed epochs; None if no smoothing was requested."""
@@ -98,8 +112,14 @@ class ReplayOutputs:
             self._view.close()
             if self._view.fault is None:
                 tables.append("session.rrd")
+        if self.approach_summary is not None:
+            results += [path.name for path in self._write_first(lambda: self._write_landings(out))]
         written = [out / name for name in (*tables, *results)]
         return tuple(written + ([] if request.record is None else [request.record]))
+
+    def _write_landings(self, out: Path) -> list[Path]:
+        path = None if self.approach_summary is None else self.approach_summary.write(out)
+        return [] if path is None else [path]
 
     def _write_first(self, write: Callable[[], T]) -> T:
         """Write a result; where the disk has no room for it, a second time in that of the Rerun recording."""

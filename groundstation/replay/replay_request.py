@@ -1,11 +1,13 @@
 """Arguments of a replay and its result."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from groundstation.approach.approach_options import ApproachOptions
+from groundstation.approach.approach_outputs import ApproachSummary
 from groundstation.detection.detector_callback import DetectorCallback
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 from groundstation.evaluation.evaluate import Evaluation
 from groundstation.sinks.output_comparison import OutputComparison
 
@@ -20,6 +22,8 @@ class ReplayRequest:
     ``command`` are the words of the command line, if there was one, for the record.
     ``report`` False leaves out report.html, whose figures take longer than a short replay.
     ``detector`` is a function in place of the program's own detector, one for all stations or one for each by name.
+    ``approach`` asks for advice, landing reports, an autopilot's stream, JSON lines. ``realtime`` replays at the speed
+    of the recording, as streams need it.
     """
 
     session: Path
@@ -36,6 +40,12 @@ class ReplayRequest:
     weights: Path | None = None
     command: tuple[str, ...] = ()
     detector: DetectorCallback | Mapping[str, DetectorCallback] | None = None
+    approach: ApproachOptions = field(default_factory=ApproachOptions)
+    realtime: bool = False
+
+    def __post_init__(self) -> None:
+        if (self.approach.autopilot is not None or self.approach.udp is not None) and not self.realtime:
+            raise UsageError("--autopilot, --udp", got="no --realtime", wanted="it: a stream is of its own time")
 
     @property
     def unmodified(self) -> bool:
@@ -49,6 +59,7 @@ class ReplayResult:
     """Result of a replay: the evaluation, the files written, and the fault that ended the run early, if any.
 
     ``recording_fault`` says why a Rerun recording was given up, None where it was not.
+    ``approach`` is what came of the outputs of an approach, None where none were asked for.
     ``output_comparison`` compares the outputs with the recorded ones, for a recording replayed unmodified; else None.
     """
 
@@ -57,3 +68,4 @@ class ReplayResult:
     fault: InputError | None
     output_comparison: OutputComparison | None = None
     recording_fault: str | None = None
+    approach: ApproachSummary | None = None

@@ -4,5 +4,5 @@
 REPLAY_FILES = (
     *("track.csv", "triangulation.csv", "detections.csv", "smoothed.csv", "track.tum", "truth.tum", "dgps.tum"),
     *("track.kml", "track.geojson"),
-    *("summary.json", "report.html", "session.rrd", "figures"),
+    *("summary.json", "report.html", "session.rrd", "figures", "landings.json"),
 )

@@ -20,7 +20,7 @@ from groundstation.session.logs.gps_time import civil_from_unix, date_of
 from groundstation.simulation.trajectory import Trajectory
 
 SIMULATED_ORIGIN = GeoOrigin(lat_deg=47.1, lon_deg=8.6, height_m=480.0, y_axis_azimuth_deg=35.0)
-_SEPARATION_M = 47.3
+SIMULATED_SEPARATION_M = 47.3
 # beyond this distance no sentences are written
 _FARTHEST_M = 5000.0
 
@@ -53,9 +53,10 @@ def sentences(utc_s: float, place_m: FloatArray, origin: GeoOrigin, sigma_m: tup
     clock = f"{hundredths // 360_000:02d}{hundredths // 6000 % 60:02d}{hundredths % 6000 / 100:05.2f}"
     where = f"{_minutes(lat, 2)},{'N' if lat >= 0 else 'S'},{_minutes(lon, 3)},{'E' if lon >= 0 else 'W'}"
     date = date_of(day).strftime("%d%m%y")
+    level = f"{height - SIMULATED_SEPARATION_M:.4f},M,{SIMULATED_SEPARATION_M:.1f},M"
     bodies = (
         f"GNRMC,{clock},A,{where},0.0,0.0,{date},,,R",
-        f"GNGGA,{clock},{where},4,12,0.8,{height - _SEPARATION_M:.4f},M,{_SEPARATION_M:.1f},M,1.0,0000",
+        f"GNGGA,{clock},{where},4,12,0.8,{level},1.0,0000",
         f"GNGST,{clock},0.0,,,,{sigma_m[1]:.4f},{sigma_m[0]:.4f},{sigma_m[2]:.4f}",
     )
     return b"".join(f"${b}*{reduce(lambda a, k: a ^ k, b.encode(), 0):02X}\r\n".encode() for b in bodies)

@@ -10,7 +10,7 @@ from groundstation.pointing.search_pattern import SearchConfig
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation.repeated_landings import SPAN_M
-from groundstation.simulation.simulated_receiver import SIMULATED_ORIGIN
+from groundstation.simulation.simulated_receiver import SIMULATED_ORIGIN, SIMULATED_SEPARATION_M
 from groundstation.simulation.standard_cases import standard_rig
 
 
@@ -44,7 +44,8 @@ def simulated_station_file(folder: Path, rate_hz: float, rig: Rig | None, *, dgp
             for s in rig.stations
         ),
         reference=ReferenceDevice(url=str(folder / "dgps")) if dgps else None,
-        origin=SIMULATED_ORIGIN if dgps else None,
+        origin=SIMULATED_ORIGIN,
+        geoid_separation_m=SIMULATED_SEPARATION_M,
         antenna_in_body_m=(0.0, 0.0, 0.0) if dgps else None,
         # no solar keep-out: rendered cameras cannot be damaged, and the simulation has no time of day
         sun_angle_rad=0.0,

@@ -16,7 +16,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.simulation",),
     ("groundstation.live",),
     ("groundstation.replay", "groundstation.single_camera"),
-    ("calibration", "groundstation.conversion", "groundstation.viewer"),
+    ("calibration", "groundstation.approach", "groundstation.conversion", "groundstation.viewer"),
     (
         "groundstation.autopilot",
         "groundstation.landing",

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.autopilot.parameter_rules import Finding, check_parameters, parameter_rules
+from groundstation.autopilot.parameter_rules import ParameterVerdict, check_parameters, parameter_rules
 from groundstation.autopilot.settings import AutopilotMode, AutopilotSettings
 from groundstation.cli.main import main
 from tests.autopilot.vehicles import ParameterVehicle
@@ -29,41 +29,43 @@ def test_the_recommended_values_are_good_and_an_absent_one_is_said(autopilot: in
     rules = parameter_rules(autopilot, _settings(mode))
     assert not isinstance(rules, str)
     good = {rule.names[0]: rule.recommended for rule in rules}
-    assert {f.finding for f in check_parameters(rules, good)} == {Finding.OK}
+    assert {f.finding for f in check_parameters(rules, good)} == {ParameterVerdict.OK}
     for rule in rules:
         without = {name: value for name, value in good.items() if name != rule.names[0]}
         (worst, *others) = check_parameters(rules, without)
-        assert (worst.finding, worst.name) == (Finding.UNKNOWN, rule.names[0])
-        assert {f.finding for f in others} == {Finding.OK}
+        assert (worst.finding, worst.name) == (ParameterVerdict.UNKNOWN, rule.names[0])
+        assert {f.finding for f in others} == {ParameterVerdict.OK}
 
 
 @pytest.mark.parametrize(
     ("autopilot", "mode", "name", "value", "finding"),
     [
-        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_TYPE", 1, Finding.ERROR),
-        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_POSZ", 1, Finding.ERROR),
-        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_YAW", 2, Finding.ERROR),
-        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_DELAY_MS", 400, Finding.ERROR),
-        (_ARDUPILOT, AutopilotMode.VISION, "VISO_QUAL_MIN", 1, Finding.ERROR),
-        (_ARDUPILOT, AutopilotMode.VISION, "EK3_SRC1_POSXY", 3, Finding.ERROR),
-        (_ARDUPILOT, AutopilotMode.ODOMETRY, "VISO_TYPE", 0, Finding.ERROR),
-        (_ARDUPILOT, AutopilotMode.ODOMETRY, "EK3_SRC1_YAW", 6, Finding.ERROR),
-        (_PX4, AutopilotMode.GLOBAL_POSITION, "EKF2_AGP0_CTRL", 1, Finding.ERROR),
-        (_PX4, AutopilotMode.GLOBAL_POSITION, "EKF2_AGP0_NOISE", 1.0, Finding.WARNING),
-        (_PX4, AutopilotMode.VISION, "EKF2_EV_CTRL", 15, Finding.ERROR),
-        (_PX4, AutopilotMode.VISION, "EKF2_HGT_REF", 1, Finding.ERROR),
-        (_PX4, AutopilotMode.ODOMETRY, "EKF2_EV_DELAY", 250, Finding.ERROR),
-        (_PX4, AutopilotMode.ODOMETRY, "EKF2_GPS_CTRL", 7, Finding.WARNING),
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_TYPE", 1, ParameterVerdict.ERROR),
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_POSZ", 1, ParameterVerdict.ERROR),
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_YAW", 2, ParameterVerdict.ERROR),
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_DELAY_MS", 400, ParameterVerdict.ERROR),
+        (_ARDUPILOT, AutopilotMode.VISION, "VISO_QUAL_MIN", 1, ParameterVerdict.ERROR),
+        (_ARDUPILOT, AutopilotMode.VISION, "EK3_SRC1_POSXY", 3, ParameterVerdict.ERROR),
+        (_ARDUPILOT, AutopilotMode.ODOMETRY, "VISO_TYPE", 0, ParameterVerdict.ERROR),
+        (_ARDUPILOT, AutopilotMode.ODOMETRY, "EK3_SRC1_YAW", 6, ParameterVerdict.ERROR),
+        (_PX4, AutopilotMode.GLOBAL_POSITION, "EKF2_AGP0_CTRL", 1, ParameterVerdict.ERROR),
+        (_PX4, AutopilotMode.GLOBAL_POSITION, "EKF2_AGP0_NOISE", 1.0, ParameterVerdict.WARNING),
+        (_PX4, AutopilotMode.VISION, "EKF2_EV_CTRL", 15, ParameterVerdict.ERROR),
+        (_PX4, AutopilotMode.VISION, "EKF2_HGT_REF", 1, ParameterVerdict.ERROR),
+        (_PX4, AutopilotMode.ODOMETRY, "EKF2_EV_DELAY", 250, ParameterVerdict.ERROR),
+        (_PX4, AutopilotMode.ODOMETRY, "EKF2_GPS_CTRL", 7, ParameterVerdict.WARNING),
     ],
 )
-def test_traps_are_found(autopilot: int, mode: AutopilotMode, name: str, value: float, finding: Finding) -> None:
+def test_traps_are_found(
+    autopilot: int, mode: AutopilotMode, name: str, value: float, finding: ParameterVerdict
+) -> None:
     rules = parameter_rules(autopilot, _settings(mode))
     assert not isinstance(rules, str)
     good = {rule.names[0]: rule.recommended for rule in rules}
     assert name in good
     (worst, *others) = check_parameters(rules, good | {name: value})
     assert (worst.finding, worst.name) == (finding, name)
-    assert {f.finding for f in others} == {Finding.OK}
+    assert {f.finding for f in others} == {ParameterVerdict.OK}
 
 
 @pytest.mark.parametrize(
@@ -120,4 +122,4 @@ def test_no_vehicle_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_without_a_mode_it_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["autopilot", "check", "udpout:127.0.0.1:9"]) == 2
-    assert "--mode" in capsys.readouterr().err
+    assert "mode of the autopilot" in capsys.readouterr().err

@@ -13,7 +13,7 @@ import pytest
 
 from groundstation.cli.main import main
 from groundstation.geometry.camera import Lens
-from groundstation.live.command import GuardedSink
+from groundstation.live.guarded_sink import GuardedSink
 from groundstation.messages import ReferenceFix, StepReport
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
