@@ -23,7 +23,9 @@ from groundstation.messages import Kinematics
 from groundstation.simulation.flights import FlightModelKind
 
 BEFORE_S = (10.0, 5.0, 2.0)
-KINDS = ("prior", "waves", "jsbsim", "free")
+# flights of each kind: the stated prior's are the target's, the others show what becomes of it
+_FLIGHTS = {"prior": 400, "waves": 100, "jsbsim": 100, "free": 100}
+KINDS = tuple(_FLIGHTS)
 _BLOCK = 10
 _LIKE_TRUTH = 1e-6
 
@@ -100,7 +102,7 @@ def main() -> None:
     """Print a line for each kind and time."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=", ".join(KINDS))
-    parser.add_argument("--flights", type=count, default=400, metavar="N", help="of each kind (default: 400)")
+    parser.add_argument("--flights", type=count, metavar="N", help="of each kind (default: 400 of prior, 100 else)")
     parser.add_argument("--wind", type=float, default=6.0, metavar="M_S", help="of waves and jsbsim (default: 6)")
     add_study_arguments(parser, "touchdown")
     options = parser.parse_args()
@@ -111,7 +113,7 @@ def main() -> None:
     jobs = {
         f"{kind}-{block[0]}": (kind, block, options.wind)
         for kind in kinds
-        for block in in_blocks(range(options.flights), _BLOCK)
+        for block in in_blocks(range(options.flights or _FLIGHTS[kind]), _BLOCK)
     }
     values = StudyRun.chosen("touchdown", options).values(foretold, jobs)
     for kind in kinds:

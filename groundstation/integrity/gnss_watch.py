@@ -162,10 +162,12 @@ class GnssWatch:
             words = "no estimate of the track at the position's time"
             return GnssAssessment(t_s=position.t_s, verdict=GnssVerdict.NO_TRACK, reason=words)
         level, change = self._level(position, found), self._change(position, found)
-        self._differences.append(found)
         jumped = change is not None and change.statistic > self._limit
         beyond = jumped or level.statistic > self._limit
         self._beyond = self._beyond + 1 if beyond else 0
+        if self._beyond != 1:
+            # a single one may be damaged, and later ones are not compared with it
+            self._differences.append(found)
         if self._beyond >= (1 if alone else 2):
             if jumped and change is not None:
                 return self._call(position.t_s, GnssVerdict.JUMP, _words("jumped by", change), found)

@@ -7,6 +7,8 @@ approaches that have ended. It reads no clock: the same reports give the same an
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from groundstation.integrity.gnss_watch import GnssAssessment, GnssVerdict, GnssWatch
 from groundstation.integrity.own_position import OwnPosition
 from groundstation.landing.approach_prior import ApproachPrior, WheelPosition
@@ -24,6 +26,14 @@ _KNOWN = (TrackStatus.TRACKING, TrackStatus.COASTING)
 _BEGINS_M, _TOWARDS_M_S, _NOT_CLIMBING_M_S = 2.0, 2.0, 0.5
 # and ends when nothing is known of it for so long
 _GONE_S = 5.0
+
+
+def _usable(status: TrackStatus, known: Kinematics | None) -> Kinematics | None:
+    """Return an estimate that may be shown: of a track, and finite, since a filter may fail in the air."""
+    if known is None or status not in _KNOWN:
+        return None
+    parts = (known.position_runway_m, known.velocity_runway_m_s, known.covariance)
+    return known if all(bool(np.all(np.isfinite(part))) for part in parts) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,7 +83,7 @@ class LandingMonitor:
         wheels: WheelPosition | None = None,
         prior: ApproachPrior | None = None,
         gnss: GnssWatch | None = None,
-        forecast_every_s: float = 0.2,
+        forecast_every_s: float = 0.5,
     ) -> None:
         wheels = WheelPosition() if wheels is None else wheels
         self._site, self._gnss, self._every_s = site, gnss, forecast_every_s
@@ -123,7 +133,7 @@ class LandingMonitor:
     # ------------------------------------------------------------------------------------- estimates
     def _take_estimate(self, estimate: TrackEstimate) -> None:
         self._age(estimate.t_s)
-        known = estimate.kinematics if estimate.status in _KNOWN else None
+        known = _usable(estimate.status, estimate.kinematics)
         if known is not None:
             self._follow(estimate.t_s, known)
         self._enter(estimate.t_s, estimate.status, known)
@@ -131,7 +141,7 @@ class LandingMonitor:
     def _take_state(self, state: TrackState) -> None:
         """Show the state of knowledge between pairs; no measurement is behind it, and no touchdown is seen by it."""
         self._age(state.t_s)
-        self._enter(state.t_s, state.status, state.kinematics if state.status in _KNOWN else None)
+        self._enter(state.t_s, state.status, _usable(state.status, state.kinematics))
 
     def _enter(self, t_s: float, status: TrackStatus, known: Kinematics | None) -> None:
         """Make the status of a time, and log how it has changed."""

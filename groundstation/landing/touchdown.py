@@ -25,7 +25,7 @@ from groundstation.messages import Kinematics
 
 PROBABILITY = 0.95
 # a touchdown further ahead is not foretold; samples are flown a while longer
-HORIZON_S, _FLOWN_S = 12.0, 20.0
+HORIZON_S, _FLOWN_S = 15.0, 24.0
 _SEED = 20
 # chance that an aircraft that flies the plan counts as off it, and the constraints of `touchdown_prior_fit`
 _OFF_PLAN, _CONSTRAINTS = 1e-4, 5

@@ -181,6 +181,16 @@ def test_one_damaged_message_calls_nothing_and_a_call_ends_after_the_fault() -> 
     assert verdicts[-1] is GnssVerdict.AGREES
 
 
+@pytest.mark.parametrize("rate_hz", [4.0, 10.0])
+def test_later_positions_are_not_compared_with_a_damaged_one(rate_hz: float) -> None:
+    watch, called = GnssWatch(), 0
+    for k in range(100):
+        t_s = k / rate_hz
+        watch.add_estimate(t_s, _still(t_s))
+        called += watch.take(_position(t_s, 500.0 if k % 25 == 20 else 0.0)).verdict.called
+    assert called == 0
+
+
 def test_an_aircraft_that_stands_still_is_not_frozen() -> None:
     watch = GnssWatch()
     for k in range(60):

@@ -56,9 +56,9 @@ def _outcomes(kind: FlightKind, **changed: float) -> list[ApproachOutcome]:
 
 
 def test_landings_are_reported_where_and_when_they_were() -> None:
-    """Expected: twelve landings, each found; errors over their sigmas as of normal numbers, and small in themselves."""
+    """Expected: eight landings, each found; errors over their sigmas as of normal numbers, and small in themselves."""
     off = []
-    for seed in range(12):
+    for seed in range(8):
         flown = draw_planned_landing(
             np.random.default_rng([seed, 1]), SITE, prior=ApproachPrior(), wheels=WHEELS, start_before_aim_m=120.0
         )
@@ -122,7 +122,7 @@ def test_landings_one_after_the_other_are_numbered() -> None:
 
 def test_the_report_compares_forecasts_and_lists_what_was_called() -> None:
     flown = draw_planned_landing(
-        np.random.default_rng(5), SITE, prior=ApproachPrior(), wheels=WHEELS, start_before_aim_m=260.0
+        np.random.default_rng(5), SITE, prior=ApproachPrior(), wheels=WHEELS, start_before_aim_m=230.0
     )
     monitor = LandingMonitor(SITE, WHEELS)
     steps = list(reports_of(flown.trajectory, seed=5))
@@ -176,6 +176,11 @@ def test_without_an_estimate_there_are_no_deviations() -> None:
     # a position whose status is not that of a track is not shown either
     lost = tracked(2.0, np.zeros(3), np.zeros(3), status=TrackStatus.ACQUIRING)
     step = monitor.step(StepReport(estimates=(lost,)))
+    assert step.status is not None
+    assert step.status.deviations is None
+    # nor is one of a filter that has failed
+    failed = tracked(3.0, np.array([np.nan, 0.0, 0.0]), np.zeros(3))
+    step = monitor.step(StepReport(estimates=(failed,)))
     assert step.status is not None
     assert step.status.deviations is None
 
