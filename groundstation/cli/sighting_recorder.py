@@ -137,13 +137,13 @@ class SightingRecorder:
     def _record(self, landmark: str, reference: MarkReference, *, picked: bool) -> None:
         count = self._settings.pictures
         self._tell(f"{landmark}: taking {count} pictures")
-        stop: list[_Seen] = []
+        stop: list[_StopRow] = []
         reason = ""
         for picture in self.station.pictures(count, self._settings.readings):
             found = register_mark(reference, picture.image)
             mark = None if isinstance(found, NoRegisteredMark) else found
             reason = found.reason if isinstance(found, NoRegisteredMark) else reason
-            stop.append(_Seen(t_s=picture.t_s, angles_rad=picture.angles_rad, mark=mark))
+            stop.append(_StopRow(t_s=picture.t_s, angles_rad=picture.angles_rad, mark=mark))
         if not any(seen.mark for seen in stop):
             if not picked:
                 raise GroundstationError(f"{landmark}: not found in {count} pictures: {reason}")
@@ -159,7 +159,7 @@ class SightingRecorder:
         own = [seen.mark.sigma_px for seen in found_ones if seen.mark is not None]
         self._save(landmark, found_ones, row_sigmas(own, self._settings.picked_sigma_px))
 
-    def _save(self, landmark: str, stop: Sequence["_Seen"], sigmas_px: Sequence[float]) -> None:
+    def _save(self, landmark: str, stop: Sequence["_StopRow"], sigmas_px: Sequence[float]) -> None:
         """Append a stop's rows, and tell what they say."""
         self._warn_of_direction(landmark, stop[0].angles_rad)
         pan_from, tilt_from = self.station.senses
@@ -203,7 +203,7 @@ class SightingRecorder:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Seen:
+class _StopRow:
     """One picture of a stop: time, angles (2,) rad, and the mark; None where it was not found."""
 
     t_s: float
