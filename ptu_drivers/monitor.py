@@ -305,6 +305,8 @@ def format_moved(moved: MoveResult) -> str:
         verdict += "; THE LINE WAS LOST on the way"
     if moved.stuck_s > _STUCK_S:
         verdict += f"; STOOD STILL for {moved.stuck_s:.2f} s on the way"
+    if math.isnan(moved.lag_s):
+        return f"{moved.axis:4} {math.degrees(moved.reached_rad):9.4f} deg: {verdict}; did not move"
     return (
         f"{moved.axis:4} {math.degrees(moved.reached_rad):9.4f} deg of {math.degrees(moved.wanted_rad):9.4f}: "
         f"{verdict}; "

@@ -4,6 +4,7 @@ from groundstation.cli.calibrate_flight import add_flight
 from groundstation.cli.calibrate_landmarks import add_landmark_kinds
 from groundstation.cli.calibrate_lens import add_convert_lens, add_intrinsics
 from groundstation.cli.calibrate_mount import add_mount
+from groundstation.cli.calibrate_sightings import add_sightings
 from groundstation.cli.calibrate_timing import add_timing
 from groundstation.cli.command_arguments import Commands
 
@@ -17,6 +18,7 @@ def add_calibrate(commands: Commands) -> None:
     add_flight(kinds)
     add_mount(kinds)
     add_timing(kinds)
+    add_sightings(kinds)
     add_landmark_kinds(kinds)
     add_intrinsics(kinds)
     add_convert_lens(kinds)

@@ -32,6 +32,9 @@ NOT_RUN = {
     ("bank.md", "groundstation bank validate.toml --out out/validate"): (
         "renders and replays for hours; tests/bank/test_bank_command.py"
     ),
+    ("calibration.md", "groundstation calibrate sightings field.toml left"): (
+        "wants cameras and units; tests/calibration/landmarks/test_sightings_command.py"
+    ),
     ("cameras.md", "groundstation cameras show"): "wants a camera at an address; the page runs it on a video",
     ("first-flight.md", ". .venv/bin/activate"): "changes the shell that it is typed into",
     ("learned-channel.md", "groundstation replay recordings/landing-1 --out out/classic --config classic.toml"): (

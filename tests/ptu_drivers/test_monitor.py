@@ -48,6 +48,12 @@ def test_arrived() -> None:
     assert ": reached; moved after" in format_moved(pan)
 
 
+def test_a_unit_that_stands_at_its_target_has_no_lag() -> None:
+    line, unit = flir()
+    (pan,) = move(unit, {Axis.PAN: 0.0}, None, line.now, line.wait)
+    assert format_moved(pan) == "pan     0.0000 deg: reached; did not move"
+
+
 @pytest.mark.parametrize("make", [flir, pelco])
 def test_a_line_that_stays_lost_is_no_missed_target(make: Callable[[], tuple[VirtualLine, PanTiltUnit]]) -> None:
     """Without readings the position is unknown: no number of steps is reported, and the wait has an end."""
