@@ -139,6 +139,8 @@ class DeviceSimulator:
             self.__exit__(None, None, None)
             raise CameraError("simulated range: it ended while starting; its own words are above") from fault
         except BaseException:
+            # while it builds the range it hears no request to stop, and an interrupt is not to wait for it
+            process.kill()
             self.__exit__(None, None, None)
             raise
         return self
@@ -216,8 +218,9 @@ def serve_devices(
     for station in stations:
         # compile the kernels before the first picture is due
         station.camera.picture(time.monotonic(), 0.0, 0.0)
-    control.send(0.0 if config.frame_rate_hz else _rendered_pair_s(stations))
     try:
+        # the parent may have ended while the range was built: an interrupt early in a flight
+        control.send(0.0 if config.frame_rate_hz else _rendered_pair_s(stations))
         rate_hz = control.recv()
     except (EOFError, OSError):
         return
