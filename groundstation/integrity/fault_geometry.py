@@ -39,6 +39,26 @@ class StationLook:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PairRows:
+    """The pixels of one pair, linearised at the estimate, two rows for each of N stations.
+
+    Attributes
+    ----------
+    weight : (2N, 2N) W, 1/px².
+    by_point : (2N, 3) H, px per m, runway frame.
+    by_fault : (2N, F, 3) E_f, px by the parameters of a fault in its sizes.
+    by_calibration : (2N, m) C, px by calibration errors of unit variance.
+    residual : (2N,) y, px.
+    """
+
+    weight: FloatArray
+    by_point: FloatArray
+    by_fault: FloatArray
+    by_calibration: FloatArray
+    residual: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PairTerms:
     """One pair of pictures as the tests take it, for F faults and m calibration errors of unit variance.
 
@@ -46,7 +66,7 @@ class PairTerms:
     ----------
     fix : (3, F, 3) m along, right and up by the parameters of a fault, in its sizes.
     information : (F, 3, 3) A_f of the parameters, in 1/size².
-    residual : (F, 3) E_fᵀ M y.
+    residual : (F, 3) E_fᵀ M y; ``from_pixels`` (F, 3, 2N) is E_fᵀ M.
     coupling : (F, 3, m) E_fᵀ M C: what the calibration's errors C put into the residual.
     floor : (3, m) m along, right and up by the calibration's errors.
     """
@@ -56,6 +76,7 @@ class PairTerms:
     residual: FloatArray
     coupling: FloatArray
     floor: FloatArray
+    from_pixels: FloatArray
 
 
 class FaultGeometry:
@@ -85,34 +106,47 @@ class FaultGeometry:
         self._root = _root(prior.covariance)
         self._names = rig.names
 
-    def terms(
+    def rows(
         self, t_s: float, position_m: FloatArray, velocity_m_s: FloatArray, looks: Sequence[StationLook]
-    ) -> PairTerms | None:
-        """Return the terms of the looks at a target at (3,) at time ``t_s``, moving at (3,), runway frame.
+    ) -> PairRows | None:
+        """Return the linearised looks at a target at (3,) at time ``t_s``, moving at (3,), runway frame.
 
-        None where fewer than two stations see it, or where their rays are parallel.
+        None where fewer than two stations have it in front of them.
         """
         rows = [row for look in looks if (row := self._row(t_s, position_m, velocity_m_s, look)) is not None]
         if len(rows) < 2:
             return None
-        weight, H, y = _block([r.weight for r in rows]), np.vstack([r.by_point for r in rows]), _joined(rows)
+        return PairRows(
+            weight=_block([r.weight for r in rows]),
+            by_point=np.vstack([r.by_point for r in rows]),
+            by_fault=np.vstack([r.by_fault for r in rows]).reshape(-1, len(self.hypotheses), DIRECTIONS),
+            by_calibration=np.hstack([np.vstack([r.by_calibration for r in rows]), self._lasting(rows)]),
+            residual=np.concatenate([r.residual for r in rows]),
+        )
+
+    def terms(
+        self, t_s: float, position_m: FloatArray, velocity_m_s: FloatArray, looks: Sequence[StationLook]
+    ) -> PairTerms | None:
+        """Return what `rows` means for position and residuals; None where their rays are parallel, too."""
+        rows = self.rows(t_s, position_m, velocity_m_s, looks)
+        if rows is None:
+            return None
+        weight, H, C = rows.weight, rows.by_point, rows.by_calibration
         normal = H.T @ weight @ H
         values = np.linalg.eigvalsh(normal)
         if not values[0] > 1e-12 * values[-1]:
             return None
         fix = np.linalg.solve(normal, H.T @ weight)
         M = weight - weight @ H @ fix
-        E = np.vstack([r.by_fault for r in rows])
-        C = np.hstack([np.vstack([r.by_calibration for r in rows]), self._lasting(rows)])
-        faults, along = len(self.hypotheses), self._axes @ fix
-        residual_of = (E.T @ M).reshape(faults, DIRECTIONS, -1)
-        by_fault = E.reshape(-1, faults, DIRECTIONS)
+        along = self._axes @ fix
+        from_pixels = np.einsum("ifd,ij->fdj", rows.by_fault, M)
         return PairTerms(
-            fix=np.einsum("ai,ifd->afd", along, by_fault),
-            information=np.einsum("fdi,ife->fde", residual_of, by_fault),
-            residual=residual_of @ y,
-            coupling=residual_of @ C,
+            fix=np.einsum("ai,ifd->afd", along, rows.by_fault),
+            information=np.einsum("fdi,ife->fde", from_pixels, rows.by_fault),
+            residual=from_pixels @ rows.residual,
+            coupling=from_pixels @ C,
             floor=along @ C,
+            from_pixels=from_pixels,
         )
 
     def _row(
@@ -215,7 +249,3 @@ def _block(parts: Sequence[FloatArray]) -> FloatArray:
     for k, part in enumerate(parts):
         whole[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = part
     return whole
-
-
-def _joined(rows: Sequence[_StationRow]) -> FloatArray:
-    return np.concatenate([r.residual for r in rows])

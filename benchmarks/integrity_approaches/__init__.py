@@ -1,0 +1,1 @@
+"""Simulated approaches with faults, for benchmarks/integrity_study.py."""

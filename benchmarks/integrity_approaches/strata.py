@@ -1,0 +1,102 @@
+"""Kinds of approaches by their fault, their priors, and draws of them, natural or with larger faults and weights."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.integrity.fault_table import StationFault
+from integrity_approaches.fault_list import SITES
+from integrity_approaches.linear_approach import DrawnFaults, LinearApproach, no_fault
+
+NO_FAULT, TWO_AT_ONCE = "no fault", "two at once"
+_PARAMETERS = {
+    StationFault.DETECTION: 2,
+    StationFault.MOUNT: 2,
+    StationFault.CLOCK: 1,
+    StationFault.TARGET_POINT: 3,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stratum:
+    """Approaches with one kind of fault: its prior, the places of what is wrong, and whether it grows.
+
+    ``places`` holds one tuple of hypotheses for each choice, ``chances`` how likely each of them is.
+    """
+
+    name: str
+    prior: float
+    places: tuple[tuple[int, ...], ...]
+    chances: tuple[float, ...]
+    drifting: bool = False
+
+
+@cache
+def approach_of(site: str) -> LinearApproach:
+    """Return the approach to a site, made once in a process."""
+    return LinearApproach(SITES[site])
+
+
+@cache
+def strata_of(site: str) -> tuple[Stratum, ...]:
+    """Return all kinds of approaches of a site; their priors add up to one."""
+    studied, approach = SITES[site], approach_of(site)
+    found = []
+    for k, h in enumerate(approach.hypotheses):
+        found.append(Stratum(name=h.words(), prior=h.prior, places=((k,),), chances=(1.0,)))
+        if h.fault is StationFault.MOUNT:
+            name = f"{h.words()}, turning"
+            found.append(
+                Stratum(name=name, prior=studied.drifting_prior, places=((k,),), chances=(1.0,), drifting=True)
+            )
+    priors = [h.prior for h in approach.hypotheses]
+    pairs = [(i, k) for i in range(len(priors)) for k in range(i)]
+    products = np.array([priors[i] * priors[k] for i, k in pairs])
+    both = Stratum(
+        name=TWO_AT_ONCE,
+        prior=float(products.sum()),
+        places=tuple(pairs),
+        chances=tuple((products / products.sum()).tolist()),
+    )
+    none = Stratum(name=NO_FAULT, prior=1.0 - sum(s.prior for s in (*found, both)), places=(), chances=())
+    return (none, *found, both)
+
+
+def stratum_of(site: str, name: str) -> Stratum:
+    """Return a kind of approaches by its name."""
+    return next(s for s in strata_of(site) if s.name == name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WeightedFaults:
+    """Faults and by how much more likely (n,) each of them is by nature than as it was drawn."""
+
+    faults: DrawnFaults
+    weights: FloatArray
+
+
+def drawn(site: str, stratum: Stratum, rng: np.random.Generator, n: int, scale: float = 1.0) -> WeightedFaults:
+    """Draw n approaches of a kind, with sizes ``scale`` times as large and the weights that make up for it."""
+    approach = approach_of(site)
+    if not stratum.places:
+        return WeightedFaults(faults=no_fault(n, approach.hypotheses), weights=np.ones(n))
+    parameters, weights = np.zeros((n, len(approach.hypotheses), 3)), np.ones(n)
+    chosen = rng.choice(len(stratum.places), size=n, p=stratum.chances)
+    for choice, places in enumerate(stratum.places):
+        rows = np.flatnonzero(chosen == choice)
+        for place in places:
+            size = _PARAMETERS[approach.hypotheses[place].fault]
+            b = scale * rng.normal(size=(len(rows), size))
+            parameters[rows, place, :size] = b
+            weights[rows] *= scale**size * np.exp(-0.5 * (b**2).sum(axis=1) * (1.0 - 1.0 / scale**2))
+    faults = DrawnFaults(parameters=parameters, begin_s=approach.begins(rng, n), drifting=stratum.drifting)
+    return WeightedFaults(faults=faults, weights=weights)
+
+
+def shares(strata: Sequence[Stratum]) -> FloatArray:
+    """Return (s,) the strata's priors as probabilities."""
+    priors = np.array([s.prior for s in strata])
+    return np.asarray(priors / priors.sum())
