@@ -16,7 +16,7 @@ from groundstation.errors import InputError
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield the path of a draft to write; it is synced and gets its name ``path`` when the context ends.
 
-    A draft is removed where the context ends by an error or an interrupt. Raises `OSError`.
+    A draft is removed where the context ends by an error or an interrupt. Raises `OSError`, which names the file.
     """
     # the suffix stays: libraries choose a format by it
     draft = path.with_name(f".{os.getpid()}.part.{path.name}")
@@ -28,6 +28,11 @@ def whole_file(path: Path) -> Iterator[Path]:
         finally:
             os.close(descriptor)
         draft.replace(path)
+    except OSError as fault:
+        if fault.errno is None or fault.filename not in (None, str(draft)):
+            raise
+        # a failed write names no file, and a draft's name says nothing to a user
+        raise OSError(fault.errno, fault.strerror, str(path)) from fault
     finally:
         draft.unlink(missing_ok=True)
 

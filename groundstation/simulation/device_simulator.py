@@ -139,7 +139,7 @@ class DeviceSimulator:
             self.__exit__(None, None, None)
             raise CameraError("simulated range: it ended while starting; its own words are above") from fault
         except BaseException:
-            # while it builds the range it hears no request to stop, and an interrupt is not to wait for it
+            # it hears no request to stop while it builds the range
             process.kill()
             self.__exit__(None, None, None)
             raise
@@ -219,7 +219,6 @@ def serve_devices(
         # compile the kernels before the first picture is due
         station.camera.picture(time.monotonic(), 0.0, 0.0)
     try:
-        # the parent may have ended while the range was built: an interrupt early in a flight
         control.send(0.0 if config.frame_rate_hz else _rendered_pair_s(stations))
         rate_hz = control.recv()
     except (EOFError, OSError):

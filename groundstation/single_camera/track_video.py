@@ -76,6 +76,7 @@ def track_video(
     total = _checked(request, video)
     tally = _FrameCounts()
     fault: InputError | None = None
+    drawn = False
     with ExitStack() as opened:
         table, sinks = _open_sinks(request, video, environment, opened)
         rows = _TableRows(table, tally, video)
@@ -92,12 +93,14 @@ def track_video(
                 rows.write(frame.index, track)
                 for write in sinks:
                     write(frame, track)
+                drawn = True
                 progress(tally.frames, total)
             rows.finish()
             progress(tally.frames, total)
         except InputError as error:
             fault = error
-    files = [request.out] if request.save_video is None else [request.out, request.save_video]
+    # without a frame there is no video
+    files = [request.out] if request.save_video is None or not drawn else [request.out, request.save_video]
     confirmed = tracker.start_confirmed if request.init is not None and begun else None
     return tally.result(tuple(files), fault, confirmed, video.lost_line())
 

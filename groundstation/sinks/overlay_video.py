@@ -1,5 +1,6 @@
 """Overlay of one camera's tracker on its pictures, written as a video."""
 
+import contextlib
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -74,12 +75,17 @@ def _write(picture: ImageArray, text: str) -> None:
     cv2.putText(picture, text, (pad, pad + h), _FONT, scale, _TEXT, stroke, cv2.LINE_AA)
 
 
+class _NoFrameError(Exception):
+    """Closed before its first frame: an interrupt while the tracker is compiled."""
+
+
 class OverlayVideo:
     """An MP4 video of drawn frames.
 
     Parameters
     ----------
-    path : the file, `….mp4`; an older one is replaced when this one is closed, also if that is early.
+    path : the file, `….mp4`; an older one is replaced when this one is closed, also if that is early. Without a frame
+        there is no video, and an older one stays.
     size_px : (w, h) of every frame.
     rate_hz : frames per second.
     """
@@ -104,7 +110,10 @@ class OverlayVideo:
 
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
         self._writer.release()
-        with self._opened:
+        with contextlib.suppress(_NoFrameError), self._opened:
+            if not self._frames:
+                # no program reads such a file
+                raise _NoFrameError
             try:
                 require_whole_video(self._draft, self._frames)
             except OSError as fault:

@@ -51,8 +51,9 @@ def test_an_interrupt_leaves_the_file_before(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_leaves_no_half_file(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="File too large"), files_of_at_most(100):
+    with pytest.raises(OSError, match="File too large") as told, files_of_at_most(100):
         write_whole(tmp_path / "summary.json", "x" * 200)
+    assert told.value.filename == str(tmp_path / "summary.json")
     assert not names(tmp_path)
 
 

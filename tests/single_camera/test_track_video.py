@@ -15,6 +15,7 @@ from groundstation.cli.main import main
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError
 from groundstation.messages import TrackStatus
+from groundstation.single_camera import track_video as track_video_module
 from groundstation.single_camera.pixel_track_file import PIXEL_TRACK_COLUMNS
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.single_camera.track_video import TrackRequest, track_video
@@ -339,6 +340,24 @@ def test_an_interrupt_keeps_the_finished_rows(
     assert len(rows) == 10
     assert "interrupted" in capsys.readouterr().err
     assert cv2.VideoCapture(str(seen)).get(cv2.CAP_PROP_FRAME_COUNT) == 10
+
+
+def test_an_interrupt_before_the_first_frame_leaves_no_empty_video(
+    video: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: no file that no program reads, and one of an earlier run as it was."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(track_video_module, "warm_up", interrupted)
+    seen = video.with_name("seen.mp4")
+    assert track(video, "--save-video", str(seen), code=130) == []
+    assert not seen.exists()
+    seen.write_bytes(b"an earlier one")
+    track(video, "--save-video", str(seen), code=130)
+    assert seen.read_bytes() == b"an earlier one"
+    assert "interrupted" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems always have a display")
