@@ -74,7 +74,7 @@ def nature(options: argparse.Namespace, run: StudyRun) -> None:
 
 def faulty(options: argparse.Namespace, run: StudyRun) -> None:
     for site in SITES:
-        items = jobs(site, max(options.approaches // 20, 1000))
+        items = jobs(site, max(options.approaches // 10, 1000))
         total = summed(list(run.values(counts.with_a_fault, items).values()), ("slowest_s",))
         print(
             f"{site}: {total['n']} approaches with a fault each: {total['misleading']} misleading, of which "
@@ -175,7 +175,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
     parser.add_argument(
-        "--approaches", type=int, default=600_000, metavar="N", help="drawn by their priors, two stations"
+        "--approaches", type=int, default=300_000, metavar="N", help="drawn by their priors, two stations"
     )
     parser.add_argument("--flights", type=int, default=40, metavar="N", help="through the pipeline, of each kind")
     parser.add_argument("--figure", type=Path, metavar="FILE", help="where the Stanford diagram is written, PNG")

@@ -19,7 +19,10 @@ def add_approach(parser: argparse.ArgumentParser, origin: str) -> None:
         "--site", type=READ, metavar="FILE", help="landing site, TOML: advice (GO, WAVE-OFF), glide path, touchdown"
     )
     group.add_argument("--autopilot", metavar="URL", help=f"send the position to a vehicle by MAVLink; needs {origin}")
-    group.add_argument("--autopilot-mode", choices=[str(m) for m in AutopilotMode], help="which message carries it")
+    modes = [str(mode) for mode in AutopilotMode]
+    group.add_argument(
+        "--autopilot-mode", choices=modes, metavar="MODE", help=f"which message carries it: {', '.join(modes)}"
+    )
     group.add_argument(
         "--autopilot-settings", type=READ, metavar="FILE", help="autopilot file, TOML: lever arm, delays, key, ids"
     )

@@ -30,7 +30,7 @@ def add_autopilot(commands: Commands) -> None:
     kinds = autopilot.add_subparsers(dest="autopilot", metavar="WHAT", required=True)
     check = add_command(kinds, "check", run_check_vehicle, "ask for its parameters", _CHECK, _CHECK_MORE)
     check.add_argument("url", metavar="URL", help="the link to the vehicle, see below")
-    check.add_argument("--mode", choices=[str(m) for m in AutopilotMode], help="what will be sent")
+    check.add_argument("--mode", choices=[str(m) for m in AutopilotMode], metavar="MODE", help=_MODE)
     check.add_argument("--settings", type=READ, metavar="FILE", help="autopilot file, TOML, with the mode and more")
     check.add_argument(
         "--patience", type=positive_number, default=10.0, metavar="S", help="how long to wait for it, s (10)"

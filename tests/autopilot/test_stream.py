@@ -262,3 +262,29 @@ def test_it_never_speaks_without_a_fresh_picture(
                 assert now_s - fix_s <= 0.3 + 1e-9
                 assert last in (TrackStatus.TRACKING, TrackStatus.COASTING)
         t_s += gap_s + 0.02
+
+
+def test_what_arrives_by_the_fastest_is_predicted_by_the_fastest() -> None:
+    """Expected: ArduPilot counts each message as being as fast as the fastest, PX4 by its own arrival."""
+    flight = StraightFlight()
+    vehicle = VehicleState()
+    for trip_s in (0.06, 0.2, 0.4):
+        vehicle.round_trip.answered(0.0, trip_s)
+    gps = stream_of(flight, AutopilotMode.GPS_INPUT)
+    vision = stream_of(flight, AutopilotMode.VISION)
+    assert gps.link_delay_s(vehicle) == pytest.approx(0.03)
+    vehicle.autopilot = 12
+    assert vision.link_delay_s(vehicle) == pytest.approx(0.1)
+    vehicle.autopilot = 3
+    assert vision.link_delay_s(vehicle) == pytest.approx(0.03)
+
+
+def test_a_global_position_ahead_of_its_sending_has_no_age() -> None:
+    flight = StraightFlight()
+    vehicle = VehicleState()
+    for _ in range(3):
+        vehicle.round_trip.answered(0.0, 0.16)
+    message = one_state(stream_of(flight, AutopilotMode.GLOBAL_POSITION), flight, 2.0, vehicle)
+    # the state of 80 ms later
+    assert message.fields["time_usec"] == 1_002_080_000
+    assert message.fields["processing_time"] == 0
