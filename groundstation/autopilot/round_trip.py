@@ -1,4 +1,4 @@
-"""Delay of the radio link by TIMESYNC: half of the median round trip."""
+"""Delay of the radio link by TIMESYNC: half of the median round trip, or of the shortest."""
 
 from collections import deque
 
@@ -12,7 +12,7 @@ _LONGEST_S = 2.0
 
 
 class RoundTripDelay:
-    """One-way delay of the link: half of the median of the last round trips."""
+    """One-way delay of the link: half of the median, or of the least, of the last round trips."""
 
     def __init__(self) -> None:
         self._trips_s: deque[float] = deque(maxlen=_KEPT)
@@ -28,3 +28,8 @@ class RoundTripDelay:
         if len(self._trips_s) < _LEAST:
             return None
         return 0.5 * float(np.median(self._trips_s))
+
+    @property
+    def least_one_way_s(self) -> float | None:
+        """Half of the shortest round trip; None before three answers."""
+        return None if len(self._trips_s) < _LEAST else 0.5 * min(self._trips_s)

@@ -21,7 +21,7 @@ from groundstation.autopilot.message import MavlinkMessage
 from groundstation.autopilot.navigation_state import NavigationState
 from groundstation.autopilot.reset_detector import ResetDetector
 from groundstation.autopilot.settings import MOST_DELAY_S, AutopilotMode, AutopilotSettings
-from groundstation.autopilot.vehicle_state import VehicleState
+from groundstation.autopilot.vehicle_state import ARDUPILOT, VehicleState
 from groundstation.autopilot.vision_estimate import global_origin, odometry, vision_estimates
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.messages import Kinematics, StepReport, TrackStatus
@@ -129,10 +129,15 @@ class AutopilotStream:
         return self._settings.assumed_delay_s if told is None else told
 
     def link_delay_s(self, vehicle: VehicleState) -> float:
-        """Return the delay of the link, one way, s."""
+        """Return the delay of the link, one way, s, as the vehicle takes it.
+
+        ArduPilot attributes every message as if it had been as fast as the fastest, PX4 by its own arrival.
+        """
         if self._settings.link_delay_s is not None:
             return self._settings.link_delay_s
-        return vehicle.round_trip.one_way_s or 0.0
+        trips = vehicle.round_trip
+        by_the_fastest = self._settings.mode is AutopilotMode.GPS_INPUT or vehicle.autopilot == ARDUPILOT
+        return (trips.least_one_way_s if by_the_fastest else trips.one_way_s) or 0.0
 
     def _state(self, now_s: float, vehicle: VehicleState) -> NavigationState | str:
         """Return the state to be sent, or why there is none."""
@@ -194,9 +199,10 @@ class AutopilotStream:
             unix_s = state.t_s + self._clock.unix_s
             return [gps_input(state, stamp_us=stamp_us, unix_s=unix_s, gps_id=self._settings.gps_id)]
         if mode is AutopilotMode.GLOBAL_POSITION:
-            sent_us = self._clock.link_us(now_s)
+            # a state ahead of its sending, over a slow link, has no age: it is sent as if later
+            sent_us = max(self._clock.link_us(now_s), stamp_us)
             target = (vehicle.system or self._settings.target_system, 0)
-            age_us = max(sent_us - stamp_us, 0)
+            age_us = sent_us - stamp_us
             return [
                 global_position_sensor(
                     state, sent_us=sent_us, age_us=age_us, sensor_id=self._settings.sensor_id, target=target
