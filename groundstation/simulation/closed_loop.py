@@ -25,6 +25,7 @@ from groundstation.pointing.pointing_law import HeadController, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.rig.rig import Rig, Station
 from groundstation.simulation.closed_loop_head import ClosedLoopHead
+from groundstation.simulation.station_listener import StationListener
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
@@ -131,6 +132,7 @@ class ClosedLoopSimulation:
     flight : the target point.
     faults : kinds of faults and their times.
     span_m : wing span of the target as in a station file; None if unknown.
+    listener : hears the reports; None without.
     """
 
     def __init__(
@@ -143,9 +145,10 @@ class ClosedLoopSimulation:
         hardware: ClosedLoopConfig | None = None,
         seed: int = 0,
         span_m: float | None = None,
+        listener: StationListener | None = None,
     ) -> None:
         self._rig, self._config, self._flight, self._faults = rig, config, flight, tuple(faults)
-        self._span_m = span_m
+        self._span_m, self._listener = span_m, listener
         self._hardware = ClosedLoopConfig() if hardware is None else hardware
         self._random = np.random.default_rng(seed)
         # its own random stream, so that a receiver does not change the other draws
@@ -301,6 +304,8 @@ class ClosedLoopSimulation:
     def _tick(self, now_s: float) -> None:
         if not any(f.now(now_s) for f in self._dead):
             self._done(self._core.pass_time(now_s))
+            if self._listener is not None:
+                self._listener.pass_time(now_s, self._core.pipeline.estimate_at)
 
     def _restart(self, _: float) -> None:
         self._core = self._fresh_core()
@@ -315,6 +320,8 @@ class ClosedLoopSimulation:
                 rates = np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s])
                 self._heads[command.station].tell(command.t_s, rates)
         for report in taken.reports:
+            if self._listener is not None:
+                self._listener.note(report)
             self._result.states += report.states
             for estimate in report.estimates:
                 self._result.estimates.append(estimate)
