@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from integrity_approaches.fault_list import SITES
 from integrity_approaches.linear_approach import DrawnFaults, LinearApproach, no_fault
 
 NO_FAULT, TWO_AT_ONCE = "no fault", "two at once"
+# two numbers that are large together need not be as large as one alone
+_PAIR_POWER = 0.75
 _PARAMETERS = {
     StationFault.DETECTION: 2,
     StationFault.MOUNT: 2,
@@ -79,7 +82,7 @@ class WeightedFaults:
 
 
 def drawn(site: str, stratum: Stratum, rng: np.random.Generator, n: int, scale: float = 1.0) -> WeightedFaults:
-    """Draw n approaches of a kind, with sizes ``scale`` times as large and the weights that make up for it."""
+    """Draw n approaches of a kind, by nature or, with a ``scale`` above 1, larger faults with their weights."""
     approach = approach_of(site)
     if not stratum.places:
         return WeightedFaults(faults=no_fault(n, approach.hypotheses), weights=np.ones(n))
@@ -87,13 +90,37 @@ def drawn(site: str, stratum: Stratum, rng: np.random.Generator, n: int, scale: 
     chosen = rng.choice(len(stratum.places), size=n, p=stratum.chances)
     for choice, places in enumerate(stratum.places):
         rows = np.flatnonzero(chosen == choice)
-        for place in places:
-            size = _PARAMETERS[approach.hypotheses[place].fault]
-            b = scale * rng.normal(size=(len(rows), size))
-            parameters[rows, place, :size] = b
-            weights[rows] *= scale**size * np.exp(-0.5 * (b**2).sum(axis=1) * (1.0 - 1.0 / scale**2))
+        sizes = [_PARAMETERS[approach.hypotheses[place].fault] for place in places]
+        sample = _enlarged(rng, len(rows), sum(sizes), scale)
+        weights[rows] = sample.weights
+        for place, size, own in zip(places, sizes, np.split(sample.values, np.cumsum(sizes)[:-1], axis=1), strict=True):
+            parameters[rows, place, :size] = own
     faults = DrawnFaults(parameters=parameters, begin_s=approach.begins(rng, n), drifting=stratum.drifting)
     return WeightedFaults(faults=faults, weights=weights)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sample:
+    """Values (n, d) that are standard normal if weighted by ``weights`` (n,)."""
+
+    values: FloatArray
+    weights: FloatArray
+
+
+def _enlarged(rng: np.random.Generator, n: int, d: int, scale: float) -> _Sample:
+    """Draw from a mixture in equal parts: each number by itself ``scale`` times as large, and each two by less.
+
+    A rare event mostly needs one or two large numbers, and which of them is not known beforehand. Weights are those of
+    the whole mixture, so that none becomes large (Owen and Zhou 2000).
+    """
+    pairs = list(combinations(range(d), 2))
+    scales = np.ones((d + len(pairs), d))
+    scales[:d][np.diag_indices(d)] = scale
+    for k, pair in enumerate(pairs, start=d):
+        scales[k, list(pair)] = scale**_PAIR_POWER
+    values = rng.normal(size=(n, d)) * scales[rng.integers(len(scales), size=n)]
+    by_part = np.exp(0.5 * (values[:, None, :] ** 2 * (1.0 - 1.0 / scales**2)).sum(axis=2)) / scales.prod(axis=1)
+    return _Sample(values=values, weights=1.0 / by_part.mean(axis=1))
 
 
 def shares(strata: Sequence[Stratum]) -> FloatArray:
