@@ -32,6 +32,13 @@ TWO = "two stations"
 JOB = 20_000
 # sizes of faults are drawn so many times as large where errors beyond the alert limits are counted, and for all others
 FAR, NEAR = 4.0, 2.0
+# so many times as many approaches with two faults: an error beyond the limits needs two sizes that go together
+PAIR_PARTS = 16
+MEASURES = (
+    ("misleading", FAR, "P(misleading)"),
+    ("exceeding", NEAR, "P(error beyond a level, no alarm)"),
+    ("brute", NEAR, f"P(beyond {counts.BRUTE:g} of the limits while GO)"),
+)
 KINDS = (NO_FAULT, "detection of station left", "mount of station left", "clock of station left", "target point")
 
 
@@ -84,42 +91,40 @@ def faulty(options: argparse.Namespace, run: StudyRun) -> None:
         )
 
 
-def estimate(found: dict[str, Any], measure: str) -> tuple[float, float]:
-    """Return a probability given the kind of approach, and its variance."""
-    weight, square, _ = found[measure]
-    mean = weight / found["n"]
-    return mean, max(square / found["n"] - mean**2, 0.0) / found["n"]
-
-
 def risk(options: argparse.Namespace, run: StudyRun) -> None:
     n = max(options.approaches // 25, 1000)
     for site in SITES:
-        strata = strata_of(site)
-        short = site.replace(" ", "-").replace(",", "")
         items = {
-            f"{short}-{k}-{scale:g}": (site, s.name, n, k, scale) for k, s in enumerate(strata) for scale in (NEAR, FAR)
+            f"{site.replace(' ', '-').replace(',', '')}-{k}-{scale:g}-{part}": (site, s.name, n, 100 * k + part, scale)
+            for k, s in enumerate(strata_of(site))
+            for scale in (NEAR, FAR)
+            for part in range(PAIR_PARTS if s.name == TWO_AT_ONCE and scale == FAR else 1)
         }
-        found = run.values(counts.importance, items)
-        for measure, scale in (("misleading", FAR), ("exceeding", NEAR), ("brute", NEAR)):
-            parts = [estimate(found[f"{short}-{k}-{scale:g}"], measure) for k in range(len(strata))]
-            means = [s.prior * p for s, (p, _) in zip(strata, parts, strict=True)]
-            sigma = float(np.sqrt(sum(s.prior**2 * v for s, (_, v) in zip(strata, parts, strict=True))))
-            total = sum(means)
-            relative = sigma / total if total else float("nan")
-            words = {
-                "misleading": "P(misleading)",
-                "exceeding": "P(error beyond a level, no alarm)",
-                "brute": f"P(beyond {counts.BRUTE:g} of the limits while GO)",
-            }[measure]
-            print(f"{site}: {words} {total:.2e}, relative error (1 sigma) {100 * relative:.0f} %")
-            largest = sorted(zip(means, strata, strict=True), key=lambda pair: -pair[0])[:5]
-            print("   " + ", ".join(f"{s.name} {m:.1e}" for m, s in largest if m > 0.0))
-        unseen = sum(found[f"{short}-{k}-{FAR:g}"]["unseen"] for k in range(len(strata)))
-        hits = sum(found[f"{short}-{k}-{FAR:g}"]["misleading"][2] for k in range(len(strata)))
-        free = approach_of(site).fault_free_risk()
+        parts = list(zip(items.values(), run.values(counts.importance, items).values(), strict=True))
+        for measure, scale, words in MEASURES:
+            print_risk(site, f"{site}: {words}", measure, [(i[1], found) for i, found in parts if i[4] == scale])
+        far = [found for item, found in parts if item[4] == FAR]
+        unseen, hits = sum(f["unseen"] for f in far), sum(f["misleading"][2] for f in far)
+        free, table = approach_of(site).fault_free_risk(), SITES[site].config.faults
         print(f"   {unseen} of {hits:.0f} drawn misleading approaches by what is not seen; fault-free below {free:.0e}")
-        two = next(s.prior for s in strata if s.name == TWO_AT_ONCE)
-        print(f"   risk {SITES[site].config.faults.risk:g}, of which two faults at once take {two:.1e}")
+        both = table.two_at_once(SITES[site].rig.names)
+        print(f"   risk {table.risk:g}, of which two faults at once take {both:.1e}")
+
+
+def print_risk(site: str, words: str, measure: str, parts: list[tuple[str, dict[str, Any]]]) -> None:
+    """Print the probability of a measure, its relative error, and the kinds that it comes from."""
+    means, variance = {}, 0.0
+    for s in strata_of(site):
+        own = [found for name, found in parts if name == s.name]
+        n = sum(f["n"] for f in own)
+        weight, square = (sum(f[measure][k] for f in own) for k in range(2))
+        means[s.name] = s.prior * weight / n
+        variance += s.prior**2 * max(square / n - (weight / n) ** 2, 0.0) / n
+    total = sum(means.values())
+    relative = variance**0.5 / total if total else float("nan")
+    print(f"{words} {total:.2e}, relative error (1 sigma) {100 * relative:.0f} %")
+    largest = sorted(means.items(), key=lambda pair: -pair[1])[:5]
+    print("   " + ", ".join(f"{name} {mean:.1e}" for name, mean in largest if mean > 0.0))
 
 
 def diagram(options: argparse.Namespace, run: StudyRun) -> None:
