@@ -125,7 +125,7 @@ def _ardupilot_gps(settings: AutopilotSettings) -> tuple[ParameterRule, ...]:
         ParameterRule(
             names=(f"GPS{k}_DELAY_MS", delay_older),
             accepts=_at_most(most_ms),
-            recommended=0,
+            recommended=50,
             why=f"measurements older than {most_ms:g} ms are not fused",
         ),
         ParameterRule(

@@ -19,6 +19,18 @@ _TWELVE = "| 30 pairs/s, ten minutes, twelve approaches, today's code "
 
 PLACES: dict[str, tuple[str, ...]] = {
     "landing-1, y 100–250 m, RMSE": (_AT + "#/#/# (",),
+    "stream at the moment of use, radio of 30–200 ms: rms over the filter's": (
+        "ratio # (PX4, global position, synchronised) to # (PX4",
+    ),
+    "misleading approaches, faults by stated priors": ("| two stations | ~ | # |", "| two stations | # | 0 |"),
+    "touchdown ellipse at 10, 5, 2 s; sigma over that with the true state": (
+        "in #, #, # % of cases",
+        "its sigmas are at most # times",
+    ),
+    "GNSS step called within 1 s (RTK 3 m, plain 12 m); false": (
+        "with a plain one, # of # each are called",
+        "after 0.60 s; # false calls",
+    ),
     "takeoff-1, y 100–250 m, RMSE": (_AT + "…; takeoff-1 #/#/# (",),
     "landing-1, ANEES there; NIS of all pairs": (_AT + "…, ANEES #; takeoff-1", _NIS + "# of"),
     "takeoff-1, ANEES there; NIS of all pairs": (_AT + "…; takeoff-1 …, ANEES #: its", _NIS + "~ of …, takeoff-1 # of"),
