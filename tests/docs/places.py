@@ -22,7 +22,10 @@ PLACES: dict[str, tuple[str, ...]] = {
     "stream at the moment of use, radio of 30–200 ms: rms over the filter's": (
         "ratio # (PX4, global position, synchronised) to # (PX4",
     ),
-    "misleading approaches, faults by stated priors": ("| two stations | ~ | # |", "| two stations | # | 0 |"),
+    "misleading approaches, faults by stated priors": (
+        "| two stations | 300,000 | # |",
+        "| two stations | # | 0 | 1.12",
+    ),
     "touchdown ellipse at 10, 5, 2 s; sigma over that with the true state": (
         "in #, #, # % of cases",
         "its sigmas are at most # times",
