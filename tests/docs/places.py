@@ -23,8 +23,8 @@ PLACES: dict[str, tuple[str, ...]] = {
         "ratio # (PX4, global position, synchronised) to # (PX4",
     ),
     "misleading approaches, faults by stated priors": (
-        "| two stations | 300,000 | # |",
-        "| two stations | # | 0 | 1.12",
+        "| – misleading | # |",
+        "| approaches by their priors [nature] | # |",
     ),
     "touchdown ellipse at 10, 5, 2 s; sigma over that with the true state": (
         "in #, #, # % of cases",
