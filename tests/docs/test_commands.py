@@ -18,6 +18,16 @@ pytestmark = pytest.mark.usefixtures("unrendered_figures")
 
 # every line of a shell that the pages show and that is not run here, and why
 NOT_RUN = {
+    ("autopilot.md", "$ pip install 'groundstation[autopilot]'"): "installs",
+    (
+        "autopilot.md",
+        "$ groundstation autopilot check udpin:14550 --mode gps_input --out vehicle.parm",
+    ): "a vehicle; tests/autopilot/test_parameters.py",
+    (
+        "autopilot.md",
+        "$ groundstation live field.toml --site landing-site.toml --autopilot udpout:192.168.0.7:14550 "
+        "--autopilot-mode gps_input",
+    ): "devices; tests/approach/test_approach_replay.py",
     ("airstrip.md", "groundstation cameras list"): "fails without a camera; tests/cli/test_cameras.py",
     ("airstrip.md", "groundstation ptu probe /dev/ttyUSB0"): "wants a unit; ptu.md runs it on a simulated one",
     ("airstrip.md", "groundstation check field.toml"): "wants cameras and units; tests/live/test_check_command.py",
