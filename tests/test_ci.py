@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-ALL = "mrpt chromium aravis flirptu alpaca-simulators evo pyptzcontroller dynamixel-sdk"
+ALL = "mrpt chromium aravis flirptu alpaca-simulators evo node-mavlink pyptzcontroller dynamixel-sdk mavsdk"
 # fails as often as the file of its name and subcommand states, and records its arguments, and the tests' environment
 NOTE = """#!/bin/sh
 echo "$(basename "$0") $*" >>"$NOTES/log"
@@ -28,7 +28,7 @@ class Machine:
         (folder / ".ci").mkdir()
         (folder / "bin").mkdir()
         shutil.copy(ROOT / ".ci" / "run", folder / ".ci" / "run")
-        for name in ("apt-get", "apt-cache", "make", "sleep"):
+        for name in ("apt-get", "apt-cache", "make", "sleep", "node", "npm"):
             self.program(name, NOTE)
         self.program("id", "#!/bin/sh\necho 0\n")
 
