@@ -1,9 +1,10 @@
-"""MAVSDK (C++, its own MAVLink) as the receiver; prints what came, as JSON lines.
+"""MAVSDK (C++, its own MAVLink) as the receiver; prints what came, each content once, as JSON lines.
 
 python mavsdk_receiver.py URL SECONDS [DEFINITIONS.xml MESSAGE_ID]: a message that MAVSDK does not know by itself.
 """
 
 import json
+import os
 import sys
 import time
 from xml.etree import ElementTree
@@ -24,7 +25,7 @@ def definition(path: str, message_id: str) -> str:
 
 def main(url: str, seconds: float, *also: str) -> None:
     """Receive for so long, and print."""
-    found: list[str] = []
+    found: dict[str, None] = {}  # ordered, each line once: the messages are sent again and again
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     mavsdk.add_any_connection(url)
     print(json.dumps({"name": "READY"}), flush=True)
@@ -39,21 +40,19 @@ def main(url: str, seconds: float, *also: str) -> None:
         direct.load_custom_xml(definition(*also))
 
     def take(message: object, _: object = None) -> None:
-        found.append(
-            json.dumps(
-                {
-                    "name": message.message_name,  # type: ignore[attr-defined]
-                    "source": [message.system_id, message.component_id],  # type: ignore[attr-defined]
-                    "fields": json.loads(message.fields_json),  # type: ignore[attr-defined]
-                }
-            )
-        )
+        line = {
+            "name": message.message_name,  # type: ignore[attr-defined]
+            "source": [message.system_id, message.component_id],  # type: ignore[attr-defined]
+            "fields": json.loads(message.fields_json),  # type: ignore[attr-defined]
+        }
+        found[json.dumps(line)] = None
 
     direct.subscribe_message("", take, None)
     time.sleep(max(end_s - time.monotonic(), 0.0))
     for line in list(found):
         print(line, flush=True)
     sys.stdout.flush()
+    os._exit(0)  # MAVSDK's threads may still call `take`, and would wait for an interpreter that has ended
 
 
 if __name__ == "__main__":

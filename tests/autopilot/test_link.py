@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -253,24 +253,39 @@ def test_keys(tmp_path: Path) -> None:
         read_signing_key(path)
 
 
-def test_mavsdk_decodes_every_mode_with_the_values_sent() -> None:
+def _wait_until(holds: Callable[[], bool]) -> None:
+    """Wait for up to half a minute."""
+    for _ in range(1500):
+        if holds():
+            return
+        time.sleep(0.02)
+    raise AssertionError("it did not come within 30 s")
+
+
+def test_mavsdk_decodes_every_mode_with_the_values_sent(tmp_path: Path) -> None:
     peer_module("mavsdk", "mavsdk")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     command = [sys.executable, str(_HERE / "mavsdk_receiver.py"), f"udpin://127.0.0.1:{port}", "4", _XML, "296"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as receiver:
-        assert receiver.stdout is not None
-        assert "READY" in receiver.stdout.readline()
-        link = _link(f"udpout:127.0.0.1:{port}")
-        sent = _all_messages()
-        while receiver.poll() is None:
-            for message in sent:
-                link.send([message])
-                time.sleep(0.005)
-            time.sleep(0.2)
-        link.close()
-        lines = [json.loads(line) for line in receiver.stdout.read().splitlines() if line.startswith("{")]
+    printed = tmp_path / "printed"  # a file takes any amount, a pipe that is read at the end 64 KiB
+    with printed.open("w") as out, subprocess.Popen(command, stdout=out) as receiver:
+        try:
+            _wait_until(lambda: "READY" in printed.read_text())
+            link = _link(f"udpout:127.0.0.1:{port}")
+            sent = _all_messages()
+            for _ in range(200):
+                for message in sent:
+                    link.send([message])
+                    time.sleep(0.005)
+                if receiver.poll() is not None:
+                    break
+                time.sleep(0.2)
+            link.close()
+            assert receiver.wait(30) == 0
+        finally:
+            receiver.kill()
+    lines = [json.loads(line) for line in printed.read_text().splitlines() if line.startswith("{")]
     for wanted in sent:
         if wanted.name in ("TIMESYNC", "HEARTBEAT"):
             continue
