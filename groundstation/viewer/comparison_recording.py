@@ -118,8 +118,9 @@ def _log_event(stream: rr.RecordingStream, at_s: float, name: str) -> None:
 def _log_run_styles(stream: rr.RecordingStream, run: ComparedRun, colour: entity_paths.Colour) -> None:
     """Log the colour and name of a run, which replace the style that all runs share."""
     styles: dict[str, rr.AsComponents] = {
-        entity_paths.EKF: rr.Points3D.from_fields(
-            colors=colour, radii=rr.Radius.ui_points(6.0), labels=[run.name], show_labels=True
+        entity_paths.EKF: rr.Points3D.from_fields(colors=colour, radii=rr.Radius.ui_points(6.0)),
+        entity_paths.EKF_NAME: rr.Points3D.from_fields(
+            colors=entity_paths.LABEL_COLOUR, radii=rr.Radius.ui_points(0.0), labels=[run.name], show_labels=True
         ),
         entity_paths.EKF_ELLIPSOID: rr.Ellipsoids3D.from_fields(colors=colour),
         entity_paths.EKF_ELLIPSOIDS: rr.Ellipsoids3D.from_fields(colors=(*colour, 110)),

@@ -25,6 +25,7 @@ RUNWAY = f"{WORLD}/runway"
 STATIONS = f"{WORLD}/stations"
 AIRCRAFT = "aircraft"
 EKF = f"{AIRCRAFT}/ekf"
+EKF_NAME = f"{EKF}/name"
 EKF_PATH = f"{EKF}/path"
 EKF_ELLIPSOID = f"{EKF}/ellipsoid"
 EKF_ELLIPSOIDS = f"{EKF}/ellipsoids"
@@ -45,7 +46,11 @@ AXES = ("x", "y", "z")
 
 EKF_COLOUR = Colour((90, 220, 255))
 # colours are chosen for it; a viewer whose theme is light would show them on white
-BACKGROUND = Colour((13, 16, 17))
+BACKGROUND = Colour((4, 6, 7))
+# text in the scene has a box behind it: in the dark theme the background shows through, in the light theme a box of
+# white at 43 % over it (read off pictures of both, Rerun 0.41 in a browser). White has 20:1 on one and 4.8:1 on the
+# other; a colour has less, down to 1.5:1 for the runway's grey
+LABEL_COLOUR = Colour((255, 255, 255))
 # the filter's colour in the middle; lightness alone encodes the range, so that it is readable without colour vision
 RANGE_SCALE_M = (0.0, 300.0, 600.0)
 RANGE_COLOURS = (Colour((235, 252, 255)), EKF_COLOUR, Colour((40, 105, 235)))

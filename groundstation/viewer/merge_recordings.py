@@ -139,11 +139,17 @@ def _span_ns(chunk: Chunk) -> list[tuple[int, int]]:
 
 
 def send_run(stream: rr.RecordingStream, path: Path, name: str, shift_s: float, *, runway: bool) -> None:
-    """Send all of a recording under ``/name``, its times shifted by ``shift_s``; the runway only if ``runway``."""
+    """Send all of a recording under ``/name``, its times shifted by ``shift_s``; the runway only if ``runway``.
+
+    The track's positions are sent once more as those of the run's name, whose colour is not the run's.
+    """
     shift_ns = round(shift_s * 1e9)
     for chunk in chunks(path):
         if runway or not chunk.entity_path.startswith(f"/{entity_paths.RUNWAY}"):
-            stream.send_chunks(_moved(chunk, name, shift_ns))
+            moved = _moved(chunk, name, shift_ns)
+            stream.send_chunks(moved)
+            if chunk.entity_path == f"/{entity_paths.EKF}" and not chunk.is_static:
+                stream.send_chunks([one.with_entity_path(f"/{name}/{entity_paths.EKF_NAME}") for one in moved])
 
 
 def _moved(chunk: Chunk, name: str, shift_ns: int) -> list[Chunk]:

@@ -100,7 +100,7 @@ def log_runway(stream: rr.RecordingStream, outline: RunwayOutline) -> None:
         rr.Points3D(
             places,
             labels=[f"{y:.0f} m" for y in labelled_m],
-            colors=MARKING,
+            colors=entity_paths.LABEL_COLOUR,
             radii=rr.Radius.ui_points(1.0),
             show_labels=True,
         ),
@@ -125,7 +125,7 @@ def log_pedestal(stream: rr.RecordingStream, station: Station, number: int, midd
         rr.Points3D(
             [middle_m + LABEL_OUTWARD * (station.ptu_position_m - middle_m)],
             labels=[station.name],
-            colors=colour,
+            colors=entity_paths.LABEL_COLOUR,
             radii=rr.Radius.ui_points(0.1),
             show_labels=True,
         ),

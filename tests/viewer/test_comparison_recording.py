@@ -23,7 +23,7 @@ from groundstation.replay.view import ViewRequest, names_line, prepare_view
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.viewer import viewer_process as rerun_viewer
-from groundstation.viewer.entity_paths import RANGE_COLOURS, range_colour
+from groundstation.viewer.entity_paths import BACKGROUND, RANGE_COLOURS, range_colour
 from groundstation.viewer.merge_recordings import RunAlignment, read_track
 from groundstation.viewer.recording_check import check_recording
 from groundstation.viewer.rerun_sink import RerunSink
@@ -126,6 +126,41 @@ def test_every_row_is_below_its_run_at_its_moved_time(
         t_s = seconds(moving(both, f"/{folder.name}/aircraft/ekf"))
         np.testing.assert_allclose(t_s, start_s + 0.1 * np.arange(PAIRS), atol=1e-6)
         assert seconds(moving(both, f"/{folder.name}/aircraft/ekf/ellipsoid"))[0] == t_s[0]
+        # the run's name goes with its track
+        marked, named = (moving(both, f"/{folder.name}/aircraft/ekf{part}") for part in ("", "/name"))
+        assert named.column("Points3D:positions") == marked.column("Points3D:positions")
+        np.testing.assert_array_equal(seconds(named), t_s)
+
+
+def contrast(one: tuple[float, ...], other: tuple[float, ...]) -> float:
+    """Return the contrast ratio of two sRGB colours (W3C, WCAG 2.2)."""
+
+    def luminance(colour: tuple[float, ...]) -> float:
+        linear = [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in np.array(colour) / 255.0]
+        return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_labels_can_be_read_in_the_dark_and_the_light_theme(two: tuple[Path, Path], tmp_path: Path) -> None:
+    """Expected: all text in the scene has a contrast of 4.5:1 (WCAG AA) to the box that each theme puts behind it."""
+    both = show(two, tmp_path, RunAlignment.START)
+    reader, labelled = RrdReader(both), {}
+    for chunk in reader.stream(store=reader.recordings()[0]):
+        batch = chunk.to_record_batch()
+        if chunk.is_static and "Points3D:labels" in batch.schema.names:
+            labelled[chunk.entity_path] = batch.column("Points3D:colors")[0].as_py()
+    names = {"/world/runway/distance", *(f"/world/stations/{s}/name" for s in ("left", "right")), "/aircraft/ekf/name"}
+    assert {path for path in labelled if path.startswith("/monday")} >= {
+        f"/monday{name}" for name in names if "runway" not in name
+    }
+    assert any(path.endswith("/world/runway/distance") for path in labelled)
+    light = tuple(0.57 * v + 0.43 * 255.0 for v in BACKGROUND)
+    for path, (packed,) in labelled.items():
+        colour = tuple(float(v) for v in packed.to_bytes(4, "big")[:3])
+        assert contrast(colour, tuple(map(float, BACKGROUND))) >= 4.5, path
+        assert contrast(colour, light) >= 4.5, path
 
 
 @pytest.mark.parametrize(("align", "at_s"), [(RunAlignment.START, 1.0), (RunAlignment.TOUCHDOWN, 4.0)])
