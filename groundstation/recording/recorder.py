@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -222,6 +223,14 @@ class Recorder:
             self._queue.refuse_pictures = "failed"
         finally:
             self._output.close()
+            if self._state is RecorderState.FAILED and not self._output.written_bytes:
+                # an empty file would be taken for a recording, and block the next one of its name
+                self._remove_empty()
+
+    def _remove_empty(self) -> None:
+        with suppress(OSError):
+            if self._path.stat().st_size == 0:
+                self._path.unlink()
 
     def _measure_free_space(self) -> int:
         """Return the free space of the disk in bytes, and store it for the status."""
