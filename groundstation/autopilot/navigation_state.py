@@ -1,6 +1,7 @@
 """What is sent to an autopilot: the state of its own reference point at one time, north, east, down."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -30,6 +31,18 @@ class NavigationState:
     geodetic: GeodeticPosition
     attitude_wxyz: FloatArray | None
     stations: int
+
+    def attributed_within(self, sigma_s: float) -> Self:
+        """Return the state with the error in its covariance that comes of the time to which it will be attributed.
+
+        Parameters
+        ----------
+        sigma_s : one sigma of that time. An error dt of it is an error v dt of the position; that of the velocity is
+            small, since an aircraft that lands accelerates little.
+        """
+        covariance = self.covariance.copy()
+        covariance[:3, :3] += sigma_s**2 * np.outer(self.velocity_ned_m_s, self.velocity_ned_m_s)
+        return replace(self, covariance=covariance)
 
     @property
     def horizontal_sigma_m(self) -> float:

@@ -1,4 +1,4 @@
-"""Delay of the radio link by TIMESYNC: half of the median round trip, or of the shortest."""
+"""Delay of the radio link by TIMESYNC: half of the median round trip, or of the shortest, and how it varies."""
 
 from collections import deque
 
@@ -9,6 +9,9 @@ _KEPT = 30
 _LEAST = 3
 # an answer that took longer belongs to no request that matters
 _LONGEST_S = 2.0
+# one sigma of the one-way delay before anything is known of it, as of a telemetry radio that sends in turns of some ten
+# ms, and how many round trips that knowledge is worth
+_PRIOR_SIGMA_S, _PRIOR_TRIPS = 0.02, 2.0
 
 
 class RoundTripDelay:
@@ -33,3 +36,15 @@ class RoundTripDelay:
     def least_one_way_s(self) -> float | None:
         """Half of the shortest round trip; None before three answers."""
         return None if len(self._trips_s) < _LEAST else 0.5 * min(self._trips_s)
+
+    @property
+    def one_way_sigma_s(self) -> float:
+        """One sigma of a message's delay about the link's.
+
+        Both ways of a round trip vary by themselves, so its variance is twice that of one way. Before there are many
+        trips it is drawn towards 20 ms.
+        """
+        trips = np.array(self._trips_s)
+        scatter_s2 = 0.5 * float(np.sum((trips - trips.mean()) ** 2)) if len(trips) else 0.0
+        freedom = _PRIOR_TRIPS + max(len(trips) - 1, 0)
+        return float(np.sqrt((_PRIOR_TRIPS * _PRIOR_SIGMA_S**2 + scatter_s2) / freedom))

@@ -44,7 +44,8 @@ MOST_DELAY_S = {
 }
 _KEYS = frozenset(
     {
-        *("url", "mode", "rate_hz", "delay_s", "link_delay_s", "reference_in_body_m", "geoid_separation_m"),
+        *("url", "mode", "rate_hz", "delay_s", "link_delay_s", "link_delay_sigma_s", "reference_in_body_m"),
+        "geoid_separation_m",
         *("system_id", "component_id", "target_system", "gps_id", "sensor_id", "signing_key", "most_sigma_m"),
     }
 )
@@ -63,6 +64,8 @@ class AutopilotSettings:
     delay_s : what the vehicle assumes to pass between the time of a measurement and its arrival; None takes the
         vehicle's parameter, or the autopilot's default where it does not answer.
     link_delay_s : of the radio, one way; None measures it by TIMESYNC, and takes 0 where nothing answers.
+    link_delay_sigma_s : what one message's delay differs by from that, one sigma; None measures it likewise, and takes
+        20 ms where nothing answers.
     reference_in_body_m : forward, right, down from the nose to the vehicle's point: of the antenna for ``gps_input``,
         of the IMU otherwise.
     geoid_separation_m : height of the geoid above the ellipsoid; None where the mode, or the session, does not need it.
@@ -77,6 +80,7 @@ class AutopilotSettings:
     rate_hz: float | None = None
     delay_s: float | None = None
     link_delay_s: float | None = None
+    link_delay_sigma_s: float | None = None
     reference_in_body_m: tuple[float, float, float] | None = None
     geoid_separation_m: float | None = None
     system_id: int = 245
@@ -136,6 +140,9 @@ def parse_autopilot(table: TomlTable, folder: Path) -> AutopilotSettings:
         rate_hz=table.number("rate_hz", minimum=1.0, maximum=50.0) if "rate_hz" in table else None,
         delay_s=table.number("delay_s", minimum=0.0, maximum=1.0) if "delay_s" in table else None,
         link_delay_s=table.number("link_delay_s", minimum=0.0, maximum=1.0) if "link_delay_s" in table else None,
+        link_delay_sigma_s=(
+            table.number("link_delay_sigma_s", minimum=0.0, maximum=1.0) if "link_delay_sigma_s" in table else None
+        ),
         reference_in_body_m=None if arm is None else (float(arm[0]), float(arm[1]), float(arm[2])),
         geoid_separation_m=(
             table.number("geoid_separation_m", minimum=-200.0, maximum=200.0) if "geoid_separation_m" in table else None

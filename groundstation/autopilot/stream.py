@@ -3,6 +3,7 @@
 A message tells the state at the time to which the vehicle will attribute it: the arrival, less the delay that its
 parameters state. The state is predicted to that time, or interpolated between the last pictures. While there is no
 track, or no camera has seen the target lately, nothing is sent: neither the last state again nor an extrapolated one.
+What the link's delay varies by is an error of that time, and of the position along its velocity: the covariance has it.
 """
 
 import math
@@ -139,6 +140,15 @@ class AutopilotStream:
         by_the_fastest = self._settings.mode is AutopilotMode.GPS_INPUT or vehicle.autopilot == ARDUPILOT
         return (trips.least_one_way_s if by_the_fastest else trips.one_way_s) or 0.0
 
+    def link_delay_sigma_s(self, vehicle: VehicleState) -> float:
+        """Return one sigma of a message's delay about `link_delay_s`, s: an error of the time that it is taken for.
+
+        It is that of the arrivals. A vehicle whose clock follows the sender's by TIMESYNC, or that takes the fastest
+        message for all, is wrong by less, but from outside it is not seen which it is.
+        """
+        told_s = self._settings.link_delay_sigma_s
+        return vehicle.round_trip.one_way_sigma_s if told_s is None else told_s
+
     def _state(self, now_s: float, vehicle: VehicleState) -> NavigationState | str:
         """Return the state to be sent, or why there is none."""
         if self._status not in (TrackStatus.TRACKING, TrackStatus.COASTING):
@@ -155,7 +165,8 @@ class AutopilotStream:
         if kinematics is None or not _usable(kinematics):
             return "no estimate of that time"
         state = self._at_reference(t_s, kinematics, vehicle)
-        if max(state.horizontal_sigma_m, state.vertical_sigma_m) > self._settings.most_sigma_m:
+        sent = state.attributed_within(self.link_delay_sigma_s(vehicle))
+        if max(sent.horizontal_sigma_m, sent.vertical_sigma_m) > self._settings.most_sigma_m:
             return f"one sigma is more than {self._settings.most_sigma_m:g} m"
         return state
 
@@ -190,7 +201,9 @@ class AutopilotStream:
             self.statistics.withheld[self.silent_because] += 1
             return []
         self._last_stamp_us, self.silent_because = stamp_us, ""
+        # whether the track has jumped does not depend on the link
         counter = self._resets.counter_of(state)
+        state = state.attributed_within(self.link_delay_sigma_s(vehicle))
         self.statistics.sent += 1
         self.statistics.resets = self._resets.resets
         self.statistics.ages_s.append(now_s - self._fix_s)

@@ -57,9 +57,14 @@ def answer(
 
 
 def stream_of(
-    flight: StraightFlight, mode: AutopilotMode, *, arm_m: tuple[float, float, float] | None = None, **more: float
+    flight: StraightFlight,
+    mode: AutopilotMode,
+    *,
+    arm_m: tuple[float, float, float] | None = None,
+    **more: float | None,
 ) -> AutopilotStream:
-    """Return a stream of a flight."""
+    """Return a stream of a flight, over a link that delays all messages alike unless ``more`` states how not."""
+    more = {"link_delay_sigma_s": 0.0} | more
     settings = AutopilotSettings(url="udpout:127.0.0.1:14550", mode=mode, reference_in_body_m=arm_m, **more)  # type: ignore[arg-type]
     return AutopilotStream(settings, LocalFrame(ORIGIN, SEPARATION_M), CLOCK, flight.estimate_at)
 

@@ -5,6 +5,9 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import chi2
 
 from groundstation.autopilot.message import MavlinkMessage
 from groundstation.autopilot.settings import AutopilotMode
@@ -185,3 +188,32 @@ def test_a_landing_is_taken_whole_over_a_steady_radio() -> None:
             np.sqrt(s / n) for s, n in ((found.squares_m2, found.samples), (found.zero_delay_m2, found.estimates))
         )
         assert np.linalg.norm(rms) <= 1.2 * np.linalg.norm(zero)
+
+
+def test_what_the_radio_varies_by_is_in_what_the_receiver_is_told() -> None:
+    """Expected: over 30 to 200 ms a position is metres off along the track, and its sigma is not below that.
+
+    Squared normalised errors have a mean of at most 1 for each axis; samples of one flight are dependent, so
+    twice that is allowed for.
+    """
+    flight = GlideApproach(start_y_m=250.0, end_y_m=110.0, speed_m_s=20.0, aim_y_m=60.0)
+    names = ("PX4 ODOMETRY, stamped on arrival", "PX4 GLOBAL_POSITION_SENSOR, stamped on arrival")
+    for found in streamed_landing(flight, 7.0, 3, names=names).values():
+        assert found.samples > 20
+        assert np.linalg.norm(found.squares_m2) / found.samples > 0.3**2
+        assert np.all(found.normalised / found.samples <= 2.0)
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1), st.floats(0.002, 0.1))
+def test_the_delays_scatter_is_found_from_round_trips(seed: int, sigma_s: float) -> None:
+    """Expected: within the 1e-6 bounds of chi-square once 20 ms, worth two trips, count little."""
+    rng = np.random.default_rng(seed)
+    vehicle = VehicleState()
+    assert vehicle.round_trip.one_way_sigma_s == 0.02
+    for trip_s in 0.5 + sigma_s * rng.standard_normal((30, 2)).sum(axis=1):
+        vehicle.round_trip.answered(0.0, trip_s)
+    low, high = chi2.ppf([1e-6, 1.0 - 1e-6], 29)
+    prior = 2.0 * 0.02**2
+    least, most = (np.sqrt((prior + of * sigma_s**2) / 31.0) for of in (low, high))
+    assert least <= vehicle.round_trip.one_way_sigma_s <= most

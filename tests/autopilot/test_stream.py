@@ -8,13 +8,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from groundstation.autopilot.local_frame import LocalFrame
 from groundstation.autopilot.settings import MOST_DELAY_S, AutopilotMode, AutopilotSettings
 from groundstation.autopilot.stream import AutopilotStream, delay_parameters
 from groundstation.autopilot.vehicle_attitude import VehicleAttitude
 from groundstation.autopilot.vehicle_state import VehicleState
 from groundstation.errors import ConfigError
 from groundstation.messages import TrackStatus
-from tests.autopilot.flights import StraightFlight, answer, listed, one_state, sent_states, stream_of, symmetric, values
+from tests.autopilot.flights import (
+    ORIGIN,
+    SEPARATION_M,
+    StraightFlight,
+    answer,
+    listed,
+    one_state,
+    sent_states,
+    stream_of,
+    symmetric,
+    values,
+)
 
 _MODES = list(AutopilotMode)
 
@@ -288,3 +300,16 @@ def test_a_global_position_ahead_of_its_sending_has_no_age() -> None:
     # the state of 80 ms later
     assert message.fields["time_usec"] == 1_002_080_000
     assert message.fields["processing_time"] == 0
+
+
+@pytest.mark.parametrize("told_s", [0.05, None])
+def test_an_error_of_the_links_delay_is_one_along_the_track(told_s: float | None) -> None:
+    """Expected: v v' sigma² more in the covariance; by TIMESYNC where it is not told, 20 ms before any answer."""
+    flight, sigma_s = StraightFlight(), 0.02 if told_s is None else told_s
+    covariances = []
+    for of in (0.0, told_s):
+        stream = stream_of(flight, AutopilotMode.ODOMETRY, link_delay_sigma_s=of)
+        message = one_state(stream, flight, 2.0, VehicleState())
+        covariances.append(symmetric(listed(message, "pose_covariance"))[:3, :3])
+    velocity = LocalFrame(ORIGIN, SEPARATION_M).ned_from_runway @ flight.velocity
+    np.testing.assert_allclose(covariances[1] - covariances[0], sigma_s**2 * np.outer(velocity, velocity), atol=1e-9)

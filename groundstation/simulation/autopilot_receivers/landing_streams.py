@@ -98,12 +98,17 @@ RECEIVERS: Mapping[str, ReceiverSetup] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StreamedLanding:
-    """Tally and sums of squared errors (3,) across, along and up, m², of samples and of the pipeline's estimates."""
+    """Tally and sums of squared errors (3,) across, along and up, m², of samples and of the pipeline's estimates.
+
+    ``normalised`` are the sums over the samples of squared errors over the variances that the receiver takes, (2,):
+    horizontal, in the direction of the error, and vertical.
+    """
 
     verdicts: Counter[ReceiptVerdict]
     lost: int
     squares_m2: FloatArray
     samples: int
+    normalised: FloatArray
     zero_delay_m2: FloatArray
     estimates: int
 
@@ -173,11 +178,14 @@ def _tally(
     counted = (times >= from_s) & (times <= until_s)
     places = np.array([s.position_runway_m for s in stream.taken]).reshape(-1, 3)[counted]
     off = places - flight.position(times[counted])
+    sigmas = np.array([(s.sigma_horizontal_m, s.sigma_vertical_m) for s in stream.taken]).reshape(-1, 2)[counted]
+    errors_m = np.column_stack([np.linalg.norm(off[:, :2], axis=1), off[:, 2]])
     return StreamedLanding(
         verdicts=stream.verdicts,
         lost=stream.lost,
         squares_m2=np.asarray((off**2).sum(axis=0)),
         samples=len(off),
+        normalised=np.asarray(((errors_m / sigmas) ** 2).sum(axis=0)),
         zero_delay_m2=zero_delay_m2,
         estimates=estimates,
     )
