@@ -81,7 +81,7 @@ def mount_sightings(rows: Sequence[LandmarkSighting], names: Sequence[str], path
     readings = np.array([(row.pan_rad, row.tilt_rad) for row in rows])
     moved = np.zeros(len(rows), dtype=np.bool_)
     moved[1:] = np.abs(np.diff(readings, axis=0)).max(axis=1) > _SAME_RAD
-    moved[1:] |= [a.t_s != b.t_s for a, b in pairwise(rows)]
+    moved[1:] |= np.array([a.t_s != b.t_s for a, b in pairwise(rows)], dtype=np.bool_)
     return MountSightings(
         reading_rad=readings,
         sense=np.array([(row.pan_from, row.tilt_from) for row in rows], dtype=np.float64),

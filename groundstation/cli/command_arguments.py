@@ -1,6 +1,7 @@
 """What several commands share: the parser of a command, options of the same meaning, and the lines on results."""
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -74,7 +75,7 @@ def add_report(parser: argparse.ArgumentParser) -> None:
 
 def refuse_own_rig(options: argparse.Namespace) -> None:
     """Raise `InputError` if `--out` is the rig file of the session itself."""
-    if options.out.resolve() == (options.session / "rig.toml").resolve():
+    if os.path.realpath(options.out) == os.path.realpath(options.session / "rig.toml"):
         wanted = "another file: a recording keeps the rig that it was made with"
         raise InputError(str(options.out), got="the session's own rig", wanted=wanted)
 

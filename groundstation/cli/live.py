@@ -190,7 +190,7 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
 def _why_untracked(result: "LiveResult") -> str:
     """Return why a simulated flight was not tracked at all; "" if it was, or if it ended before it could be."""
     done = result.operation
-    if done.tracked or done.elapsed_s < _LEAST_FLIGHT_S:
+    if done.tracked or (done.epochs > 0 and done.elapsed_s < _LEAST_FLIGHT_S):
         return ""
     behind = done.dropped.get("pairs, being behind", 0)
     if not done.epochs:

@@ -1,5 +1,6 @@
 """The progress of runs: bars on a terminal, lines at a low rate elsewhere."""
 
+import threading
 import time
 from collections.abc import Callable
 from types import TracebackType
@@ -83,12 +84,25 @@ class ProgressLog:
         self._clock = clock
         # by name: start, time of the last line, number done, total
         self._runs: dict[str, tuple[float, float, int, int | None]] = {}
+        self._preparing: threading.Timer | None = None
 
     def prepare(self, name: str) -> None:
-        """Show nothing."""
+        """Print a line if nothing has been done after ten seconds: the first run after an installation compiles."""
+        self._preparing = threading.Timer(_LOG_INTERVAL_S, self._print_preparing, (name,))
+        self._preparing.daemon = True
+        self._preparing.start()
+
+    def _print_preparing(self, name: str) -> None:
+        print_line(f"{name}: preparing; the first run after an installation compiles", self._stream)
+
+    def _prepared(self) -> None:
+        if self._preparing is not None:
+            self._preparing.cancel()
+            self._preparing = None
 
     def update(self, name: str, done: int, total: int | None) -> None:
         """Print a line if the last one is ten seconds old."""
+        self._prepared()
         now_s = self._clock()
         start_s, shown_s, _, _ = self._runs.get(name, (now_s, now_s, 0, None))
         self._runs[name] = (start_s, shown_s, done, total)
@@ -98,6 +112,7 @@ class ProgressLog:
 
     def close(self) -> None:
         """Print the final line of each run."""
+        self._prepared()
         for name in self._runs:
             self._print(name)
 

@@ -110,10 +110,9 @@ def run_replay(options: argparse.Namespace) -> int:
     print_files(result.files)
     if result.fault is not None:
         print(f"groundstation: fault in the recording: {result.fault}", file=sys.stderr)
-    if result.recording_fault is not None:
-        lost = options.out / "session.rrd"
-        print(f"groundstation: {lost} was given up: {result.recording_fault}; the results are whole", file=sys.stderr)
-    elif options.view:
+    for lost, why in result.given_up.items():
+        print(f"groundstation: {lost} was given up: {why}; the results are whole", file=sys.stderr)
+    if options.view and options.out / "session.rrd" not in result.given_up:
         notice = video_notice(os.environ)
         if notice:
             print(f"groundstation: {notice}", file=sys.stderr)
@@ -121,5 +120,5 @@ def run_replay(options: argparse.Namespace) -> int:
     contradictions = result.evaluation.summary["contradictions"]
     for line in contradictions:
         print(f"groundstation: inputs that cannot be right: {line}", file=sys.stderr)
-    whole = result.fault is None and result.recording_fault is None and not contradictions
+    whole = result.fault is None and not result.given_up and not contradictions
     return 0 if whole else 1

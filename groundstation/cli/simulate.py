@@ -69,7 +69,7 @@ def add_simulate(commands: Commands) -> None:
 
 
 def _positive(text: str) -> float:
-    return parse_number(text, "a number of s above 0", lambda value: 0.0 < value <= 1e6)
+    return parse_number(text, "a number of s above 0, at most 1e6", lambda value: 0.0 < value <= 1e6)
 
 
 def run_simulate(options: argparse.Namespace) -> int:

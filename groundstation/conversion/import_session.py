@@ -1,5 +1,6 @@
 """Import of videos, a log and tables as a session folder; on invalid input nothing is written."""
 
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -202,7 +203,7 @@ def _dgps_csv(fixes: list[DgpsFix]) -> str:
 
 def _session(request: ImportRequest, clock: ImportClock) -> dict[str, Any]:
     """Return session.toml as tables of plain values."""
-    tables: dict[str, Any] = {"name": request.name or request.out.resolve().name}
+    tables: dict[str, Any] = {"name": request.name or Path(os.path.realpath(request.out)).name}
     if request.origin_deg_m is not None and request.azimuth_deg is not None:
         keys = ("lat_deg", "lon_deg", "height_m", "y_axis_azimuth_deg")
         tables["origin"] = dict(zip(keys, (*request.origin_deg_m, request.azimuth_deg), strict=True))
@@ -235,7 +236,7 @@ def _write(request: ImportRequest, parts: _Parts) -> tuple[Path, ...]:
             below(draft, name).write_text(text, encoding="utf-8", newline="\n")
         for name, source in parts.copies.items():
             if request.link and name.rpartition(".")[0] in request.videos:
-                below(draft, name).symlink_to(source.resolve())
+                below(draft, name).symlink_to(Path(os.path.realpath(source)))
             else:
                 shutil.copyfile(source, below(draft, name))
         session = load_session(draft)

@@ -4,6 +4,7 @@ Inputs and outputs of a command are declared with its arguments (`groundstation.
 by their identity on the disk, so that links and other spellings of a path are recognised.
 """
 
+import os
 import stat
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -114,7 +115,8 @@ def _is_device(path: Path) -> bool:
 def _same(one: Path, other: Path) -> bool:
     if _is_device(one):
         return False
-    if one.resolve() == other.resolve():
+    # a loop of links, which `Path.resolve` refuses, is a fault of the file that is then opened
+    if os.path.realpath(one) == os.path.realpath(other):
         return True
     try:
         return one.samefile(other)

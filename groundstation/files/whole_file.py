@@ -54,7 +54,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
     It is removed with what is in it where the context ends by an error or an interrupt. Raises `OSError`.
     """
-    final = path.resolve()
+    final = Path(os.path.realpath(path))
     draft = final.with_name(f".{os.getpid()}.part.{final.name}")
     try:
         draft.mkdir(parents=True)

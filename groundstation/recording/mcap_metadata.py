@@ -77,7 +77,9 @@ def parse_header(contents: McapContents, where: str) -> RecordingHeader:
     """Return the header of a file; raises `RecordingError` for a file of another format."""
     about = contents.metadata.get(ABOUT)
     if about is None or about.get("format") != FORMAT:
-        got = "another program's file" if about is None else f"format {quoted(about.get('format'))}"
+        got = f"format {quoted(about.get('format'))}" if about is not None else "another program's file"
+        if about is None and contents.fault is not None:
+            got = f"{contents.fault.got} before the header"
         raise RecordingError(where, got=got, wanted=f"a recording of the format {FORMAT!r}")
     missing = [name for name in (SESSION, RIG, CONFIG) if name not in contents.attachments]
     if missing:

@@ -176,12 +176,19 @@ class Recorder:
             self._state = RecorderState.FAILED
             self._reason = "the disk did not answer at the end" + left_to_recover(self._output.written_bytes)
 
+    def abandon(self) -> None:
+        """Close without waiting for the disk, and delete the file."""
+        self._queue.abandoned = True
+        self.close()
+        with suppress(OSError):
+            self._path.unlink(missing_ok=True)
+
     def _wait(self) -> None:
         """Wait while the queue is nearly full; raises `InputError` if the recording has failed."""
         while self._state is RecorderState.RECORDING and self._queue.fill() > _PATIENT_FILL:
             time.sleep(_PATIENT_S)
         if self._state is not RecorderState.RECORDING:
-            raise InputError(str(self._path), got=self.status.line(), wanted="a disk with space for the recording")
+            raise InputError(str(self._path), got=self._reason, wanted="a disk with space for the recording")
 
     def _put_unseen(self) -> None:
         """Queue the parts read of the frames for which no report will follow."""

@@ -74,6 +74,8 @@ class WriteQueue:
         self._counts = DropCounts()
         # the reason for refusing pictures; empty while they are accepted
         self.refuse_pictures = ""
+        # whether the writer is not to wait for a disk that accepts no data
+        self.abandoned = False
 
     def put(self, item: QueueItem) -> None:
         """Add an item; does not block."""

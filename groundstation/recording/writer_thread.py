@@ -74,6 +74,8 @@ class WriterThread:
         """Return whether the time limit for the disk on closing has passed."""
         if not self._queue.closed:
             return False
+        if self._queue.abandoned:
+            return True
         if self._give_up_s is None:
             self._give_up_s = self._clock() + 0.5 * self._config.close_s
         return self._clock() > self._give_up_s

@@ -27,9 +27,9 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
 
     ``session`` and its rig are hashed as they lie on the disk; where a file cannot be read there is no hash.
     """
-    path = request.session.resolve()
-    own_rig = path / "rig.toml" if session.recorded is None else session.recorded.path.resolve()
-    rig = own_rig if request.rig is None else request.rig.resolve()
+    path = Path(os.path.realpath(request.session))
+    own_rig = path / "rig.toml" if session.recorded is None else Path(os.path.realpath(session.recorded.path))
+    rig = own_rig if request.rig is None else Path(os.path.realpath(request.rig))
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "version": __version__,
@@ -38,7 +38,7 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
         "session": {"path": str(path), "sha256": hash_of(_inputs(path, session))},
         "rig": {"path": str(rig), "sha256": hash_of([rig])},
         "configuration": {
-            "path": None if request.config is None else str(request.config.resolve()),
+            "path": None if request.config is None else str(Path(os.path.realpath(request.config))),
             "sha256": hashlib.sha256(configuration.encode()).hexdigest(),
         },
         "machine": {
@@ -53,7 +53,7 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
 def _inputs(path: Path, session: Session) -> list[Path]:
     """Return the files of a session: a recording, or a folder's tables, videos and pictures, without results in it."""
     if session.recorded is not None:
-        return [session.recorded.path.resolve()]
+        return [Path(os.path.realpath(session.recorded.path))]
     results = set(REPLAY_FILES) - {"detections.csv"} if session.detections_only else set(REPLAY_FILES)
     folders = [path, *(medium.path for medium in session.media.values() if medium.path.is_dir())]
     try:

@@ -5,9 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from groundstation.conversion.recording_header import build_header
-from groundstation.messages import Event, FilterReset, InitialState, ReferenceFix
+from groundstation.errors import InputError
+from groundstation.messages import Event, FilterReset, InitialState, ReferenceFix, StepReport
 from groundstation.recording.mcap_metadata import CONFIG
-from groundstation.recording.recorder import PATIENT, Recorder
+from groundstation.recording.recorder import PATIENT, Recorder, RecorderState
 from groundstation.session import Session
 from groundstation.sources.folder_source import FolderSource
 from groundstation.sources.recording_source import RecordingSource
@@ -43,23 +44,62 @@ def apply_filter_resets(events: Iterable[Event]) -> Iterator[Event]:
         yield held
 
 
-def recorder_for(
-    path: Path,
-    session: Session,
-    rig: Path | None,
-    config: Config,
-    initial: InitialState | None,
-    learns: bool,
-) -> Recorder:
-    """Return the recorder of a replay, which waits for the disk instead of dropping pictures.
+class ReplayRecorder:
+    """The recording of a replay, a sink of its events and reports: given up where the disk has no room for it.
 
-    Raises `InputError` if the file exists or cannot be created.
+    Parameters
+    ----------
+    path : a file that does not exist yet, .mcap; raises `InputError` if it exists or cannot be created.
+    learns : whether reference fixes update the filter.
     """
-    header = build_header(session, rig, config, initial=initial, learns_from_reference=learns)
-    return Recorder(path, session.rig, header, PATIENT)
+
+    def __init__(
+        self,
+        path: Path,
+        session: Session,
+        rig: Path | None,
+        config: Config,
+        initial: InitialState | None,
+        learns: bool,
+    ) -> None:
+        header = build_header(session, rig, config, initial=initial, learns_from_reference=learns)
+        self.path = path
+        self.fault: str | None = None
+        # it waits for the disk instead of dropping pictures
+        self._recorder = Recorder(path, session.rig, header, PATIENT)
+
+    def taken(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Yield the events, each one recorded first."""
+        for event in events:
+            if self.fault is None:
+                try:
+                    self._recorder.take(event)
+                except InputError as fault:
+                    self.fault = fault.got
+                    self._recorder.abandon()
+            yield event
+
+    def write(self, report: StepReport) -> None:
+        """Record the output of one step."""
+        if self.fault is None:
+            self._recorder.write(report)
+
+    def close(self) -> None:
+        """Write what is queued; may be called twice."""
+        self._recorder.close()
+        status = self._recorder.status
+        if self.fault is None and status.state is RecorderState.FAILED:
+            self.fault = status.reason
+            self._recorder.abandon()
+
+    @property
+    def note(self) -> str:
+        """What is missing in it; "" where it is whole, or was given up."""
+        status = self._recorder.status
+        return f"the recording is not whole: {status.line()}" if self.fault is None and status.trouble else ""
 
 
-def recording_notes(source: FolderSource | RecordingSource, recorder: Recorder | None) -> list[str]:
+def recording_notes(source: FolderSource | RecordingSource, recorder: ReplayRecorder | None) -> list[str]:
     """Return notes on data missing from the recording that was read, and on faults of the one written."""
     notes = []
     if isinstance(source, RecordingSource) and source.missing:
@@ -69,6 +109,6 @@ def recording_notes(source: FolderSource | RecordingSource, recorder: Recorder |
             f"the recording lacks the pictures of {missing.frames} frames and {missing.events} events: "
             f"what follows cannot be the same as it was live{first}"
         )
-    if recorder is not None and recorder.status.trouble:
-        notes.append(f"the recording is not whole: {recorder.status.line()}")
+    if recorder is not None and recorder.note:
+        notes.append(recorder.note)
     return notes

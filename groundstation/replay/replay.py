@@ -6,7 +6,7 @@ A fault in the recording ends the run early; the results up to it are written, a
 import json
 import time
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,8 @@ from groundstation.replay.approach_replay import approach_replay
 from groundstation.replay.initial_state import initial_state
 from groundstation.replay.provenance import provenance
 from groundstation.replay.recording_replay import (
+    ReplayRecorder,
     apply_filter_resets,
-    recorder_for,
     recording_notes,
     without_reference_fixes,
 )
@@ -79,8 +79,8 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         outputs = ReplayOutputs(request, session, comparison, opened)
         unfinished.callback(outputs.discard)
         if request.record is not None:
-            outputs.recorder = recorder_for(request.record, session, request.rig, config, initial, learns)
-            opened.enter_context(outputs.recorder)
+            outputs.recorder = ReplayRecorder(request.record, session, request.rig, config, initial, learns)
+            opened.enter_context(closing(outputs.recorder))
         pipeline = Pipeline(
             session.rig,
             config,
@@ -114,7 +114,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         files=files,
         fault=outcome.fault,
         output_comparison=None if comparison is None else comparison.result(),
-        recording_fault=outputs.recording_fault,
+        given_up=outputs.given_up,
         approach=outputs.approach_summary,
     )
 

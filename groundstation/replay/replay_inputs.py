@@ -1,5 +1,6 @@
 """What a replay reads before its first frame: session, tuning, references, and notes on them."""
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,7 +84,7 @@ def _usable_session(request: ReplayRequest) -> Session:
     places = np.array([s.ptu_position_m for s in session.rig.stations])
     if float(np.ptp(places, axis=0).max()) < _MIN_BASELINE_M:
         raise RigError(session.rig.path, got="all stations in one place", wanted="stations that stand apart")
-    if request.out.resolve() == request.session.resolve():
+    if os.path.realpath(request.out) == os.path.realpath(request.session):
         got = "the session folder itself"
         raise InputError(str(request.out), got=got, wanted="another folder: results would replace recordings")
     return session

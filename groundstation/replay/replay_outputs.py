@@ -15,9 +15,9 @@ from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, 
 from groundstation.evaluation.html_report import write_report
 from groundstation.evaluation.silhouettes import SilhouetteCollector
 from groundstation.messages import Event, StepReport
-from groundstation.recording.recorder import Recorder
 from groundstation.replay.approach_replay import ApproachReplay
 from groundstation.replay.input_checks import InputChecks
+from groundstation.replay.recording_replay import ReplayRecorder
 from groundstation.replay.replay_maps import write_replay_maps
 from groundstation.replay.replay_request import ReplayRequest
 from groundstation.session import Session
@@ -44,7 +44,7 @@ class ReplayOutputs:
     ) -> None:
         self.collector = ResultCollector()
         self.checks = InputChecks(session.rig)
-        self.recorder: Recorder | None = None
+        self.recorder: ReplayRecorder | None = None
         self.approach: ApproachReplay | None = None
         self.approach_summary: ApproachSummary | None = None
         self.comparison = comparison
@@ -81,9 +81,13 @@ class ReplayOutputs:
         return None if self.smoothed is None else self.smoothed.collected()
 
     @property
-    def recording_fault(self) -> str | None:
-        """Why there is no Rerun recording though one was wanted; None if there is, or none was wanted."""
-        return None if self._view is None else self._view.fault
+    def given_up(self) -> dict[Path, str]:
+        """The recordings that were wanted and are not there, and why: Rerun's, and that of the pipeline's input."""
+        faults = {
+            self._request.out / "session.rrd": None if self._view is None else self._view.fault,
+            self._request.record: None if self.recorder is None else self.recorder.fault,
+        }
+        return {path: fault for path, fault in faults.items() if path is not None and fault is not None}
 
     def discard(self) -> None:
         """Delete the draft of a Rerun recording that was not finished."""
@@ -115,7 +119,8 @@ class ReplayOutputs:
         if self.approach_summary is not None:
             results += [path.name for path in self._write_first(lambda: self._write_landings(out))]
         written = [out / name for name in (*tables, *results)]
-        return tuple(written + ([] if request.record is None else [request.record]))
+        recorded = [] if self.recorder is None or self.recorder.fault is not None else [self.recorder.path]
+        return tuple(written + recorded)
 
     def _write_landings(self, out: Path) -> list[Path]:
         path = None if self.approach_summary is None else self.approach_summary.write(out)

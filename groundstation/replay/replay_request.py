@@ -58,7 +58,7 @@ class ReplayRequest:
 class ReplayResult:
     """Result of a replay: the evaluation, the files written, and the fault that ended the run early, if any.
 
-    ``recording_fault`` says why a Rerun recording was given up, None where it was not.
+    ``given_up`` are the recordings that were wanted and for which there was no room, each with the reason.
     ``approach`` is what came of the outputs of an approach, None where none were asked for.
     ``output_comparison`` compares the outputs with the recorded ones, for a recording replayed unmodified; else None.
     """
@@ -67,5 +67,5 @@ class ReplayResult:
     files: tuple[Path, ...]
     fault: InputError | None
     output_comparison: OutputComparison | None = None
-    recording_fault: str | None = None
+    given_up: Mapping[Path, str] = field(default_factory=dict)
     approach: ApproachSummary | None = None

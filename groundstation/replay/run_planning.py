@@ -1,5 +1,6 @@
 """The runs of a comparison: their kinds and names, and the replay of those without results."""
 
+import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -126,7 +127,7 @@ def _source_names(sources: Sequence[Path]) -> list[str]:
 
 def _name_parts(source: Path) -> list[str]:
     """Return the last two parts of a path as names; a session.rrd has the name of its folder."""
-    whole = source.resolve()
+    whole = Path(os.path.realpath(source))
     if whole.is_file():
         whole = whole.parent if whole.name == RECORDING else whole.with_suffix("")
     return [_plain(part) for part in whole.parts[-2:] if part.strip("/\\")] or ["run"]

@@ -1,6 +1,7 @@
 """The session folder: session.toml, the rig, and checks of the tables and videos."""
 
 import difflib
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -131,7 +132,7 @@ def load_folder(folder: Path, rig_path: Path | None = None) -> Session:
         raise SessionError(str(folder), got="no such folder", wanted="a session folder with session.toml")
     rig = load_rig(rig_path if rig_path is not None else folder / "rig.toml")
     left_out = _left_out(folder, rig) if rig_path is not None else frozenset()
-    session = read_session(folder, folder.resolve().name, rig, left_out, find_media(folder, rig))
+    session = read_session(folder, Path(os.path.realpath(folder)).name, rig, left_out, find_media(folder, rig))
     if session.media:
         frames_table(session)
     else:

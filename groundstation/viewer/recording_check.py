@@ -4,6 +4,7 @@ Rerun's reader aborts its process on some damaged files, which a caller cannot c
 a process that takes too much memory is ended.
 """
 
+import os
 import resource
 import subprocess
 import sys
@@ -24,7 +25,7 @@ _WANTED = "a Rerun recording (.rrd)"
 
 def check_recording(path: Path) -> None:
     """Read a file to its end in another process; raises `InputError` if it is missing or damaged."""
-    command = [sys.executable, "-m", "groundstation.viewer.recording_check", str(path.resolve())]
+    command = [sys.executable, "-m", "groundstation.viewer.recording_check", str(Path(os.path.realpath(path)))]
     most_bytes = _MEMORY_BYTES + _MEMORY_PER_BYTE * (path.stat().st_size if path.is_file() else 0)
     with tempfile.TemporaryFile() as answer:
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=answer, stderr=subprocess.DEVNULL)

@@ -3,6 +3,8 @@
 import io
 import subprocess
 import sys
+import threading
+import time
 
 import pytest
 
@@ -72,6 +74,28 @@ def test_log_has_a_line_every_ten_seconds_and_one_at_the_end(total: int | None) 
     log.close()
     of = "" if total is None else " of 300"
     assert file.getvalue().splitlines() == [f"replay: {n}{of} pairs in {n}.0 s" for n in (10, 20, 25)]
+
+
+def test_log_states_that_a_run_is_being_prepared_if_that_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: one line after the interval, which is 0 here; none where the first step came before."""
+    monkeypatch.setattr("groundstation.cli.progress._LOG_INTERVAL_S", 0.0)
+    slow = io.StringIO()
+    log = ProgressLog(slow, "pair")
+    log.prepare("replay")
+    for _ in range(1000):
+        if slow.getvalue():
+            break
+        time.sleep(0.01)
+    log.close()
+    assert slow.getvalue() == "replay: preparing; the first run after an installation compiles\n"
+    monkeypatch.setattr("groundstation.cli.progress._LOG_INTERVAL_S", 1000.0)
+    log = ProgressLog(io.StringIO(), "pair")
+    log.prepare("replay")
+    log.close()
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.join(10.0)
+            assert not thread.is_alive()
 
 
 def test_pipe_gets_no_control_codes_even_if_colours_are_forced() -> None:

@@ -193,6 +193,33 @@ def test_what_is_new_or_elsewhere_is_written(tmp_path: Path) -> None:
     refuse_overwriting([None], [Output(path=Path("/dev/null")), Output(path=Path("/dev/null"), option="--csv")])
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("replay", "LOOP", "--out", "out"), "got no such folder"),
+        (("replay", "session", "--out", "LOOP"), "wanted a folder that can be written"),
+        (("track", "LOOP", "--out", "track.csv"), "got no such file"),
+        (("evaluate", "LOOP", "--out", "out"), "got no such file or folder"),
+    ],
+)
+def test_a_link_that_leads_to_itself_is_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...],
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Tiny(rows=3, video="png").write(tmp_path / "session")
+    (tmp_path / "station.toml").write_text("")
+    (tmp_path / "LOOP").symlink_to("LOOP")
+    assert main(list(words)) == 1
+    error = capsys.readouterr().err.strip()
+    assert len(error.splitlines()) == 1
+    assert error.startswith("groundstation: ")
+    assert said in error
+
+
 def test_two_outputs_are_two_files(tmp_path: Path) -> None:
     one = Output(path=tmp_path / "a.csv", option="--csv")
     other = Output(path=tmp_path / "none" / ".." / "a.csv", option="--json")

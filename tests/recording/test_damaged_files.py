@@ -174,5 +174,9 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(RecordingError, match="another program's file"):
         played(tmp_path / "other.mcap")
+    # a recording of its own that ends within its first record is not called another program's
+    (tmp_path / "tiny.mcap").write_bytes((tmp_path / "other.mcap").read_bytes()[:20])
+    with pytest.raises(RecordingError, match="got an unfinished record before the header"):
+        played(tmp_path / "tiny.mcap")
     with pytest.raises(InputError, match="no such file"):
         played(tmp_path / "none.mcap")

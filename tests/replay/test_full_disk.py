@@ -3,6 +3,7 @@
 A limit on the size of files stands for the disk: session.rrd, which holds the videos, is the first to meet it.
 """
 
+import itertools
 import json
 from pathlib import Path
 
@@ -68,9 +69,26 @@ def test_a_result_takes_the_room_of_the_recording(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(outputs, "write_summary", full)
     result = replay(_request(tmp_path))
     assert [len(found) for found in drafts] == [1, 0]
-    assert result.recording_fault == "no room left after the results"
+    assert result.given_up == {tmp_path / "session.rrd": "no room left after the results"}
     assert not any(name.endswith("session.rrd") for name in _names(tmp_path))
     assert tmp_path / "summary.json" in result.files
+
+
+@pytest.mark.parametrize("measurements_with_room", [0, 3])
+def test_a_recording_without_room_ends_and_the_replay_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], measurements_with_room: int
+) -> None:
+    """Expected: the disk of --record is full from the start or from some moment on; all pairs are tracked."""
+    free = itertools.chain(itertools.repeat(10**12, measurements_with_room), itertools.repeat(0))
+    monkeypatch.setattr("groundstation.recording.recorder._free_bytes", lambda _: next(free))
+    out, recorded = tmp_path / "out", tmp_path / "flight.mcap"
+    words = ["replay", str(LANDING), "--out", str(out), "--from", "20", "--to", "21.5", "--no-rerun"]
+    assert main([*words, "--record", str(recorded)]) == 1
+    printed = capsys.readouterr()
+    assert f"groundstation: {recorded} was given up: disk full, 0 MB free; the results are whole" in printed.err
+    assert not recorded.exists()
+    assert f"wrote {recorded}" not in printed.out
+    assert len((out / "track.csv").read_text().splitlines()) == 1 + 15
 
 
 def test_an_interrupt_leaves_whole_lines_and_no_draft(tmp_path: Path) -> None:

@@ -166,9 +166,9 @@ def producers_of(files: list[str], environ: Mapping[str, str]) -> tuple[Path, ..
         for path in paths:
             if not path.is_file():
                 raise CameraError(f"{path}: got no such file; wanted a GenTL producer (.cti)")
-        return tuple(path.resolve() for path in paths)
+        return tuple(Path(os.path.realpath(path)) for path in paths)
     folders = [Path(f) for f in environ.get(SEARCH_VARIABLE, "").split(os.pathsep) if f]
-    found = tuple(sorted(path.resolve() for folder in folders for path in folder.glob("*.cti")))
+    found = tuple(sorted(Path(os.path.realpath(path)) for folder in folders for path in folder.glob("*.cti")))
     if not found:
         wanted = f"?cti=FILE, or {SEARCH_VARIABLE} set as the camera's maker does"
         raise CameraError(f"genicam: got no GenTL producer; wanted {wanted}")

@@ -564,6 +564,14 @@ def tables(folder: Path, station: Station, seen: MountSightings, marks: tuple[Ma
     return ["calibrate", "mount", *given, "--rig", str(folder / "rig.toml"), "--out", str(folder / "out.toml")]
 
 
+def test_one_sighting_is_refused_in_one_line(made, rng, tmp_path, capsys) -> None:
+    station, true, marks = made
+    assert main(tables(tmp_path, station, look(true, marks, rng, 1), marks)) == 1
+    error = capsys.readouterr().err.strip()
+    assert len(error.splitlines()) == 1
+    assert "got 1 sighting" in error
+
+
 @pytest.mark.parametrize("count", [4, 7, 10])
 def test_a_handful_of_sightings_writes_no_rig(made, rng, tmp_path, capsys, count: int) -> None:
     """They can be fitted, but hardly anything is left over: one line with how many would do, exit code 1."""
