@@ -134,6 +134,8 @@ def _distribution_pictures(
         alt=f"Median errors in 3-D: {medians}.",
         draw=partial(draw_distributions, plotted=plotted),
         height_in=_height(4.6, len(plotted)),
+        # panels in two columns, each with its label
+        fitted=True,
     )
     yield ReportFigure(
         name=f"boxes_{name}",
@@ -143,6 +145,8 @@ def _distribution_pictures(
         alt=f"Boxes for x, y and z. Root mean square errors in 3-D: {sizes}.",
         draw=partial(draw_boxes, plotted=plotted),
         height_in=2.4 + 0.6 * len(plotted),
+        # a label below each panel
+        fitted=True,
     )
 
 

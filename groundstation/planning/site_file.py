@@ -37,9 +37,9 @@ _CLOCKS = {"camera_camera_s", "camera_ptu_s"}
 def load_site(path: Path) -> Site:
     """Read a site file; raises `SiteError` or `RigError` with file, table and key of the first fault."""
     top = TomlTable(load_toml(path, SiteError), str(path), SiteError)
-    top.refuse_unknown(_TOP | _TABLES)
     if top.text("format", SITE_FORMAT) != SITE_FORMAT:
         raise top.fail("format", quoted(top.values["format"]), repr(SITE_FORMAT))
+    top.refuse_unknown(_TOP | _TABLES)
     ways = [key for key in ("rig", "baseline_m", "station") if key in top]
     if len(ways) != 1:
         raise SiteError(

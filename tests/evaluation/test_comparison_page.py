@@ -9,6 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from groundstation.evaluation.comparison_figures import comparison_pictures, overlap_in_time
+from groundstation.evaluation.figure_style import lay_out
 from groundstation.evaluation.comparison_page import write_comparison_page
 from groundstation.evaluation.comparison_tables import RunsTable, markdown
 from groundstation.evaluation.run_series import ReferencePositions, RunSeries, TrackSeries
@@ -62,6 +63,25 @@ def test_errors_over_time_are_on_one_axis_with_the_stated_band(runs: list[RunSer
     sizes = [np.asarray(line.get_ydata()) for line in panels[3].lines]
     assert np.nanmax(sizes[0]) == pytest.approx(np.linalg.norm(SIGMA_M))
     assert [text.get_text().strip() for text in panels[0].figure.legends[0].texts] == ["usual", "_biased"]
+
+
+def test_no_label_stands_in_another_panel(runs: list[RunSeries]) -> None:
+    """Expected: laid out as on the page, of no picture the label of an axis overlaps the area of another panel."""
+    pictures = list(comparison_pictures(runs, WORDS))
+    assert len(pictures) >= 7
+    for picture in pictures:
+        figure = Figure(figsize=(8.0, picture.height_in), layout="constrained" if picture.fitted else None)
+        picture.draw(figure)
+        if not picture.fitted:
+            lay_out(figure)
+        figure.draw_without_rendering()
+        areas = [ax.get_window_extent() for ax in figure.axes]
+        for one, ax in enumerate(figure.axes):
+            for label in (ax.xaxis.label, ax.yaxis.label):
+                if label.get_text():
+                    place = label.get_window_extent()
+                    others = [k for k, area in enumerate(areas) if k != one and place.overlaps(area)]
+                    assert others == [], (picture.name, label.get_text())
 
 
 def test_the_distribution_is_the_share_of_pairs(runs: list[RunSeries]) -> None:

@@ -102,7 +102,7 @@ def format_rate(report: RateReport | None, counts: CameraCounts, clock: ClockFit
             ("jitter", f"{report.arrival_jitter_s * 1e3:.3f} ms at arrival{device}"),
             (
                 "arrives",
-                f"{report.late_s[0] * 1e3:.1f} ms after mid-exposure, at worst {report.late_s[1] * 1e3:.1f} ms",
+                f"{report.late_s[0] * 1e3:.1f} ms after the frame's time, at worst {report.late_s[1] * 1e3:.1f} ms",
             ),
             ("stamps", f"± {report.sigma_s * 1e3:.3f} ms (1 σ)"),
         ]
