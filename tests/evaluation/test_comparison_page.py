@@ -9,9 +9,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from groundstation.evaluation.comparison_figures import comparison_pictures, overlap_in_time
-from groundstation.evaluation.figure_style import lay_out
 from groundstation.evaluation.comparison_page import write_comparison_page
 from groundstation.evaluation.comparison_tables import RunsTable, markdown
+from groundstation.evaluation.figure_style import lay_out
 from groundstation.evaluation.run_series import ReferencePositions, RunSeries, TrackSeries
 from tests.browser import browser
 from tests.evaluation.test_report_page import LAID_OUT, Document
