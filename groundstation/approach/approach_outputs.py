@@ -5,6 +5,7 @@ the log and the recording.
 """
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,7 @@ from groundstation.landing.landing_monitor import LandingMonitor, LandingStep
 from groundstation.landing.landing_report import LandingReport, landing_table
 from groundstation.landing.touchdown import NoTouchdown, TouchdownForecast
 from groundstation.landing_site.landing_site_file import LandingSite
-from groundstation.messages import Kinematics, StepReport, TrackEvent
+from groundstation.messages import Kinematics, StepReport, TrackEvent, TrackStatus
 from groundstation.rig.rig import Rig
 from groundstation.sinks.udp_json import UdpJsonSender
 
@@ -38,6 +39,8 @@ _ADVISE_EVERY_S = 0.05
 # one sigma, horizontal and vertical, of a receiver that does not tell: a plain one
 _PLAIN_SIGMA_M = (2.5, 4.0)
 _FIX_3D = 3
+# no aircraft is landed so far before a runway
+_SHORT_M = 100.0
 # MAV_SEVERITY
 _CRITICAL, _WARNING, _INFO = 2, 4, 6
 _SEVERITIES = {AdviceLevel.GO: _INFO, AdviceLevel.CAUTION: _WARNING, AdviceLevel.WAVE_OFF: _CRITICAL}
@@ -93,6 +96,8 @@ class ApproachOutputs:
             self._integrity = ApproachIntegrity(rig, site)
         else:
             self._integrity = ApproachIntegrity(rig, site, span_m=span_m)
+        self._runway = site.runway
+        self._tracked = False
         self._watch = GnssWatch() if autopilot is not None and frame is not None else None
         self._landing = LandingMonitor(site, gnss=self._watch)
         self._autopilot, self._udp, self._unix_s, self._frame = autopilot, udp, unix_s, frame
@@ -121,6 +126,7 @@ class ApproachOutputs:
         """Take a report that the pipeline gave at session time ``now_s``; return what is to be logged."""
         if self._autopilot is not None:
             self._autopilot.note(report)
+        self._tracked |= any(e.status is TrackStatus.TRACKING for e in report.estimates)
         events = self._advised(self._integrity.take(report, now_s))
         self._advised_s = now_s
         events += self._landed(self._landing.step(report))
@@ -153,11 +159,26 @@ class ApproachOutputs:
 
     def summary(self) -> ApproachSummary:
         """Return what came of it."""
-        lines = [] if self._autopilot is None else [f"autopilot: {self._autopilot.summary().text()}"]
+        lines = self._doubts()
+        if self._autopilot is not None:
+            lines.append(f"autopilot: {self._autopilot.summary().text()}")
         if self._udp is not None:
             lost = f", {self._udp.dropped} dropped" if self._udp.dropped else ""
             lines.append(f"udp: {self._udp.sent} estimates sent{lost}")
         return ApproachSummary(reports=tuple(self._reports), lines=tuple(lines))
+
+    def _doubts(self) -> list[str]:
+        """Return a line for each sign that the site's runway is not the one that was flown to."""
+        x, y, z = self._runway.threshold_m
+        site = f"the site's threshold ({x:g}, {y:g}, {z:g}) m, direction {math.degrees(self._runway.direction_rad):g}°"
+        if self._tracked and not self._reports:
+            return [f"no approach: the track never came towards {site}"]
+        short = [r for r in self._reports if r.touchdown is not None and r.touchdown.point_m[0] < -_SHORT_M]
+        return [
+            f"approach {r.number} touched down {-r.touchdown.point_m[0]:.0f} m before {site}: is it that runway's?"
+            for r in short
+            if r.touchdown is not None
+        ]
 
     def close(self) -> None:
         """Close the links."""

@@ -14,13 +14,20 @@ from groundstation.files.overwriting import Output, refuse_overwriting
 _FILE_ADDRESS = "file:"
 
 
+def _path(text: str) -> Path:
+    # of a variable that is not set; the path of no text is the current folder
+    if not text:
+        raise argparse.ArgumentTypeError("got ''; wanted a path")
+    return Path(text)
+
+
 @dataclass(frozen=True, slots=True)
 class ReadPath:
     """An input file or folder."""
 
     def __call__(self, text: str) -> Path:
-        """Return the path."""
-        return Path(text)
+        """Return the path; raises `ArgumentTypeError` for an empty text."""
+        return _path(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +44,8 @@ class WrittenFile:
     """An output file, written or extended."""
 
     def __call__(self, text: str) -> Path:
-        """Return the path."""
-        return Path(text)
+        """Return the path; raises `ArgumentTypeError` for an empty text."""
+        return _path(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +58,8 @@ class WrittenFolder:
     names: tuple[str, ...] = ()
 
     def __call__(self, text: str) -> Path:
-        """Return the path."""
-        return Path(text)
+        """Return the path; raises `ArgumentTypeError` for an empty text."""
+        return _path(text)
 
 
 READ = ReadPath()

@@ -16,6 +16,7 @@ from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
 from groundstation.cli.time_span import add_span
+from groundstation.errors import UsageError
 from groundstation.replay.result_files import REPLAY_FILES
 
 _REPLAY = """Replay a recorded session: find the aircraft in every camera, track it in 3-D,
@@ -83,6 +84,8 @@ def run_replay(options: argparse.Namespace) -> int:
     from groundstation.replay.replay import ReplayRequest, replay
     from groundstation.viewer.viewer_process import open_viewer, video_notice
 
+    if options.record is not None and options.record.suffix != ".mcap":
+        raise UsageError("--record", got=str(options.record), wanted="a name that ends in .mcap")
     request = ReplayRequest(
         session=options.session,
         out=options.out,

@@ -10,7 +10,7 @@ from groundstation.conversion.session_folder_writer import SessionFolderWriter, 
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
 from groundstation.messages import Epoch, Event
-from groundstation.recording.recorder import PATIENT, Recorder
+from groundstation.recording.recorder import PATIENT, Recorder, RecorderState
 from groundstation.session import Session, load_session
 from groundstation.sources.folder_source import FolderSource
 from groundstation.sources.recording_source import RecordingSource
@@ -66,6 +66,10 @@ def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int
     header = build_header(session, None, load_config(None), initial=session.initial, learns_from_reference=False)
     with Recorder(out, session.rig, header, PATIENT, whole_frames=True) as recorder:
         events, fault = pass_on(stream, recorder.take, progress, stream.epoch_count)
+        if recorder.status.state in (RecorderState.WAITING, RecorderState.FAILED):
+            recorder.abandon()
+    if recorder.status.state is RecorderState.FAILED:
+        raise InputError(str(out), got=recorder.status.reason, wanted="a disk with room for the recording")
     notes = (recorder.status.line(),) if recorder.status.trouble else ()
     return ConversionResult(out=out, events=events, notes=notes, fault=fault)
 

@@ -71,7 +71,11 @@ class HeadMotionFault:
         )
         if self.hypothesis is None:
             return f"{text}: readings, mount or focal length are wrong"
-        return f"{text}; they do with {self.hypothesis.words()} ({self.agreeing} of {self.pairs})"
+        line = f"{text}; they do with {self.hypothesis.words()} ({self.agreeing} of {self.pairs})"
+        if self.hypothesis.axes_changed:
+            # both turn the picture about the optical axis, and motion alone does not tell them apart
+            line += ", or with another mount: is its quaternion w, x, y, z?"
+        return line
 
 
 def fault_lines(faults: Sequence[HeadMotionFault]) -> tuple[str, ...]:

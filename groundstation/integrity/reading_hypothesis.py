@@ -41,6 +41,11 @@ class ReadingHypothesis:
         ordered = readings[:, ::-1] if self.exchanged else readings
         return np.asarray(ordered * self.unit * np.array([self.pan_sign, self.tilt_sign]))
 
+    @property
+    def axes_changed(self) -> bool:
+        """Whether more than one of exchange and signs differs: rarely a fault of the readings alone."""
+        return self.exchanged + (self.pan_sign < 0) + (self.tilt_sign < 0) > 1
+
     def kind(self) -> "ReadingHypothesis":
         """Return the kind of fault: the hypothesis without the amounts of a lag and of a focal length."""
         return replace(

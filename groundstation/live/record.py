@@ -95,4 +95,4 @@ def live_reference(header: RecordingHeader, rig: Rig, config: Config) -> Referen
 def open_recorder(path: Path, rig: Rig, header: RecordingHeader) -> LiveRecorder:
     """Begin a recording; raises `InputError` where the file exists or cannot be made."""
     # packing pictures costs the cores more than writing them costs the disk
-    return LiveRecorder(path, rig, header, RecorderConfig(png_fill=0.0))
+    return LiveRecorder(path, rig, header, RecorderConfig(png_fill=0.0, retry_s=0.2, refused_close_s=0.4))

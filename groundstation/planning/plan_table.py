@@ -30,7 +30,7 @@ def format_plan(site: Site, f: Forecast) -> str:
     widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]))]
     lines += ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     notes = _notes(site, f)
-    verdicts = [verdict(f, wanted) for wanted in site.required]
+    verdicts = [verdict(site, f, wanted) for wanted in site.required]
     return "\n".join([*lines, *([""] if notes or verdicts else []), *notes, *verdicts])
 
 
@@ -63,6 +63,9 @@ def _notes(site: Site, f: Forecast) -> list[str]:
     small = (f.stations > 0) & (f.silhouette_px < site.min_silhouette_px)
     if small.any():
         notes.append(f"! narrower than {site.min_silhouette_px:g} px at {_spans(f, small)}: not expected to be found")
+    large = _too_large(site, f)
+    if large.any():
+        notes.append(f"the aircraft fills the picture at {_spans(f, large)}: a shorter focal length")
     blind = ~f.fix_known
     if blind.any():
         notes.append(f"no position at {_spans(f, blind)}: fewer than two stations see it there")
@@ -71,15 +74,24 @@ def _notes(site: Site, f: Forecast) -> list[str]:
     return notes
 
 
-def verdict(f: Forecast, wanted: Requirement) -> str:
+def _too_large(site: Site, f: Forecast) -> MaskArray:
+    """Return where the aircraft's span is wider than the narrowest picture."""
+    width_px = min(station.lens.image_size_px[0] for station in site.rig.stations)
+    return (f.stations > 0) & (f.silhouette_px > width_px)
+
+
+def verdict(site: Site, f: Forecast, wanted: Requirement) -> str:
     """Return one line: at which ranges a requirement is met, and what to improve where it is not."""
     limit = np.array(wanted.sigma_m)
-    good = f.track_known & np.all(f.track_sigma_m <= limit, axis=1)
+    large = _too_large(site, f)
+    good = f.track_known & np.all(f.track_sigma_m <= limit, axis=1) & ~large
     what = f"{wanted.name} ({'/'.join(f'{v:g}' for v in wanted.sigma_m)} m)"
     if good.all():
         return f"good enough for {what} at all ranges"
-    tracked = np.flatnonzero(f.track_known & ~good)
-    if not len(tracked):
+    tracked = np.flatnonzero(f.track_known & ~good & ~large)
+    if not len(tracked) and large.any():
+        why = f"at {_spans(f, large)} the aircraft fills the picture"
+    elif not len(tracked):
         why = "elsewhere it is not followed" if good.any() else "it is never followed by two stations"
     else:
         k = int(tracked[np.argmin((f.track_sigma_m[tracked] / limit).max(axis=1))])

@@ -20,6 +20,7 @@ class RecorderConfig:
     stop_free_bytes : free space below which nothing is recorded.
     retry_s : interval between attempts to write after a failure.
     close_s : time limit for the disk on closing.
+    refused_close_s : the same for a disk that accepts no data; None for half of ``close_s``.
     patient : adding an event blocks until the disk accepts it, and a fault of the disk is raised; for offline use.
     """
 
@@ -33,6 +34,7 @@ class RecorderConfig:
     stop_free_bytes: int = 200 * 2**20
     retry_s: float = 0.5
     close_s: float = 20.0
+    refused_close_s: float | None = None
     patient: bool = False
 
 

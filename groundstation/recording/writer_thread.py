@@ -77,7 +77,8 @@ class WriterThread:
         if self._queue.abandoned:
             return True
         if self._give_up_s is None:
-            self._give_up_s = self._clock() + 0.5 * self._config.close_s
+            limit_s = self._config.refused_close_s
+            self._give_up_s = self._clock() + (0.5 * self._config.close_s if limit_s is None else limit_s)
         return self._clock() > self._give_up_s
 
     def _flush(self) -> None:

@@ -15,6 +15,7 @@ from groundstation.errors import InputError
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run
 from groundstation.evaluation.run_description import RunDescription
+from groundstation.files.folder_lock import locked_folder
 from groundstation.messages import Event, ReferenceFix
 from groundstation.replay.approach_replay import approach_replay
 from groundstation.replay.initial_state import initial_state
@@ -75,6 +76,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         written = provenance(request, session, json.dumps(config_to_mapping(config), sort_keys=True))
         initial = initial_state(request, config, session, inputs.dgps, source.span_s[0])
         _make_folder(request.out)
+        unfinished.enter_context(locked_folder(request.out))
         warm_up(config.detection.detector)
         outputs = ReplayOutputs(request, session, comparison, opened)
         unfinished.callback(outputs.discard)

@@ -15,6 +15,8 @@ from groundstation.sources.reference_fixes import reference_fixes
 from groundstation.tracking.config import Config, with_weights
 
 _MIN_BASELINE_M = 0.1
+# the longest runways; stations of one landing stand at its threshold
+_FAR_APART_M = 4000.0
 _CLOCKS_APART_S = 0.2
 
 
@@ -50,6 +52,7 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
     truth = load_truth(session, broken.append)
     notes += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
     notes += _clock_notes(session)
+    notes += _place_notes(session)
     prior = reference_prior(session, config.estimation)
     notes += prior.notes
     return ReplayInputs(
@@ -88,6 +91,13 @@ def _usable_session(request: ReplayRequest) -> Session:
         got = "the session folder itself"
         raise InputError(str(request.out), got=got, wanted="another folder: results would replace recordings")
     return session
+
+
+def _place_notes(session: Session) -> list[str]:
+    """Return a note where stations stand farther apart than those of one runway."""
+    places = np.array([s.ptu_position_m for s in session.rig.stations])
+    apart_m = float(np.linalg.norm(np.ptp(places, axis=0)))
+    return [f"the stations are {apart_m:.0f} m apart: is the rig in metres?"] if apart_m > _FAR_APART_M else []
 
 
 def _clock_notes(session: Session) -> list[str]:

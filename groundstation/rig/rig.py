@@ -297,10 +297,15 @@ def _lens(table: TomlTable, required: bool) -> Lens:
     focal = table.vector("focal_px", 2, None if required else (1.0, 1.0), names="[fx, fy]")
     if np.any(focal <= 0):
         raise table.fail("focal_px", str(focal.tolist()), "two numbers > 0")
+    middle = table.vector("principal_point_px", 2, None if required else (0.0, 0.0), names="[cx, cy]")
+    # a part of a sensor that is read out, or a shifted lens, may have it outside, but not far
+    if np.any(middle < -size) or np.any(middle > 2 * size):
+        wanted = f"a point in the picture of {size[0]:.0f} × {size[1]:.0f} px, or at most its size away"
+        raise table.fail("principal_point_px", str(middle.tolist()), wanted)
     return Lens(
         image_size_px=(int(size[0]), int(size[1])),
         focal_px=focal,
-        principal_point_px=table.vector("principal_point_px", 2, None if required else (0.0, 0.0), names="[cx, cy]"),
+        principal_point_px=middle,
         distortion=table.vector("distortion", 5, (0.0,) * 5),
     )
 

@@ -171,10 +171,10 @@ def test_what_it_is_good_enough_for(tmp_path: Path) -> None:
     wanted = "[required_sigma_m]\nall = [1, 9, 1]\nsome = [1, 0.6, 1]\nnone = [1, 0.001, 1]\n"
     site = load(tmp_path, EXACT + "[calibration]\nmount_pan_deg = 0.007\n" + wanted)
     f = forecast(site)
-    assert verdict(f, site.required[0]) == "good enough for all (1/9/1 m) at all ranges"
-    words = verdict(f, site.required[1])
+    assert verdict(site, f, site.required[0]) == "good enough for all (1/9/1 m) at all ranges"
+    words = verdict(site, f, site.required[1])
     assert words == "good enough for some (1/0.6/1 m) at 100 m; at 200 m y is 0.65 m, mostly mount pan"
-    assert verdict(f, site.required[2]).startswith("not good enough for none (1/0.001/1 m): at 100 m y is ")
+    assert verdict(site, f, site.required[2]).startswith("not good enough for none (1/0.001/1 m): at 100 m y is ")
     text = format_plan(site, f)
     assert text.count("\n") >= 12
     assert "y: mount pan" in text

@@ -19,7 +19,7 @@ def test_notes_and_verdicts_are_separate(
     site.required = verdicts
     f = forecast(load_site(ROOT / "docs" / "site-example.toml"))
     monkeypatch.setattr(plan_table, "_notes", lambda site, f: notes)
-    monkeypatch.setattr(plan_table, "verdict", lambda f, wanted: wanted)
+    monkeypatch.setattr(plan_table, "verdict", lambda site, f, wanted: wanted)
     lines = format_plan(site, f).split("\n")
     added = [*notes, *verdicts]
     rows = len(f.range_m) + len(plan_table._HEAD)
