@@ -3,11 +3,11 @@
     python benchmarks/regenerate_pages.py [--check] [--only outputs figures tables pictures] [--work DIR]
 
 outputs     blocks that show what a command prints (benchmarks/pages/printed.py)
-figures     figures of sessions in sentences and tables (page_figures.py), and the files in which they are kept; those of
-            sessions in $GROUNDSTATION_DATA stay as they are where that is not there
+figures     figures of sessions in sentences and tables (page_figures.py), and the files in which they are kept; of
+            sessions in $GROUNDSTATION_DATA they stay as they are where that is not there
 tables      the table "At a glance" of docs/results.md, from the notes (places.py); tables on drawn worlds, from the
             bank's summary (bank_notes.py). Notes record what studies of hours have measured: `make study`
-pictures    docs/images (pictures.py): those whose need is there, such as Chromium or a Vulkan driver; the others are named
+pictures    docs/images (pictures.py): those whose need is there, such as Chromium or a Vulkan driver; others are named
 
 Replays, simulates and flies as the pages do, in DIR, and uses what it finds there of the same program. With --check
 nothing is written, pictures are left out, and the exit status is 1 if something differs by more than its last digit.
@@ -22,11 +22,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-import bank_notes
-from pages import glance, kept_figures, page_figures, pictures, printed
-from pages.workshop import Workshop
+import bank_notes  # noqa: E402
+from pages import glance, kept_figures, page_figures, pictures, printed  # noqa: E402
+from pages.workshop import Workshop  # noqa: E402
 
-from tests.docs.inputs import prepare
+from tests.docs.inputs import prepare  # noqa: E402
 
 PARTS = ("outputs", "figures", "tables", "pictures")
 DATA = Path(os.environ.get("GROUNDSTATION_DATA", ROOT.parent / "shared" / "data"))
@@ -80,8 +80,11 @@ def figures(shop: Workshop, check: bool) -> Iterator[str]:
     """Write the files with kept figures, and the pages from them; yield what differs."""
     old, new = kept_figures.kept(), session_figures(shop)
     for session, found in new.items():
-        for name in kept_figures.moved(old.get(session, {}), found):
-            yield f"{session}: {name} kept {old.get(session, {}).get(name)}, now {found.get(name)}"
+        if session not in old:
+            yield f"{session}: its figures are not kept yet"
+            continue
+        for name in kept_figures.moved(old[session], found):
+            yield f"{session}: {name} kept {old[session].get(name)}, now {found.get(name)}"
     if not check:
         kept_figures.keep({**old, **new})
     values = kept_figures.quotable(kept_figures.kept())
@@ -105,10 +108,12 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if something differs")
     parser.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="these parts; default: all")
     parser.add_argument("--pictures", nargs="+", metavar="NAME", help="these files of docs/images alone")
-    parser.add_argument("--work", type=Path, default=ROOT / "out" / "pages", help="where commands run; default out/pages")
+    parser.add_argument(
+        "--work", type=Path, default=ROOT / "out" / "pages", help="where commands run; default out/pages"
+    )
     options = parser.parse_args()
     shop = Workshop(options.work.resolve(), prepare)
-    found = []
+    found: list[str] = []
     if "outputs" in options.only:
         found += outputs(shop, options.check)
     if "figures" in options.only:

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pages.passages import ROOT
 
 from groundstation.evaluation.key_figures import AXES, FigureChange, figures_of, group_names
 from groundstation.rig.rig import load_rig
+from pages.passages import ROOT
 
 LANDING = "landing-1"
 SIMULATED = "flights/one"
-# the sessions of the pages: the bundled one, those of $GROUNDSTATION_DATA, and that which docs/first-flight.md simulates
+# the sessions of the pages: the bundled one, those of $GROUNDSTATION_DATA, and the one of docs/first-flight.md
 ELSEWHERE = ("takeoff-1", "landing-clutter", "takeoff-away")
 SESSIONS = (LANDING, *ELSEWHERE, SIMULATED)
 LANDING_FOLDER = ROOT / "recordings" / "landing-1"

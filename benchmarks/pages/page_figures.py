@@ -7,7 +7,6 @@ from pages.glance import linked_sections
 from pages.kept_figures import LANDING, RULE, SIMULATED, Figures
 from pages.passages import (
     KEPT_TO,
-    ROOT,
     Figure,
     captured,
     figures_at,
@@ -160,17 +159,27 @@ NOTED = (
         _RESULTS,
         "hits #/# against #/#, and #/# against #/#",
         _REBUILT,
-        ("| landing-clutter | _ | #/# |", "| landing-clutter | #/# |")
-        + ("| takeoff-away | _ | #/# |", "| takeoff-away | #/# |"),
+        (
+            "| landing-clutter | _ | #/# |",
+            "| landing-clutter | #/# |",
+            "| takeoff-away | _ | #/# |",
+            "| takeoff-away | #/# |",
+        ),
     ),
     Noted(
         _RESULTS,
         "hits #/# and #/# on the first two, ANEES #, #, NIS",
         _LEARNED,
-        ("| landing-clutter | #/# |", "| takeoff-away | #/# |")
-        + ("| landing-clutter | _ | _ | _ | _ | _ | # |", "| takeoff-away | _ | _ | _ | _ | _ | # |"),
+        (
+            "| landing-clutter | #/# |",
+            "| takeoff-away | #/# |",
+            "| landing-clutter | _ | _ | _ | _ | _ | # |",
+            "| takeoff-away | _ | _ | _ | _ | _ | # |",
+        ),
     ),
-    Noted(_RESULTS, "hits are #/# on landing-clutter and on takeoff-away", _LEARNED, ("| landing-clutter | _ | #/# |",)),
+    Noted(
+        _RESULTS, "hits are #/# on landing-clutter and on takeoff-away", _LEARNED, ("| landing-clutter | _ | #/# |",)
+    ),
     Noted(
         _RESULTS,
         "hits a median of # % (validate, # sequences)",
@@ -184,7 +193,8 @@ NOTED = (
         ("| ANEES while tracking | ~ | ~ | # | ~ |", "| NIS per degree of freedom | ~ | ~ | # | ~ |"),
     ),
 )
-PAGES = tuple(dict.fromkeys(place.page for place in (*QUOTED, *NOTED)))
+PLACES: tuple[Quoted | Noted, ...] = (*QUOTED, *NOTED)
+PAGES = tuple(dict.fromkeys(place.page for place in PLACES))
 
 
 def quoted_at(text: str, place: Quoted | Noted) -> list[Figure]:
@@ -221,7 +231,7 @@ def differences(text: str, place: Quoted | Noted, values: Mapping[str, Figures])
 
 
 def _noted(place: Noted) -> list[str]:
-    lines, found = passages(linked_sections()[place.link]), []
+    lines, found = passages(linked_sections()[place.link]), list[str]()
     for template in place.places:
         match captured(template, lines):
             case [only]:
@@ -238,4 +248,4 @@ def rewritten(page: str, text: str, values: Mapping[str, Figures]) -> str:
 
 def of_page(page: str) -> Sequence[Quoted | Noted]:
     """Return the places of one page, by its path from the root."""
-    return [place for place in (*QUOTED, *NOTED) if place.page == page]
+    return [place for place in PLACES if place.page == page]

@@ -7,8 +7,8 @@ A fenced `text` block has comments before it:
     <!-- run in: FOLDER -->           in this folder of the prepared inputs
     <!-- ends with: 1 -->             its exit status where that is not 0
     <!-- wrapped -->                  the page breaks the printed lines elsewhere
-    <!-- figures vary: WHY -->        from run to run: a table, of which the heading is compared, and that each row that is
-                                      printed reads as one of the block's; rows and figures are those of one run
+    <!-- figures vary: WHY -->        from run to run: a table, of which the heading is compared, and that each row that
+                                      is printed reads as one of the block's; rows and figures are those of one run
 
 A command whose words name a path that a command on the page writes (`--out PATH`) is run after that one.
 """
