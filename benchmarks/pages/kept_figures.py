@@ -32,6 +32,9 @@ _POOLED, _PARTS = "truth.y100-250", ("y100-150", "y150-250")
 # what an angle of pan between the stations of the bundled landing is along the runway: y²/baseline × angle
 RULE, _RULE_DEG, _RULE_Y_M = "0.01° of relative pan at 400 m", 0.01, 400.0
 
+# how late the DGPS of rendered sessions was made
+_CLOCK_S = {LANDING: 0.300, "takeoff-1": 0.150}
+
 Figures = dict[str, float]
 
 
@@ -86,8 +89,16 @@ def kept() -> dict[str, Figures]:
 
 
 def quotable(found: Mapping[str, Figures]) -> dict[str, Figures]:
-    """Return the figures by session with what follows from them: by how much the filter is better, the rule for pan."""
+    """Return the figures by session with what follows from them.
+
+    By how much the filter is better than triangulation, how far off the DGPS clock is, the rule for pan.
+    """
     quoted = {session: {**figures, **_better(figures)} for session, figures in found.items()}
+    for session, made_with_s in _CLOCK_S.items():
+        clock = quoted.get(session, {})
+        if clock:
+            off_s = abs(clock["dgps_clock.offset_s"] - made_with_s)
+            clock["dgps_clock.sigmas_off"] = off_s / clock["dgps_clock.sigma_s"]
     left, right = (station.ptu_position_m for station in load_rig(LANDING_FOLDER / "rig.toml").stations)
     rule_m = _RULE_Y_M**2 * math.radians(_RULE_DEG) / float(np.hypot(*(right - left)[:2]))
     return {**quoted, RULE: {"y_m": rule_m}}

@@ -52,7 +52,7 @@ def test_a_session_that_is_not_here_leaves_its_figures() -> None:
 
 
 def test_a_sentence_that_is_gone_is_reported() -> None:
-    with pytest.raises(ValueError, match="README.md: 0 places read"):
+    with pytest.raises(ValueError, match=r"README\.md: 0 places read"):
         quoted_at("no figure", next(place for place in PLACES if place.page == "README.md"))
 
 

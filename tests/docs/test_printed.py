@@ -118,14 +118,12 @@ def test_a_comment_that_is_not_understood_is_reported(tmp_path: Path) -> None:
 
 
 def test_a_command_runs_once_and_has_to_end_as_it_is_stated(tmp_path: Path) -> None:
-    shop = Workshop(tmp_path, prepare)
-    ran = shop.run("groundstation replay missing --out out", status=1)
-    assert "missing" in ran.err
+    """Expected: what it printed is used again, of the same program alone; another exit status is reported."""
+    ran = Workshop(tmp_path, prepare).run("groundstation unknown", status=2)
+    assert "unknown" in ran.err
     record = tmp_path / "ran.json"
-    record.write_text(record.read_text().replace("missing", "kept"))
-    assert Workshop(tmp_path, prepare).run("groundstation replay kept --out out", status=1).status == 1
-    with pytest.raises(RuntimeError, match="exit status 1, wanted 0: .*missing"):
-        shop.run("groundstation replay missing/ --out out")
+    record.write_text(record.read_text().replace("groundstation unknown", "groundstation kept"))
+    assert Workshop(tmp_path, prepare).run("groundstation kept", status=2) == ran
     record.write_text(record.read_text().replace('"program": "', '"program": "other'))
-    with pytest.raises(RuntimeError, match="kept"):
-        Workshop(tmp_path, prepare).run("groundstation replay kept --out out")
+    with pytest.raises(RuntimeError, match=r"groundstation kept: exit status 2, wanted 0: .*kept"):
+        Workshop(tmp_path, prepare).run("groundstation kept")
