@@ -74,7 +74,8 @@ def simulated(shop: Workshop, path: Path) -> None:
     video.release()
     if not decoded:
         raise RuntimeError(f"left.avi: frame {_FRAME} cannot be decoded")
-    cv2.imwrite(str(path), cv2.resize(picture, (640, 480), interpolation=cv2.INTER_AREA))
+    small = cv2.resize(picture, (640, 480), interpolation=cv2.INTER_AREA)
+    report_pictures.save_with_palette(Image.fromarray(cv2.cvtColor(small, cv2.COLOR_BGR2RGB)), path)
 
 
 def plan(shop: Workshop, path: Path) -> None:
