@@ -22,7 +22,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from pages.passages import ROOT, decimals, number
-from pages.workshop import Ran, Workshop
+from pages.workshop import Ran, Workshop, written
 
 _BLOCK = re.compile(r"((?:^<!--[^\n]*-->\n)+)^```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _COMMENT = re.compile(r"<!-- (printed by|run in|ends with|wrapped|figures vary)(?:: (.+?))? -->")
@@ -93,17 +93,13 @@ def _whole(beginning: str, text: str) -> str:
 def needed_before(command: str, text: str) -> list[str]:
     """Return the commands of a page that write what a command reads, in the order in which they have to run."""
     words, found = shlex.split(command), list[str]()
-    own = _written(words)
+    own = written(words)
     for other in commands(text):
-        made = _written(shlex.split(other))
+        made = written(shlex.split(other))
         reads = made is not None and made != own and any(w == made or w.startswith(f"{made}/") for w in words)
         if reads and other != command:
             found += [*needed_before(other, text), other]
     return list(dict.fromkeys(found))
-
-
-def _written(words: Sequence[str]) -> str | None:
-    return words[words.index("--out") + 1] if "--out" in words else None
 
 
 def printed(output: Output, shop: Workshop) -> Ran:

@@ -4,9 +4,10 @@ import hashlib
 import json
 import os
 import shlex
+import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -57,6 +58,7 @@ class Workshop:
         if key not in self._ran:
             if where != "." and not (self.folder / where).exists():
                 self._prepare(self.folder, where)
+            self._remove(self.folder / where, written(shlex.split(command)))
             print(f"… {command}", file=sys.stderr, flush=True)
             words = [sys.executable, "-m", "groundstation", *shlex.split(command)[1:]]
             environment = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -71,6 +73,12 @@ class Workshop:
             self._write()
         return self._ran[key]
 
+    def _remove(self, where: Path, name: str | None) -> None:
+        """Remove what another program, or a run that was cut short, has left where a command writes."""
+        left = None if name is None else where / name
+        if left is not None and left.exists() and self.folder.resolve() in left.resolve().parents:
+            shutil.rmtree(left)
+
     def _read(self) -> dict[str, Ran]:
         path = self.folder / _RECORD
         if not path.is_file():
@@ -83,6 +91,11 @@ class Workshop:
     def _write(self) -> None:
         document = {"program": self._program, "ran": {key: asdict(ran) for key, ran in self._ran.items()}}
         (self.folder / _RECORD).write_text(json.dumps(document, indent=1), encoding="utf-8")
+
+
+def written(words: Sequence[str]) -> str | None:
+    """Return the folder that a command's words name as its output."""
+    return words[words.index("--out") + 1] if "--out" in words else None
 
 
 def _program_hash() -> str:

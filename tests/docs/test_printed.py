@@ -125,5 +125,18 @@ def test_a_command_runs_once_and_has_to_end_as_it_is_stated(tmp_path: Path) -> N
     record.write_text(record.read_text().replace("groundstation unknown", "groundstation kept"))
     assert Workshop(tmp_path, prepare).run("groundstation kept", status=2) == ran
     record.write_text(record.read_text().replace('"program": "', '"program": "other'))
-    with pytest.raises(RuntimeError, match=r"groundstation kept: exit status 2, wanted 0: .*kept"):
+    with pytest.raises(RuntimeError, match=r"(?s)groundstation kept: exit status 2, wanted 0: .*kept"):
         Workshop(tmp_path, prepare).run("groundstation kept")
+
+
+def test_what_was_left_where_a_command_writes_is_removed(tmp_path: Path) -> None:
+    """Expected: a folder that an interrupted run has left is gone before the command runs; one elsewhere is not."""
+    left, kept = tmp_path / "work" / "left", tmp_path / "kept"
+    for folder in (left, kept):
+        folder.mkdir(parents=True)
+        (folder / "half.csv").write_text("t_s")
+    shop = Workshop(tmp_path / "work", prepare)
+    shop.run("groundstation unknown --out left", status=2)
+    shop.run("groundstation unknown --out ../kept", status=2)
+    assert not left.exists()
+    assert (kept / "half.csv").exists()
