@@ -1,6 +1,6 @@
 """Every figure, table, printed output and picture of README and docs, written from the program.
 
-    python benchmarks/regenerate_pages.py [--check] [--only outputs figures tables pictures] [--work DIR]
+    python benchmarks/regenerate_pages.py [--check] [--only PART …] [--pictures NAME …] [--work DIR]
 
 outputs     blocks that show what a command prints (benchmarks/pages/printed.py)
 figures     figures of sessions in sentences and tables (page_figures.py), and the files in which they are kept; of
@@ -107,10 +107,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if something differs")
     parser.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="these parts; default: all")
-    parser.add_argument("--pictures", nargs="+", metavar="NAME", help="these files of docs/images alone")
-    parser.add_argument(
-        "--work", type=Path, default=ROOT / "out" / "pages", help="where commands run; default out/pages"
-    )
+    names = [picture.name for picture in pictures.PICTURES]
+    parser.add_argument("--pictures", nargs="+", metavar="NAME", choices=names, help="these files of docs/images alone")
+    default = ROOT / "out" / "pages"
+    parser.add_argument("--work", type=Path, metavar="DIR", default=default, help="where commands run (out/pages)")
     options = parser.parse_args()
     shop = Workshop(options.work.resolve(), prepare)
     found: list[str] = []

@@ -1,7 +1,9 @@
 """What makes each file of docs/images: functions of a workshop and of the path to write."""
 
+import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -158,7 +160,8 @@ def _first_flight(shop: Workshop) -> None:
 
 
 def _benchmark(name: str, *arguments: str) -> None:
-    subprocess.run([sys.executable, str(ROOT / "benchmarks" / name), *arguments], check=True)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    subprocess.run([sys.executable, str(ROOT / "benchmarks" / name), *arguments], check=True, env=environment)
 
 
 def _in_rerun(recording: Path, seconds: float, path: Path) -> None:
@@ -177,9 +180,15 @@ def _in_rerun(recording: Path, seconds: float, path: Path) -> None:
 def _live_page(out: Path) -> Iterator[str]:
     """Run a simulated range whose screen is served to browsers; yields the address that it prints."""
     shutil.rmtree(out, ignore_errors=True)
+    out.parent.mkdir(exist_ok=True)
     command = [sys.executable, "-m", "groundstation", "live", "--simulate", "--out", str(out), "--for", "90", "--web"]
     log = out.with_suffix(".txt")
-    with log.open("w") as stream, subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT) as process:
+    # the address is written at once, not when a buffer is full
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    with (
+        log.open("w") as stream,
+        subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT, env=environment) as process,
+    ):
         try:
             while not (found := re.search(r"http://\S+", log.read_text())):
                 if process.poll() is not None:
@@ -187,4 +196,4 @@ def _live_page(out: Path) -> Iterator[str]:
                 time.sleep(0.2)
             yield found[0]
         finally:
-            process.terminate()
+            process.send_signal(signal.SIGINT)

@@ -76,8 +76,6 @@ def remade(shop: Workshop, folder: Path, names: Sequence[str] | None = None) -> 
 
     A picture takes its place when it is whole.
     """
-    known = {picture.name for picture in PICTURES}
-    yield from (f"{name}: no such picture; there are {', '.join(sorted(known))}" for name in set(names or ()) - known)
     chosen = [picture for picture in PICTURES if names is None or picture.name in names]
     for picture in chosen:
         (shop.folder / picture.name).unlink(missing_ok=True)
