@@ -9,7 +9,7 @@ KERNELS := $(shell grep -rl --include=*.py njit groundstation calibration)
 # every module as text, the tests' assertions included, half a minute of a core each.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test docs docs-check lint kernels kernels-aboard fuzz mutants peers peers-node cameras figures study constraints clean
+.PHONY: demo test docs docs-check lint kernels kernels-aboard fuzz mutants peers peers-node cameras figures pages study constraints clean
 
 # the versions that the tests ran with, for every install below
 PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
@@ -97,9 +97,13 @@ cameras: $(VENV)/installed
 figures: $(VENV)/installed
 	$(BIN)/python benchmarks/change_indicator.py --update
 
+## pages: figures, tables, printed outputs and pictures of README and docs as the program gives them now
+pages: $(VENV)/installed $(VENV)/kernels
+	$(BIN)/python benchmarks/regenerate_pages.py
+
 ## study: the slow measurements whose figures stand in docs/notes
 study: $(VENV)/installed
-	for study in $(filter-out benchmarks/change_indicator.py benchmarks/flightgear_approach.py benchmarks/mutation_score.py benchmarks/reader_fuzz.py benchmarks/recording_fuzz.py benchmarks/bank_mutation.py benchmarks/bank_notes.py benchmarks/landing_animation.py $(wildcard benchmarks/*_sheet.py),$(wildcard benchmarks/*.py)); do echo "== $$study"; $(BIN)/python $$study || exit 1; done
+	for study in $(filter-out benchmarks/change_indicator.py benchmarks/flightgear_approach.py benchmarks/mutation_score.py benchmarks/reader_fuzz.py benchmarks/recording_fuzz.py benchmarks/bank_mutation.py benchmarks/bank_notes.py benchmarks/landing_animation.py benchmarks/regenerate_pages.py benchmarks/report_pictures.py $(wildcard benchmarks/*_sheet.py),$(wildcard benchmarks/*.py)); do echo "== $$study"; $(BIN)/python $$study || exit 1; done
 
 ## constraints: the newest versions that pyproject.toml admits become those that the tests run with
 constraints:

@@ -3,45 +3,28 @@
     python benchmarks/change_indicator.py             print them with the committed ones
     python benchmarks/change_indicator.py --update    and commit to the new ones
 
-`tests/replay/test_rendered_sessions.py` compares within the tolerances given here.
+`tests/replay/test_rendered_sessions.py` compares within the tolerances of
+`benchmarks/pages/kept_figures.py`; `make pages` writes the same file, and the pages from it.
 """
 
 import argparse
 import json
-import re
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
-from groundstation.evaluation.key_figures import FigureChange, figures_of
+from pages.kept_figures import LANDING_FILE as FIGURES
+from pages.kept_figures import agrees, figures, summary_of
+
 from groundstation.replay.replay import ReplayRequest, replay
 
 ROOT = Path(__file__).resolve().parent.parent
-FIGURES = ROOT / "recordings" / "landing-1.figures.json"
-# another machine's floating point moves a contour by fractions of a pixel, not more
-RELATIVE, ABSOLUTE = 0.05, 0.003
-
-
-def figures(summary: dict[str, Any]) -> dict[str, float]:
-    """Return the figures that are watched, by name."""
-    watched = re.compile(
-        r"truth\.y[\d.-]+\.(common\.)?(ekf|triangulation)\.rmse_._m|truth\.all\.ekf\.anees|nis\.all\.mean|dgps_clock\.offset_s"
-        r"|pairs\.tracking|detections\.[^.]+\.ok"
-    )
-    found = {name: value for name, value in figures_of(summary).items() if watched.fullmatch(name)}
-    return {name: round(value, 5) for name, value in found.items()}
 
 
 def measured(out: Path) -> dict[str, float]:
     """Replay the bundled landing into ``out`` and return its figures."""
-    result = replay(ReplayRequest(session=ROOT / "recordings" / "landing-1", out=out, rerun=False))
-    return figures(result.evaluation.summary)
-
-
-def agrees(new: float, old: float) -> bool:
-    """Return whether a figure is the committed one, within tolerance."""
-    return FigureChange(before=old, after=new).within(RELATIVE, ABSOLUTE)
+    replay(ReplayRequest(session=ROOT / "recordings" / "landing-1", out=out, rerun=False))
+    return figures(summary_of(out))
 
 
 def main() -> int:

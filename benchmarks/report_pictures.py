@@ -3,7 +3,8 @@
     groundstation replay recordings/landing-1 --out out/landing-1
     python -m benchmarks.report_pictures out/landing-1/report.html docs/images
 
-Writes `report.png` (1440 px wide) and `report-phone.png` (390 px), the page's upper part.
+Writes `report.png` (1440 px wide) and `report-phone.png` (390 px), the page's upper part. `make pages` takes these and
+the other pictures of pages in a browser.
 """
 
 import argparse
@@ -11,6 +12,8 @@ import base64
 import io
 import sys
 import tempfile
+import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
@@ -22,19 +25,37 @@ PICTURES = (("report.png", 1440, 1500), ("report-phone.png", 390, 1560))
 COLOURS = 256
 
 
+def save_with_palette(picture: Image.Image, to: Path) -> None:
+    """Write a picture with few colours: a median cut, and two passes that keep small coloured details apart from it."""
+    picture.quantize(COLOURS, Image.Quantize.MEDIANCUT, kmeans=2).save(to, optimize=True)
+
+
+def take(page: Path, to: Path, width_px: int, height_px: int) -> None:
+    """Write what a browser's window of this size shows of a page, as a PNG with a palette."""
+    take_address(page.resolve().as_uri(), to, width_px, height_px)
+
+
+def take_address(
+    address: str, to: Path, width_px: int, height_px: int, *, after_s: float = 0.0, flags: Sequence[str] = ()
+) -> None:
+    """Write what a browser shows at an address so long after it has loaded; ``flags`` are added to the browser's."""
+    with tempfile.TemporaryDirectory() as profile, browser(Path(profile), flags) as window:
+        window.ask("Emulation.setScrollbarsHidden", hidden=True)
+        window.show(address, width_px, height_px)
+        time.sleep(after_s)
+        shot = base64.b64decode(window.ask("Page.captureScreenshot", format="png")["data"])
+        picture = Image.open(io.BytesIO(shot)).convert("RGB")
+        save_with_palette(picture, to)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("report", type=Path, help="a report.html")
     parser.add_argument("folder", type=Path, help="where the pictures go")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as profile, browser(Path(profile)) as page:
-        for name, width_px, height_px in PICTURES:
-            page.ask("Emulation.setScrollbarsHidden", hidden=True)
-            page.show(options.report.resolve().as_uri(), width_px, height_px)
-            shot = base64.b64decode(page.ask("Page.captureScreenshot", format="png")["data"])
-            picture = Image.open(io.BytesIO(shot)).convert("RGB")
-            picture.quantize(COLOURS, Image.Quantize.MEDIANCUT).save(options.folder / name, optimize=True)
-            print(f"wrote {options.folder / name}, {picture.size[0]}×{picture.size[1]} px")
+    for name, width_px, height_px in PICTURES:
+        take(options.report, options.folder / name, width_px, height_px)
+        print(f"wrote {options.folder / name}, {width_px}×{height_px} px")
     return 0
 
 

@@ -8,7 +8,7 @@ import select
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -125,8 +125,11 @@ class Browser:
 
 
 @contextmanager
-def browser(profile: Path) -> Iterator[Browser]:
-    """Start Chromium with a new profile; without it the test skips, or fails where it is required."""
+def browser(profile: Path, flags: Sequence[str] = ()) -> Iterator[Browser]:
+    """Start Chromium with a new profile, and with these flags after its own; without it the test skips.
+
+    It fails where Chromium is required.
+    """
     program = next((found for name in _PROGRAMS if (found := shutil.which(name))), None)
     if program is None:
         absent("chromium", "apt install chromium")
@@ -134,7 +137,7 @@ def browser(profile: Path) -> Iterator[Browser]:
     ours_in, theirs_out = os.pipe()
     start = [sys.executable, "-S", "-c", _START, str(theirs_in), str(theirs_out)]
     process = subprocess.Popen(
-        [*start, program, *_FLAGS, f"--user-data-dir={profile}"],
+        [*start, program, *_FLAGS, *flags, f"--user-data-dir={profile}"],
         pass_fds=(theirs_in, theirs_out),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

@@ -164,6 +164,21 @@ def _landing(folder: Path, rng: np.random.Generator) -> None:
         whole.release()
 
 
+def _exchanged(folder: Path, rng: np.random.Generator) -> None:
+    """The bundled landing, the columns of left and right in its table of angles exchanged."""
+    session = folder / "session"
+    session.mkdir(parents=True)
+    for file in LANDING.iterdir():
+        if file.name != "ptu.csv" and file.is_file():
+            (session / file.name).symlink_to(file)
+    head, *rows = (LANDING / "ptu.csv").read_text().splitlines()
+    other = {"left": "right", "right": "left"}
+    names = [
+        "_".join([other.get(station, station), *rest]) for station, *rest in (n.split("_") for n in head.split(","))
+    ]
+    (session / "ptu.csv").write_text("\n".join([",".join(names), *rows]) + "\n")
+
+
 def _field(folder: Path, rng: np.random.Generator) -> None:
     """A recording as `live` leaves it, of five pairs of frames."""
     kept = folder / "flights" / "2025-06-21T10-30-00Z"
@@ -226,6 +241,7 @@ _MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
     "flight": _flight,
     "import": _import,
     "landing": _landing,
+    "exchanged": _exchanged,
     "field": _field,
     "stated": _stated_rig,
     "taught": _taught,

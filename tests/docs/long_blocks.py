@@ -6,6 +6,8 @@ block that uses what a long one leaves is with it.
 
 from pathlib import Path
 
+from pages.printed import Output, outputs, pages_with_outputs
+
 from tests.docs.pages import PAGES, Block, blocks
 
 BLOCKS = {page: tuple(blocks(page)) for page in PAGES}
@@ -35,3 +37,18 @@ def run_by_test(page: Path) -> tuple[Block, ...]:
 def run_by_docs_check(page: Path) -> tuple[Block, ...]:
     """The blocks of a page that `make docs-check` runs."""
     return tuple(block for block in BLOCKS[page] if not block.parsed_only and is_long(block))
+
+
+# commands whose output a page shows that end within 5 s as they are shown
+QUICK = ("groundstation import recordings/landing-1/left.mp4 ",)
+
+
+def printed_by_test() -> list[Output]:
+    """The blocks with what a command prints that `make test` compares."""
+    return [output for page in pages_with_outputs() for output in outputs(page) if output.command.startswith(QUICK)]
+
+
+def printed_by_docs_check() -> list[Output]:
+    """The blocks with what a command prints that `make docs-check` compares."""
+    quick = printed_by_test()
+    return [output for page in pages_with_outputs() for output in outputs(page) if output not in quick]

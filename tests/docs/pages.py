@@ -7,7 +7,8 @@ A fenced block with commands may have comments right before it, which readers do
     <!-- run in: FOLDER -->             in this folder of the prepared inputs
 
 Without `parsed only` the block is run, from top to bottom, after the blocks before it on the page. Other programs
-in it are on a list in the tests, with a reason for each line.
+in it are on a list in the tests, with a reason for each line. Blocks that show what a command prints have comments of
+their own (benchmarks/pages/printed.py).
 """
 
 import re

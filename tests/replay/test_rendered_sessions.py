@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from calibrated_replays import Split, by_pixels, replayed_as, splits, spoilt_rig, truth_rmse
 from change_indicator import FIGURES, agrees, figures
+from pages.kept_figures import kept, moved
 
 from calibration.flight.calibrate import FlightRequest, calibrate_flight
 from groundstation.replay.replay import ReplayRequest, replay
@@ -113,6 +114,13 @@ def test_the_committed_figures(landing: Replayed) -> None:
         if name not in old or name not in new or not agrees(new[name], old[name])
     }
     assert not moved, f"committed and measured differ: {moved}; if that is meant, run `make figures` and say why"
+
+
+def test_the_kept_figures_of_the_take_off(takeoff: Replayed) -> None:
+    """The take-off gives the figures that the pages quote; `make pages` updates file and pages."""
+    old, new = kept()["takeoff-1"], figures(takeoff.summary)
+    found = {name: (old.get(name), new.get(name)) for name in moved(old, new)}
+    assert not found, f"kept and measured differ: {found}; if that is meant, run `make pages` and say why"
 
 
 def test_landing_filter_beats_triangulation_beyond_100_m(landing: Replayed) -> None:

@@ -1,12 +1,7 @@
 """Where each figure of the results' table stands in the notes: its sentence, or its row and column.
 
-By the words of the table's first column, in the order of its figures, templates of text from one passage of the linked
-section (a paragraph, a list's item, a table's row; bold and line breaks do not count):
-
-    #   a figure of the table, as it stands there or rounded
-    ~   any other number
-    _   what stands in a table's cell, whatever it is
-    …   any text within the passage
+By the words of the table's first column, in the order of its figures, templates (benchmarks/pages/passages.py) of text
+from one passage of the linked section: a paragraph, a list's item, a table's row.
 """
 
 _AT = "At y 100–250 m, these pairs: landing-1 "
