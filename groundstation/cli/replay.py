@@ -112,7 +112,8 @@ def run_replay(options: argparse.Namespace) -> int:
         print(f"{result.approach.text}\n")
     print_files(result.files)
     if result.fault is not None:
-        print(f"groundstation: fault in the recording: {result.fault}", file=sys.stderr)
+        hint = "; `groundstation recover` keeps what is whole" if options.session.suffix == ".mcap" else ""
+        print(f"groundstation: fault in the recording: {result.fault}{hint}", file=sys.stderr)
     for lost, why in result.given_up.items():
         print(f"groundstation: {lost} was given up: {why}; the results are whole", file=sys.stderr)
     if options.view and options.out / "session.rrd" not in result.given_up:

@@ -3,7 +3,8 @@
 import argparse
 import difflib
 import re
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NoReturn
 
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
@@ -24,6 +25,7 @@ class SuggestingParser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Return what is known and the rest; the namespace keeps ``suggestions`` for the rest, also a command's."""
+        self._words = list(sys.argv[1:] if args is None else args)
         found, rest = super().parse_known_args(args, namespace)
         options = [name for action in self._actions for name in action.option_strings]
         hints = [suggestion(word.split("=")[0], options) for word in rest if word.startswith("-")]
@@ -36,7 +38,17 @@ class SuggestingParser(argparse.ArgumentParser):
         if choice is not None:
             hint = suggestion(choice[1], [name.strip(" '") for name in choice[2].split(",")])
             message += f"; did you mean {hint}?" if hint else ""
+        if message.startswith("the following arguments are required"):
+            message += "".join(self._unknown())
         super().error(message)
+
+    def _unknown(self) -> Iterator[str]:
+        """Yield words on each option that was given and is none: it may be the required one, misspelt."""
+        options = [name for action in self._actions for name in action.option_strings]
+        for word in (word.split("=")[0] for word in self._words):
+            if word.startswith("--") and len(word) > 2 and not any(name.startswith(word) for name in options):
+                hint = suggestion(word, options)
+                yield f"; got {word}, which is none" + (f": did you mean {hint}?" if hint else "")
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from groundstation.cli.command_arguments import Commands, add_command, add_port, add_runs, require_web
 from groundstation.cli.path_arguments import WRITTEN_FILE
 from groundstation.cli.progress import ProgressDisplay
-from groundstation.errors import UsageError
+from groundstation.errors import InputError, UsageError
 
 _VIEW = """Look at a run in Rerun: scene, pictures with what was seen in them, errors,
 consistency, log. Several at once, such as two flights or one flight with two
@@ -61,6 +61,9 @@ def run_view(options: argparse.Namespace) -> int:
     if options.save is not None and options.save.suffix != ".rrd":
         raise UsageError("--save", got=str(options.save), wanted="a name that ends in .rrd, which the viewer opens")
     require_web(options)
+    for source in options.sources:
+        if not source.exists():
+            raise InputError(str(source), got="no such file or folder", wanted="a run to look at")
     shows = options.view or options.web or options.save is None
     if shows and not options.web and not has_display(os.environ):
         # before the replays, which take minutes

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TextIO
 
 from groundstation.errors import SessionError
-from groundstation.files.text_file import TextFile, absence
+from groundstation.files.text_file import TextFile, absence, is_utf16
 from groundstation.files.toml_table import quoted, shown
 
 MAX_COLUMNS = 400
@@ -44,6 +44,8 @@ class CsvTable:
         if longest > MAX_NAME_CHARACTERS:
             got, wanted = f"a column's name of {longest} characters", f"at most {MAX_NAME_CHARACTERS}"
             raise SessionError(f"{path.name}: line 1", got=got, wanted=wanted)
+        if self.columns and is_utf16(self.columns[0].encode("utf-8", "surrogateescape")):
+            raise SessionError(f"{path.name}: line 1", got="text in UTF-16", wanted="a table in UTF-8")
         for name in required:
             if name not in self.columns:
                 have = shown(", ".join(self.columns[:12]), 200) if any(self.columns) else "nothing"

@@ -28,6 +28,11 @@ def absence(file: TextFile) -> str:
     return "a folder" if isinstance(file, Path) and file.is_dir() else "no such file"
 
 
+def is_utf16(begin: bytes) -> bool:
+    """Return whether a file that begins so is text in UTF-16, as some editors and PowerShell write."""
+    return begin[:2] in (b"\xff\xfe", b"\xfe\xff")
+
+
 class TextFolder(Protocol):
     """A container of a session's files, by their names."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.errors import InputError, printable
-from groundstation.files.text_file import TextFile, absence
+from groundstation.files.text_file import TextFile, absence, is_utf16
 
 MAX_TOML_BYTES = 4_000_000
 # tomllib stores every prefix of a key: memory and time grow with the square of a key's parts; keys of this program
@@ -57,6 +57,9 @@ def load_toml(path: TextFile, error: type[InputError]) -> dict[str, Any]:
         return values
     except OSError as fault:
         raise error(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
+    except UnicodeDecodeError as fault:
+        got = "text in UTF-16" if is_utf16(fault.object[:2]) else f"bytes that are no UTF-8 ({fault.reason})"
+        raise error(str(path), got=got, wanted="a TOML file in UTF-8") from fault
     except (ValueError, RecursionError) as fault:
         # a whole number of thousands of digits is a plain ValueError
         raise error(str(path), got=f"not TOML ({shown(str(fault), 200)})", wanted="a TOML file") from fault

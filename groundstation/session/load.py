@@ -28,6 +28,9 @@ def load_session(path: Path, rig_path: Path | None = None) -> Session:
         return _load_recording(path, rig_path)
     if not path.exists() and path.suffix == ".mcap":
         raise SessionError(str(path), got="no such file", wanted="a recording")
+    if (path / "metadata.yaml").is_file() and not (path / RIG).exists():
+        wanted = "a session folder or a recording: `groundstation convert` turns a bag into a folder"
+        raise SessionError(str(path), got="a ROS 2 bag", wanted=wanted)
     return load_folder(path, rig_path)
 
 

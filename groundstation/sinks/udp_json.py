@@ -21,7 +21,7 @@ class UdpJsonSender:
     def __init__(self, address: str) -> None:
         match = _ADDRESS.fullmatch(address)
         if match is None or not 0 < int(match[3]) < 65_536:
-            raise ConfigError("--udp", got=repr(address), wanted="HOST:PORT")
+            raise ConfigError("--udp", got=repr(address), wanted="HOST:PORT, the port from 1 to 65535")
         host = match[1] or match[2]
         try:
             family, kind, protocol, _, to = socket.getaddrinfo(host, int(match[3]), type=socket.SOCK_DGRAM)[0]

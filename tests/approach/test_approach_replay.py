@@ -90,6 +90,29 @@ def test_a_replay_with_a_site_reports_the_landing(landed: Path) -> None:
     assert any(text.startswith("approach: ") for text in texts)
 
 
+@pytest.mark.parametrize(
+    ("runway", "said"),
+    [
+        (
+            "direction_deg = 180",
+            "no approach: the track never came towards the site's threshold (0, 0, 0) m, direction",
+        ),
+        (
+            "threshold_m = [0, -800, 0]",
+            "m before the site's threshold (0, -800, 0) m, direction 0°: is it that runway's?",
+        ),
+    ],
+)
+def test_a_runway_that_was_not_flown_to_is_told(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], runway: str, said: str
+) -> None:
+    site = tmp_path / "site.toml"
+    site.write_text(f'format = "groundstation-landing-site/1"\n[runway]\n{runway}\n')
+    words = ["--no-rerun", "--site", str(site), "--from", "22"]
+    assert main(["replay", str(session), "--out", str(tmp_path / "out"), *words]) == 0
+    assert said in capsys.readouterr().out
+
+
 def _messages(datagrams: list[bytes]) -> list[Any]:
     codec = common.MAVLink(None)
     return [message for data in datagrams for message in codec.parse_buffer(data) or ()]

@@ -52,6 +52,19 @@ def test_there_and_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
         assert (second / name).read_bytes() == (first / name).read_bytes()
 
 
+def test_a_full_disk_leaves_no_recording_and_none_is_called_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("groundstation.recording.recorder._free_bytes", lambda _: 0)
+    packed = tmp_path / "packed.mcap"
+    assert main(["convert", str(Tiny(rows=8, video="png").write(tmp_path / "first")), str(packed)]) == 1
+    printed = capsys.readouterr()
+    assert "wrote" not in printed.out
+    assert f"{packed}: got " in printed.err
+    assert "disk full, 0 MB free" in printed.err
+    assert not packed.exists()
+
+
 def test_a_converted_folder_replays_as_the_folder(tmp_path: Path) -> None:
     first = Tiny(rows=12).write(tmp_path / "first")
     packed = tmp_path / "packed.mcap"

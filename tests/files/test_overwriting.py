@@ -220,6 +220,19 @@ def test_a_link_that_leads_to_itself_is_one_line(
     assert said in error
 
 
+@pytest.mark.parametrize("words", [("replay", "session", "--out", ""), ("replay", "", "--out", "out"), ("plan", "")])
+def test_a_path_of_no_text_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    """Expected: as of a shell's variable that is not set; it would be the current folder."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    assert ended.value.code == 2
+    assert "got ''; wanted a path" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_two_outputs_are_two_files(tmp_path: Path) -> None:
     one = Output(path=tmp_path / "a.csv", option="--csv")
     other = Output(path=tmp_path / "none" / ".." / "a.csv", option="--json")

@@ -181,6 +181,15 @@ def test_what_it_is_good_enough_for(tmp_path: Path) -> None:
     assert all(len(line) <= 120 for line in text.splitlines())
 
 
+def test_an_aircraft_wider_than_the_picture_is_good_enough_for_nothing(tmp_path: Path) -> None:
+    """Expected: at 100 m a span of 2.3 m and 6667 px of focal length are 153 px; 20 times as much is too large."""
+    text = EXACT.replace("image_size_px = [1280, 960]", "image_size_px = [140, 105]")
+    site = load(tmp_path, text + "[required_sigma_m]\nflare = [1, 900, 1]\n")
+    reported = format_plan(site, forecast(site))
+    assert "the aircraft fills the picture at 100 m: a shorter focal length" in reported
+    assert "good enough for flare (1/900/1 m) at 200-600 m; " in reported
+
+
 def test_an_invisible_target_is_reported(tmp_path: Path) -> None:
     text = EXACT.replace("pixel_sigma_px = 0.5", "min_silhouette_px = 500")
     site = load(tmp_path, text + "[required_sigma_m]\nflare = [1, 1, 1]\n")

@@ -96,6 +96,11 @@ def test_clocks_and_covariance(tmp_path: Path) -> None:
         ),
         ("[64, 48]", "[64.5, 48]", "image_size_px: got [64.5, 48.0]; wanted two whole numbers of pixels"),
         ("[64, 48]", "[64, 1e9]", "image_size_px: got"),
+        (
+            "[31.5, 23.5]",
+            "[5000, 23.5]",
+            "principal_point_px: got [5000.0, 23.5]; wanted a point in the picture of 64 × 48",
+        ),
         ("0.00625", "-0.00625", "ptu_resolution_deg: got -0.00625; wanted a finite number ≥ 0"),
         ("fixed = false", 'fixed = "no"', "fixed: got 'no'; wanted true or false"),
         ("fixed = false", 'known = ["place"]', "known: got ['place']; wanted a list of position, orientation, lens"),
