@@ -16,7 +16,7 @@ import numpy as np
 from parallel_study import StudyRun, add_study_arguments, as_json, in_blocks
 
 from groundstation.arrays import FloatArray
-from groundstation.cli.number_arguments import count
+from groundstation.cli.number_arguments import count, parse_number
 from groundstation.simulation.autopilot_receivers.landing_streams import RECEIVERS
 from groundstation.simulation.flown_landing.gusty_wind import WindStrength
 from groundstation.simulation.flown_landing.landing_flight import LandingOutcome, LandingSetup, land_on_true_state
@@ -109,12 +109,16 @@ def _scatter(axis: str, true: FloatArray, stream: FloatArray) -> str:
     )
 
 
+def _speed_m_s(text: str) -> float:
+    return parse_number(text, "a number from 0 to 15", lambda value: 0.0 <= value <= 15.0)
+
+
 def main() -> None:
     """Print the errors, the scatter of the touchdowns and the outcomes."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--landings", type=count, default=40, metavar="N", help="seeds from 0 on (default: 40)")
-    parser.add_argument("--gust", type=float, default=6.0, metavar="M_S", help="largest gust (default: 6)")
-    parser.add_argument("--wind", type=float, default=6.0, metavar="M_S", help="largest mean wind (default: 6)")
+    parser.add_argument("--gust", type=_speed_m_s, default=6.0, metavar="M_S", help="largest gust (default: 6)")
+    parser.add_argument("--wind", type=_speed_m_s, default=6.0, metavar="M_S", help="largest mean wind (default: 6)")
     parser.add_argument(
         "--receiver", default=DEFAULT_RECEIVER, metavar="TEXT", help="one whose name contains it (default: GPS_INPUT)"
     )
