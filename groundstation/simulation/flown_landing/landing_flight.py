@@ -93,9 +93,8 @@ class LandingFlight:
             span_m=setup.span_m,
             step_s=STEP_S,
             height_m=height_m + off_m[1],
-            airspeed_m_s=plan.airspeed_m_s,
+            speed_m_s=plan.airspeed_m_s,
             glide_rad=plan.glide_rad,
-            wind_ned_m_s=self._wind.at(0.0, height_m),
         )
         self._sensors = InertialSensors(np.random.default_rng([seed, _SENSORS]), setup.sensors, STEP_S)
         self._autopilot = LandingAutopilot(plan, STEP_S)

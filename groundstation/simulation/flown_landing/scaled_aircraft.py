@@ -71,8 +71,7 @@ class ScaledAircraft:
     span_m : to which it is scaled.
     step_s : of `step`, time of the small aircraft.
     height_m : of its centre of gravity over the runway.
-    airspeed_m_s, glide_rad : at the start.
-    wind_ned_m_s : (3,) at the start.
+    speed_m_s, glide_rad : over ground at the start; the wind begins with `blow`.
 
     Raises `NoFlightModelError` where JSBSim is not installed.
     """
@@ -83,9 +82,8 @@ class ScaledAircraft:
         span_m: float,
         step_s: float,
         height_m: float,
-        airspeed_m_s: float,
+        speed_m_s: float,
         glide_rad: float,
-        wind_ned_m_s: FloatArray,
     ) -> None:
         self._scale = span_m / _SPAN_M
         self._root = math.sqrt(self._scale)
@@ -96,8 +94,7 @@ class ScaledAircraft:
         model = self._model
         for name, value in (
             ("ic/h-agl-ft", height_m / self._scale / FOOT_M), ("ic/psi-true-deg", 0.0),
-            ("ic/vt-fps", airspeed_m_s / self._root / FOOT_M), ("ic/gamma-deg", -math.degrees(glide_rad)),
-            *((f"ic/vw-{axis}-fps", float(wind_ned_m_s[k]) / self._root / FOOT_M) for k, axis in enumerate(_AXES)),
+            ("ic/vt-fps", speed_m_s / self._root / FOOT_M), ("ic/gamma-deg", -math.degrees(glide_rad)),
         ):  # fmt: skip
             model[name] = value
         model.run_ic()
