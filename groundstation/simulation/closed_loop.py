@@ -128,7 +128,8 @@ class ClosedLoopSimulation:
 
     Parameters
     ----------
-    rig : of the pipeline; the simulated hardware is identical.
+    rig : of the pipeline.
+    true_rig : of the simulated hardware, with the same stations; None for the pipeline's.
     flight : the target point.
     faults : kinds of faults and their times.
     span_m : wing span of the target as in a station file; None if unknown.
@@ -146,6 +147,7 @@ class ClosedLoopSimulation:
         seed: int = 0,
         span_m: float | None = None,
         listener: StationListener | None = None,
+        true_rig: Rig | None = None,
     ) -> None:
         self._rig, self._config, self._flight, self._faults = rig, config, flight, tuple(faults)
         self._span_m, self._listener = span_m, listener
@@ -154,7 +156,7 @@ class ClosedLoopSimulation:
         # its own random stream, so that a receiver does not change the other draws
         self._receiver_random = np.random.default_rng([seed, 1])
         self._last_fix_m: FloatArray | None = None
-        self._geometries = {s.name: s.geometry() for s in rig.stations}
+        self._geometries = {s.name: s.geometry() for s in (rig if true_rig is None else true_rig).stations}
         self._frozen: dict[str, tuple[float, float]] = {}
         self._repeated: set[str] = set()
         self._heads: dict[str, ClosedLoopHead] = {}
@@ -184,6 +186,10 @@ class ClosedLoopSimulation:
             action(now_s)
         self._done(self._core.finish())
         return self._result
+
+    def stop(self) -> None:
+        """End the simulation at the present time; for a listener."""
+        self._line.clear()
 
     def _schedule(self, start_s: float, end_s: float) -> None:
         """Schedule all exposures, PTU queries, time steps and restarts."""
@@ -339,14 +345,12 @@ class ClosedLoopSimulation:
             acceleration_rad_s2=math.radians(h.head_acceleration_deg_s2),
         )
         limits = HeadLimits(pan=axis, tilt=axis)
+        stated = {s.name: s.geometry() for s in self._rig.stations}
         config = live_config(self._config, h.frame_rate_hz)
         clock = ParameterPrior.independent([f"{DGPS_CLOCK}.offset"], [config.estimation.reference_clock_sigma_s])
         return LiveCore(
             Pipeline(self._rig, config, span_m=self._span_m, reference_errors=clock if h.dgps_rate_hz > 0.0 else None),
             FramePairer(self._rig.names, 1.0 / h.frame_rate_hz),
-            {
-                n: HeadController(g, limits, PointingConfig(latency_s=h.head_latency_s))
-                for n, g in self._geometries.items()
-            },
-            SearchPattern(self._geometries, SearchConfig()),
+            {n: HeadController(g, limits, PointingConfig(latency_s=h.head_latency_s)) for n, g in stated.items()},
+            SearchPattern(stated, SearchConfig()),
         )

@@ -1,12 +1,13 @@
 """A landing in operation, in virtual time: the heads follow, faults cost what they must and no more, nothing lies."""
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from groundstation.messages import TrackStatus
+from groundstation.messages import Kinematics, StepReport, TrackStatus
 from groundstation.rig.rig import load_rig
 from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.closed_loop import (
@@ -16,6 +17,7 @@ from groundstation.simulation.closed_loop import (
     ClosedLoopResult,
     ClosedLoopSimulation,
 )
+from groundstation.simulation.rig_errors import StationErrors, perturbed
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.tracking.config import Config
 from tests.stereo_rig import make_rig, with_angle_noise
@@ -99,6 +101,44 @@ def test_a_receivers_clock_that_steps_does_not_move_the_track(step_s: float, to_
     ).run()
     assert result.share(TrackStatus.TRACKING, 1.0, 6.0) >= 0.99
     assert result.squared_errors(1.0).mean() / 3.0 < 1.0
+
+
+def test_a_rig_stated_wrongly_moves_the_track_and_not_the_picture() -> None:
+    """Both stations truly look 0.05° further to the left than stated: the target is thought to be to the right."""
+    rig = with_angle_noise(make_rig(), np.radians(0.01))
+    by_rad = np.radians(0.05)
+    turned = StationErrors(mount_rad=np.array([0.0, 0.0, by_rad]))
+    true = perturbed(rig, dict.fromkeys(rig.names, turned))
+    short = GlideApproach(start_y_m=300.0, end_y_m=240.0, speed_m_s=20.0, aim_y_m=60.0)
+    result = ClosedLoopSimulation(rig, Config(), short, seed=1, true_rig=true).run()
+    assert np.mean(np.array(result.inside)[np.array(result.at_s) > 1.0]) >= 0.99
+    last = result.estimates[-1].kinematics
+    assert last is not None
+    off = last.position_runway_m - result.truth_m[-1]
+    assert off[0] == pytest.approx(by_rad * result.truth_m[-1][1], rel=0.2)
+
+
+class _Stopping:
+    """A listener that ends the simulation."""
+
+    simulation: ClosedLoopSimulation
+    heard_s = 0.0
+
+    def note(self, report: StepReport) -> None:
+        pass
+
+    def pass_time(self, now_s: float, estimate_at: Callable[[float], Kinematics | None]) -> None:
+        self.heard_s = now_s
+        if now_s >= 0.5:
+            self.simulation.stop()
+
+
+def test_a_listener_can_end_it() -> None:
+    listener = _Stopping()
+    listener.simulation = ClosedLoopSimulation(make_rig(), Config(), FLIGHT, seed=1, listener=listener)
+    result = listener.simulation.run()
+    assert listener.heard_s == pytest.approx(0.5, abs=0.006)
+    assert 0.4 < result.at_s[-1] <= 0.5
 
 
 def test_a_head_that_homes_is_out_of_it_and_comes_back() -> None:
