@@ -43,7 +43,7 @@ def fly_by_jsbsim(*, seed: int, samples: int, rate_hz: float, glide_rad: float, 
 
     Parameters
     ----------
-    wind_m_s : from the right; it also sets the strength of the turbulence.
+    wind_m_s : sets the strength of the turbulence; the mean wind is calm.
 
     Raises `NoFlightModelError` where JSBSim is not installed.
     """
@@ -65,7 +65,7 @@ def _started(seed: int, rate_hz: float, glide_rad: float, wind_m_s: float) -> An
     model = loaded_c172(rate_hz)
     for name, value in (
         ("ic/h-sl-ft", _START_FT), ("ic/vc-kts", _SPEED_KT), ("ic/gamma-deg", -float(np.degrees(glide_rad))),
-        ("ic/psi-true-deg", 0.0), ("ic/vw-east-fps", -wind_m_s / FOOT_M),
+        ("ic/psi-true-deg", 0.0),
     ):  # fmt: skip
         model[name] = value
     model.run_ic()

@@ -106,12 +106,14 @@ def take_off_by_jsbsim(
     start_turbulence(model, seed, wind_m_s)
     model["propulsion/set-running"], model["fcs/mixture-cmd-norm"] = -1.0, 0.9
     controller, rows = _TakeOffController(model), []
+    moved_m = np.zeros(2)
     far_m = (start_y_m - end_y_m) / scale
     for k in range(round(_MOST_S / _STEP_S)):
         t_s = k * _STEP_S
         controller.act(t_s)
         model.run()
-        place = _nose(model)
+        moved_m += _STEP_S * FOOT_M * np.array([model["velocities/v-north-fps"], model["velocities/v-east-fps"]])
+        place = _nose(model, moved_m)
         controller.east_m = float(place[1])
         if t_s >= _SETTLE_S:
             rows.append(place)
@@ -124,16 +126,19 @@ def take_off_by_jsbsim(
     return SampledTrajectory(t_s=t, position_m=position, velocity_m_s=np.gradient(position, t, axis=0))
 
 
-def _nose(model: Any) -> FloatArray:
-    """Return where the nose is: north, east, up, m from the start."""
+def _nose(model: Any, moved_m: FloatArray) -> FloatArray:
+    """Return where the nose is: north, east, up, m from the start; ``moved_m`` (2,) is how far the aircraft moved.
+
+    JSBSim's own distances from the start have no sign.
+    """
     roll, pitch, yaw = (float(model[f"attitude/{name}-rad"]) for name in ("phi", "theta", "psi"))
     turn = rotation_from_vector(np.array([0.0, 0.0, yaw]))
     turn = turn @ rotation_from_vector(np.array([0.0, pitch, 0.0])) @ rotation_from_vector(np.array([roll, 0.0, 0.0]))
     north, east, down = turn @ _NOSE_M
     return np.array(
         [
-            model["position/distance-from-start-lat-mt"] + north,
-            model["position/distance-from-start-lon-mt"] + east,
+            moved_m[0] + north,
+            moved_m[1] + east,
             model["position/h-agl-ft"] * FOOT_M - down,
         ]
     )

@@ -65,3 +65,14 @@ def test_it_is_cut_short_and_refused_like_the_others() -> None:
     assert short.span_s == (0.0, 5.0)
     with pytest.raises(ScenarioError, match="wind_m_s"):
         flight(FlightName.TAKE_OFF, wind_m_s=30.0, aircraft=FlightModelKind.JSBSIM)
+
+
+def test_it_leaves_the_line_to_either_side_and_is_steered_back() -> None:
+    """Expected: with gusts the path crosses the line without a kink; distances without a sign would mirror it."""
+    flown = flown_before(4, 5.0)
+    t = np.arange(flown.span_s[0], flown.span_s[1], 0.02)
+    across, speed = flown.position(t)[:, 0], flown.velocity(t)[:, 0]
+    assert across.min() < 0.0 < across.max()
+    assert np.abs(np.diff(speed)).max() / 0.02 < 12.0
+    # off the line by metres, and back towards it: not away for the rest of the flight
+    assert np.abs(across).max() < 15.0
