@@ -17,6 +17,9 @@ PLACES: dict[str, tuple[str, ...]] = {
     "stream at the moment of use, radio of 30–200 ms: rms over the filter's": (
         "ratio # (PX4, global position, synchronised) to # (PX4",
     ),
+    "landing on the stream: height below 20 m; scatter over the true state's": (
+        "height below 20 m # m rms; touchdown scatter over that on the true state # along and # across",
+    ),
     "misleading approaches, faults by stated priors": (
         "| – misleading | # |",
         "| approaches by their priors [nature] | # |",
