@@ -43,6 +43,7 @@ from groundstation.tracking.config import config_to_mapping
 from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.warm_up import warm_up
+from groundstation.viewer.recording_file import remove_draft
 
 # a run that tracked less of its epochs has not tracked its aircraft
 _TRACKED_SHARE = 0.2
@@ -56,6 +57,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     Raises `InputError` if the session cannot be loaded. A fault during the run is in the result.
     """
     with ExitStack() as unfinished:
+        # an interrupt may fall between a draft's creation and what would discard it
+        unfinished.callback(remove_draft, request.out / "session.rrd")
         return _replay(request, progress, unfinished)
 
 

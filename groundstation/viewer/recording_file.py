@@ -17,6 +17,16 @@ from groundstation.errors import InputError, SessionError
 _CHUNK_BYTES = 1 << 16
 
 
+def remove_draft(path: Path) -> None:
+    """Delete what this process has written of a recording that never got its name."""
+    with suppress(OSError):
+        _draft_of(path).unlink(missing_ok=True)
+
+
+def _draft_of(path: Path) -> Path:
+    return path.with_name(f".{os.getpid()}.part.{path.name}")
+
+
 class RecordingFile:
     """Open a file for a recording stream, which must have no other sink; an older file is removed.
 
@@ -26,7 +36,7 @@ class RecordingFile:
 
     def __init__(self, path: Path, stream: rr.RecordingStream) -> None:
         self._path, self._stream = path, stream
-        self._draft = path.with_name(f".{os.getpid()}.part.{path.name}")
+        self._draft = _draft_of(path)
         self.fault: str | None = None
         self._ended = False
         path.unlink(missing_ok=True)

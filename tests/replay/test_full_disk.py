@@ -101,3 +101,23 @@ def test_an_interrupt_leaves_whole_lines_and_no_draft(tmp_path: Path) -> None:
         replay(_request(tmp_path), interrupted)
     assert sorted(_names(tmp_path)) == sorted(TABLES)
     assert all(_whole_lines(tmp_path / name) and (tmp_path / name).stat().st_size for name in TABLES[:3])
+
+
+def test_an_interrupt_right_after_the_recordings_draft_leaves_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: before anything has been told of the draft that was just made."""
+    import groundstation.replay.replay_outputs as outputs
+
+    made, found = outputs.session_view, []
+
+    def interrupted(*arguments: object) -> None:
+        made(*arguments)  # type: ignore[arg-type]
+        found.extend(_names(tmp_path))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(outputs, "session_view", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        replay(_request(tmp_path))
+    assert any(".part.session.rrd" in name for name in found)
+    assert not any("session.rrd" in name for name in _names(tmp_path))
