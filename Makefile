@@ -18,6 +18,7 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
 	@$(PYTHON) -c 'import venv, ensurepip' || { echo "On Debian and Ubuntu: apt install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
+	@echo "installing into $(VENV): takes a few minutes, most of it download"
 	$(BIN)/python $(PIP_INSTALL) --editable '.[dev,docs,logs,autopilot]'
 	@touch $@
 

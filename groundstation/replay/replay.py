@@ -27,7 +27,7 @@ from groundstation.replay.recording_replay import (
     without_reference_fixes,
 )
 from groundstation.replay.reference_prior import ReferencePrior
-from groundstation.replay.replay_inputs import ReplayInputs, learning_fixes, load_inputs
+from groundstation.replay.replay_inputs import ReplayInputs, learning_fixes, load_inputs, reference_time_notes
 from groundstation.replay.replay_outputs import ReplayOutputs
 from groundstation.replay.replay_request import ReplayRequest, ReplayResult
 from groundstation.replay.run_pipeline import RunOutcome, run_pipeline
@@ -108,6 +108,8 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
     notes = [] if outcome.fault is None else [str(outcome.fault)]
     notes += recording_notes(source, outputs.recorder)
     notes += _pipeline_notes(pipeline, fixes)
+    if request.from_s is None and request.to_s is None:
+        notes += reference_time_notes(inputs.dgps, source.span_s, config.evaluation.max_offset_s)
     smoothed_track = outputs.smoothed_track()
     speed = _speed(outcome, span_s, prepared_s)
     evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed, written)

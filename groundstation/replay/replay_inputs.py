@@ -1,6 +1,7 @@
 """What a replay reads before its first frame: session, tuning, references, and notes on them."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,6 +77,17 @@ def learning_fixes(request: ReplayRequest, inputs: ReplayInputs) -> list[Referen
         got = f"no DGPS fix up to {request.learn_until_s:g} s" if inputs.dgps else "no DGPS at all"
         raise SessionError(inputs.session.name, got=got, wanted="some, for --learn-until")
     return fixes
+
+
+def reference_time_notes(dgps: Sequence[DgpsFix], span_s: tuple[float, float], max_offset_s: float) -> list[str]:
+    """Return a note where no position of the reference is of the pictures' time, s, whatever its clock's offset."""
+    times = [fix.t_s for fix in dgps]
+    if not times or (min(times) <= span_s[1] + max_offset_s and max(times) >= span_s[0] - max_offset_s):
+        return []
+    here, there = (f"{a:.1f} to {b:.1f} s" for a, b in (span_s, (min(times), max(times))))
+    return [
+        f"DGPS: its times, {there}, have nothing in common with the pictures', {here}: in seconds, of this session?"
+    ]
 
 
 def _usable_session(request: ReplayRequest) -> Session:

@@ -26,6 +26,7 @@ def test_show_prints_settings_rate_and_clock(video: Path, tmp_path: Path, capsys
     assert "64 × 48 px" in printed.out
     assert "measured      25.000 Hz" in printed.out
     assert "0 lost" in printed.out
+    assert "clock         none to be fitted: a frame of a file has the time at which it is due" in printed.out
     assert "opened" in printed.err
     assert "the file ends after 15 frames" in printed.err
     assert cv2.imread(str(picture)).shape == (48, 64, 3)

@@ -84,3 +84,13 @@ def test_a_session_without_a_track_says_why(tmp_path: Path, capsys: pytest.Captu
     page = (out / "report.html").read_text()
     assert "No track: in none of 12 pairs" in page
     assert "no usable reference" not in page
+
+
+def test_a_reference_of_another_time_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: dgps.csv in ms is named; the same in seconds is not."""
+    for factor, told in ((1000.0, True), (1.0, False)):
+        session = Tiny(rows=12).write(tmp_path / f"session-{factor:g}")
+        rows = [f"{factor * (1.0 + 0.1 * k):.3f},0,{300 - k},20" for k in range(10)]
+        (session / "dgps.csv").write_text("\n".join(["t_s,x_m,y_m,z_m", *rows]) + "\n")
+        main(["replay", str(session), "--out", str(tmp_path / f"out-{factor:g}"), "--no-rerun"])
+        assert ("have nothing in common with the pictures'" in capsys.readouterr().out) is told

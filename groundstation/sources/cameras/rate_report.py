@@ -106,7 +106,9 @@ def format_rate(report: RateReport | None, counts: CameraCounts, clock: ClockFit
             ),
             ("stamps", f"± {report.sigma_s * 1e3:.3f} ms (1 σ)"),
         ]
-    if clock is None:
+    if clock is None and report is not None and report.device_jitter_s is not None:
+        rows.append(("clock", "none to be fitted: a frame of a file has the time at which it is due"))
+    elif clock is None:
         rows.append(("clock", "the camera has none; frames are stamped by their arrival"))
     else:
         drift = f"drift {clock.drift * 1e6:+.1f} ± {clock.drift_sigma * 1e6:.1f} ppm"
