@@ -106,10 +106,8 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         outputs.finish_approach()
     pipeline.finish_smoothing()
     notes = [] if outcome.fault is None else [str(outcome.fault)]
-    notes += recording_notes(source, outputs.recorder)
-    notes += _pipeline_notes(pipeline, fixes)
-    if request.from_s is None and request.to_s is None:
-        notes += reference_time_notes(inputs.dgps, source.span_s, config.evaluation.max_offset_s)
+    notes += recording_notes(source, outputs.recorder) + _pipeline_notes(pipeline, fixes)
+    notes += reference_time_notes(request, inputs, source.span_s)
     smoothed_track = outputs.smoothed_track()
     speed = _speed(outcome, span_s, prepared_s)
     evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed, written)

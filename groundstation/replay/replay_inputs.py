@@ -1,7 +1,6 @@
 """What a replay reads before its first frame: session, tuning, references, and notes on them."""
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,15 +78,18 @@ def learning_fixes(request: ReplayRequest, inputs: ReplayInputs) -> list[Referen
     return fixes
 
 
-def reference_time_notes(dgps: Sequence[DgpsFix], span_s: tuple[float, float], max_offset_s: float) -> list[str]:
-    """Return a note where no position of the reference is of the pictures' time, s, whatever its clock's offset."""
-    times = [fix.t_s for fix in dgps]
-    if not times or (min(times) <= span_s[1] + max_offset_s and max(times) >= span_s[0] - max_offset_s):
+def reference_time_notes(request: ReplayRequest, inputs: ReplayInputs, span_s: tuple[float, float]) -> list[str]:
+    """Return a note where no DGPS position is of the time of the pictures, ``span_s``, whatever its clock's offset.
+
+    A part of a session that was asked for may lie outside of its reference.
+    """
+    times, most_s = [fix.t_s for fix in inputs.dgps], inputs.config.evaluation.max_offset_s
+    if not times or request.from_s is not None or request.to_s is not None:
+        return []
+    if min(times) <= span_s[1] + most_s and max(times) >= span_s[0] - most_s:
         return []
     here, there = (f"{a:.1f} to {b:.1f} s" for a, b in (span_s, (min(times), max(times))))
-    return [
-        f"DGPS: its times, {there}, have nothing in common with the pictures', {here}: in seconds, of this session?"
-    ]
+    return [f"DGPS: its times, {there}, have nothing in common with the pictures', {here}: seconds of this session?"]
 
 
 def _usable_session(request: ReplayRequest) -> Session:
