@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 # a simulated aircraft is in view from the start, and found within some seconds
 _LEAST_FLIGHT_S = 8.0
+# of the pairs of a landing that is tracked late, half are tracked; of one that is lost at once, some in a hundred
+_LEAST_SHARE = 0.1
 _LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
 follow it, everything is recorded. Ctrl-C parks the heads and ends it within 3 s,
 before it has begun once the step under way is done; parking may take longer
@@ -51,7 +53,7 @@ The station file: docs/live.md
 
 exit code: 0 done; 1 a device or a file is at fault, nothing at all could be
 recorded, a process that drives the heads was lost, even if it was begun again,
-or a simulated flight was not tracked at all; 2 wrong usage; 130 interrupted
+or a simulated flight was hardly tracked; 2 wrong usage; 130 interrupted
 before it had begun"""
 
 
@@ -188,19 +190,23 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
 
 
 def _why_untracked(result: "LiveResult") -> str:
-    """Return why a simulated flight was not tracked at all; "" if it was, or if it ended before it could be."""
+    """Return why a simulated flight was hardly tracked; "" if it was, or if it ended before it could be."""
     done = result.operation
-    if done.tracked or (done.epochs > 0 and done.elapsed_s < _LEAST_FLIGHT_S):
+    if done.tracked > _LEAST_SHARE * done.epochs or (done.epochs > 0 and done.elapsed_s < _LEAST_FLIGHT_S):
         return ""
-    behind = done.dropped.get("pairs, being behind", 0)
+    from groundstation.simulation.render_rate import FEWEST_PAIRS_HZ
+
+    behind, rate_hz = done.dropped.get("pairs, being behind", 0), done.epochs / max(done.elapsed_s, 1e-9)
     if not done.epochs:
         reason = "no pair of pictures came"
     elif behind > done.epochs // 2:
         reason = f"the computer was behind, and {behind} pairs were dropped: try a lower --rate, or end other programs"
+    elif rate_hz < FEWEST_PAIRS_HZ:
+        reason = f"{rate_hz:.1f} pairs per s are too few to find and hold an aircraft: end other programs"
     else:
-        rate = done.epochs / done.elapsed_s
-        reason = f"in none of {done.epochs} pairs ({rate:.1f} per s) was the aircraft found by both cameras"
-    return f"no track: {reason}"
+        seen = f"in {done.tracked or 'none'} of {done.epochs} pairs ({rate_hz:.1f} per s)"
+        reason = f"{seen} was the aircraft found by both cameras"
+    return f"{'hardly any' if done.tracked else 'no'} track: {reason}"
 
 
 def _result_text(result: "LiveResult", score: "SimulationScore | None" = None, missing: int = 0) -> str:

@@ -13,7 +13,7 @@ from groundstation.simulation.device_faults import TimedFault
 from groundstation.simulation.device_simulator import DeviceSimulator, DeviceSimulatorConfig
 from groundstation.simulation.fault_timetable import check_timetable
 from groundstation.simulation.flights import FlightModelKind
-from groundstation.simulation.render_rate import FULL_RATE_HZ
+from groundstation.simulation.render_rate import FEWEST_PAIRS_HZ, FULL_RATE_HZ
 from groundstation.simulation.repeated_landings import landings
 from groundstation.simulation.simulated_receiver import ReceiverModel
 from groundstation.simulation.simulated_station_file import simulated_station_file
@@ -48,10 +48,6 @@ class SimulatedStationConfig:
     timetable: tuple[TimedFault, ...] = ()
     wind_m_s: float = 0.0
     aircraft: FlightModelKind = FlightModelKind.WAVES
-
-
-# render_rate: at 2 pairs/s it was tracked in 65 % of the pairs; next to ten programs, at 1, in 2 %
-_LEAST_RATE_HZ = 3.0
 
 
 class SimulatedStation(StationSimulator):
@@ -146,6 +142,6 @@ class SimulatedStation(StationSimulator):
 
 def _few(rate_hz: float) -> str:
     """Return what follows where the rate is too low for a track that holds."""
-    if rate_hz >= _LEAST_RATE_HZ:
+    if rate_hz >= FEWEST_PAIRS_HZ:
         return ""
     return " (too few to find and hold an aircraft for sure; programs that run next to it take the rest)"

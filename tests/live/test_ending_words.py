@@ -74,17 +74,24 @@ def test_without_a_recording_the_exit_code_is_an_error(
 
 
 @pytest.mark.parametrize(
-    ("epochs", "behind", "words"),
+    ("epochs", "tracked", "behind", "words"),
     [
-        (0, 0, "no track: no pair of pictures came"),
-        (40, 30, "no track: the computer was behind, and 30 pairs were dropped: try a lower --rate"),
-        (40, 3, "no track: in none of 40 pairs (4.0 per s) was the aircraft found by both cameras"),
+        (0, 0, 0, "no track: no pair of pictures came"),
+        (40, 0, 30, "no track: the computer was behind, and 30 pairs were dropped: try a lower --rate"),
+        (40, 0, 3, "no track: in none of 40 pairs (4.0 per s) was the aircraft found by both cameras"),
+        (40, 1, 3, "hardly any track: in 1 of 40 pairs (4.0 per s) was the aircraft found by both cameras"),
+        (10, 0, 0, "no track: 1.0 pairs per s are too few to find and hold an aircraft: end other programs"),
     ],
 )
 def test_a_simulated_flight_without_a_track_says_why_and_exits_with_1(
-    epochs: int, behind: int, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    epochs: int,
+    tracked: int,
+    behind: int,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    result = ended(epochs=epochs, tracked=0)
+    result = ended(epochs=epochs, tracked=tracked)
     operation = replace(result.operation, dropped={"pairs, being behind": behind} if behind else {})
     monkeypatch.setattr("groundstation.live.command.live", lambda *_, **__: replace(result, operation=operation))
     assert main(["live", "--simulate", "--out", "x"]) == 1
