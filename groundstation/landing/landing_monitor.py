@@ -11,13 +11,13 @@ import numpy as np
 
 from groundstation.integrity.gnss_watch import GnssAssessment, GnssVerdict, GnssWatch
 from groundstation.integrity.own_position import OwnPosition
-from groundstation.landing.approach_prior import ApproachPrior, WheelPosition
 from groundstation.landing.approach_record import ApproachRecord
 from groundstation.landing.glide_path import ApproachDeviations, approach_deviations
 from groundstation.landing.landing_report import ApproachOutcome, LandingReport
 from groundstation.landing.threshold_state import threshold_state
 from groundstation.landing.touchdown import NoTouchdown, TouchdownForecast, TouchdownPredictor
 from groundstation.landing.touchdown_detection import Contact, TouchdownDetector
+from groundstation.landing_site.approach_prior import ApproachPrior, WheelPosition
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.messages import Kinematics, StepReport, TrackEstimate, TrackEvent, TrackState, TrackStatus
 
@@ -85,7 +85,7 @@ class LandingMonitor:
         gnss: GnssWatch | None = None,
         forecast_every_s: float = 0.5,
     ) -> None:
-        wheels = WheelPosition() if wheels is None else wheels
+        wheels = site.wheels if wheels is None else wheels
         self._site, self._gnss, self._every_s = site, gnss, forecast_every_s
         self._wheels = wheels
         self._predictor = TouchdownPredictor(site, wheels, prior)

@@ -15,10 +15,10 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.chi_square import chi_square_limit
-from groundstation.landing.approach_prior import ApproachPrior, WheelPosition, covariance_root
 from groundstation.landing.threshold_state import ALONG, ALONG_RATE, UP, UP_RATE, ThresholdState, threshold_state
 from groundstation.landing.touchdown_prior_fit import fit_plan
 from groundstation.landing.touchdown_samples import NOISES, STEP_S, TouchdownSamples, fly_planned, fly_straight
+from groundstation.landing_site.approach_prior import ApproachPrior, WheelPosition, covariance_root
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.landing_site.planned_approach import PlannedApproach
 from groundstation.messages import Kinematics
@@ -96,8 +96,8 @@ class TouchdownPredictor:
     Parameters
     ----------
     site : runway and plan.
-    wheels : where they are from the target point.
-    prior : of the flights.
+    wheels : where they are from the target point; None for the site's.
+    prior : of the flights; None for the site's.
     samples : number of flights that a forecast rests upon.
     """
 
@@ -109,8 +109,8 @@ class TouchdownPredictor:
         samples: int = 600,
     ) -> None:
         self._site = site
-        self._wheels = WheelPosition() if wheels is None else wheels
-        self._prior = ApproachPrior() if prior is None else prior
+        self._wheels = site.wheels if wheels is None else wheels
+        self._prior = site.prior if prior is None else prior
         generator = np.random.default_rng(_SEED)
         half = (samples + 1) // 2
         steps = round(_FLOWN_S / STEP_S)

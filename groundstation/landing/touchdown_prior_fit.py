@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.landing.approach_prior import (
+from groundstation.landing.threshold_state import ALONG, ALONG_RATE, RIGHT, RIGHT_RATE, UP, UP_RATE, ThresholdState
+from groundstation.landing_site.approach_prior import (
     ApproachPrior,
     FlareParameters,
     PathHold,
     WheelPosition,
     covariance_root,
 )
-from groundstation.landing.threshold_state import ALONG, ALONG_RATE, RIGHT, RIGHT_RATE, UP, UP_RATE, ThresholdState
 from groundstation.landing_site.planned_approach import PlannedApproach
 
 # functions of the state that the prior knows: places in c(x)

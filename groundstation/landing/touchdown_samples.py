@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.landing.approach_prior import ApproachPrior, PathHold
 from groundstation.landing.threshold_state import ALONG, ALONG_RATE, RIGHT, RIGHT_RATE, UP, UP_RATE
 from groundstation.landing.touchdown_prior_fit import PlannedStates
+from groundstation.landing_site.approach_prior import ApproachPrior, PathHold
 from groundstation.landing_site.planned_approach import PlannedApproach
 
 # the processes are exact at any step; of 0.02, 0.1 and 0.2 s the forecasts differ by less than their samples' scatter

@@ -1,38 +1,48 @@
-"""``landing-site.toml``: runway, planned approach and alert limits (docs/formats.md)."""
+"""``landing-site.toml``: runway, planned approach and how it is flown, alert limits (docs/formats.md)."""
 
 import math
 from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import TypeVar
 
-from groundstation.errors import ConfigError
+from groundstation.errors import ConfigError, InputError
 from groundstation.files.toml_table import TomlTable, load_toml
 from groundstation.landing_site.alert_limits import AlertLimits
+from groundstation.landing_site.approach_prior import ApproachPrior, WheelPosition
 from groundstation.landing_site.planned_approach import PlannedApproach
 from groundstation.landing_site.runway import LandingRunway
 
 LANDING_SITE_FORMAT = "groundstation-landing-site/1"
 # Earth's largest airports fit into these; larger values indicate a wrong unit
 _FAR_M, _WIDE_M, _LIMIT_M = 1e5, 200.0, 1000.0
+T = TypeVar("T", WheelPosition, ApproachPrior)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LandingSite:
-    """A landing site; without a file the runway of the rig's frame and the default alert limits, and no plan."""
+    """A landing site; without a file the runway of the rig's frame and the default alert limits, and no plan.
+
+    ``wheels`` and ``prior`` are of the aircraft that lands there: where its wheels are, and how it keeps to the plan.
+    """
 
     runway: LandingRunway = field(default_factory=LandingRunway)
     approach: PlannedApproach | None = None
     alert_limits: AlertLimits = field(default_factory=AlertLimits)
+    wheels: WheelPosition = field(default_factory=WheelPosition)
+    prior: ApproachPrior = field(default_factory=ApproachPrior)
 
 
 def load_landing_site(path: Path) -> LandingSite:
     """Read a site file. Raises `ConfigError`, naming the key, what it holds and what is wanted."""
     top = TomlTable(load_toml(path, ConfigError), str(path), ConfigError)
-    top.refuse_unknown({"format", "runway", "approach", "alert_limits"})
+    top.refuse_unknown({"format", "runway", "approach", "alert_limits", "wheels", "approach_prior"})
     top.choice("format", [LANDING_SITE_FORMAT])
     return LandingSite(
         runway=_runway(top.table("runway")),
         approach=_approach(top.table("approach")) if "approach" in top else None,
         alert_limits=_alert_limits(top.table("alert_limits")),
+        wheels=_numbers(WheelPosition, top.table("wheels")),
+        prior=_numbers(ApproachPrior, top.table("approach_prior")),
     )
 
 
@@ -67,3 +77,21 @@ def _alert_limits(table: TomlTable) -> AlertLimits:
     return AlertLimits(
         **{name: table.number(name, getattr(plain, name), above=0.0, maximum=_LIMIT_M) for name in names}
     )
+
+
+def _numbers(kind: type[T], table: TomlTable) -> T:
+    """Return a record of numbers, each key of the table named as its field; one that is left out has its default."""
+    plain = kind()
+    table.refuse_unknown({f.name for f in fields(plain)})
+    values: dict[str, float | tuple[float, ...]] = {}
+    for key in table.values:
+        default = getattr(plain, key)
+        if isinstance(default, tuple):
+            values[key] = tuple(float(v) for v in table.vector(key, len(default)))
+        else:
+            values[key] = table.number(key)
+    try:
+        return kind(**values)  # type: ignore[arg-type]
+    except InputError as fault:
+        name = fault.where.partition(": ")[2]
+        raise table.fail(name, fault.got, fault.wanted) from fault

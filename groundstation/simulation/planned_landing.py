@@ -1,4 +1,4 @@
-"""Landings drawn from the prior of the foretold touchdown (`groundstation.landing.approach_prior`)."""
+"""Landings drawn from the prior of the foretold touchdown (`groundstation.landing_site.approach_prior`)."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import ScenarioError
-from groundstation.landing.approach_prior import ApproachPrior, PathHold, WheelPosition
+from groundstation.landing_site.approach_prior import ApproachPrior, PathHold, WheelPosition
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.landing_site.planned_approach import PlannedApproach
 from groundstation.simulation.parameter_checks import require_positive

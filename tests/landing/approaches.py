@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.landing.approach_prior import WheelPosition
+from groundstation.landing_site.approach_prior import WheelPosition
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.landing_site.planned_approach import PlannedApproach
 from groundstation.landing_site.runway import LandingRunway

@@ -9,10 +9,10 @@ import pytest
 
 from groundstation.integrity.gnss_watch import GnssVerdict, GnssWatch
 from groundstation.integrity.own_position import OwnPosition
-from groundstation.landing.approach_prior import ApproachPrior
 from groundstation.landing.landing_monitor import LandingMonitor, LandingStatus
 from groundstation.landing.landing_report import ApproachOutcome, LandingReport, landing_table
 from groundstation.landing.touchdown import NoTouchdown, TouchdownForecast
+from groundstation.landing_site.approach_prior import ApproachPrior
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.landing_site.planned_approach import PlannedApproach
 from groundstation.landing_site.runway import LandingRunway

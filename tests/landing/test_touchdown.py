@@ -12,8 +12,8 @@ from scipy.stats import binom
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, ScenarioError
-from groundstation.landing.approach_prior import ApproachPrior, PathHold, WheelPosition
 from groundstation.landing.touchdown import NoTouchdown, TouchdownBasis, TouchdownForecast, TouchdownPredictor
+from groundstation.landing_site.approach_prior import ApproachPrior, PathHold, WheelPosition
 from groundstation.messages import Kinematics
 from groundstation.simulation.planned_landing import PlannedLanding, draw_planned_landing
 from tests.landing.approaches import GLIDE_RAD, SIGMAS, SITE, SPEED_M_S, WHEELS, estimate

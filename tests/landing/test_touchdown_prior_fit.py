@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.landing.approach_prior import ApproachPrior
 from groundstation.landing.threshold_state import ALONG, ALONG_RATE, RIGHT, UP, UP_RATE, ThresholdState
 from groundstation.landing.touchdown_prior_fit import PlannedStates, fit_plan
+from groundstation.landing_site.approach_prior import ApproachPrior
 from groundstation.landing_site.planned_approach import PlannedApproach
 from tests.landing.approaches import GLIDE_RAD, SPEED_M_S, WHEELS
 

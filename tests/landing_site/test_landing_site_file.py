@@ -1,6 +1,7 @@
 """The landing site file: what it means, and the errors for files that are none."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.errors import ConfigError
+from groundstation.landing.touchdown import TouchdownForecast, TouchdownPredictor
+from groundstation.landing_site.approach_prior import ApproachPrior, WheelPosition
 from groundstation.landing_site.landing_site_file import LandingSite, load_landing_site
 from groundstation.landing_site.runway import LandingRunway
+from groundstation.messages import Kinematics
 
 _WHOLE = """format = "groundstation-landing-site/1"
 [runway]
@@ -46,6 +50,26 @@ def test_a_whole_file_is_read(tmp_path: Path) -> None:
     assert site.alert_limits.along_m == LandingSite().alert_limits.along_m
 
 
+def test_the_aircrafts_wheels_and_prior_reach_the_forecast(tmp_path: Path) -> None:
+    """Expected: what is stated replaces its default alone, and the monitor of landings has it."""
+    text = _WHOLE + "[wheels]\nbelow_nose_m = 0.9\n[approach_prior]\nflare_height_m = 4\nfree_psd_m2_s3 = [1, 2, 3]\n"
+    site = load_landing_site(_written(tmp_path, text))
+    assert site.wheels == replace(WheelPosition(), below_nose_m=0.9)
+    assert site.prior == replace(ApproachPrior(), flare_height_m=4.0, free_psd_m2_s3=(1.0, 2.0, 3.0))
+    at = Kinematics(
+        position_runway_m=np.array([-60.0, 100.0, 6.0]),
+        velocity_runway_m_s=np.array([21.9, 0.0, -1.5]),
+        covariance=1e-4 * np.eye(6),
+    )
+    stated, usual = (
+        TouchdownPredictor(s).forecast(0.0, at)
+        for s in (site, replace(site, wheels=WheelPosition(), prior=ApproachPrior()))
+    )
+    assert isinstance(stated, TouchdownForecast)
+    assert isinstance(usual, TouchdownForecast)
+    assert stated.point_m[0] != usual.point_m[0]
+
+
 def test_a_file_without_tables_is_the_default_site(tmp_path: Path) -> None:
     assert load_landing_site(_written(tmp_path, 'format = "groundstation-landing-site/1"\n')) == LandingSite()
 
@@ -65,6 +89,10 @@ def test_the_vertical_limit_is_tighter_near_the_ground() -> None:
         ('format = "groundstation-landing-site/1"\n[approach]\naim_past_threshold_m = 3', "glide_path_deg"),
         ('format = "groundstation-landing-site/1"\n[approach]\nglide_path_deg = nan', "glide_path_deg"),
         ('format = "groundstation-landing-site/1"\n[alert_limits]\nalong_m = -1', "along_m"),
+        ('format = "groundstation-landing-site/1"\n[wheels]\nbelow_nose_m = -1', "below_nose_m"),
+        ('format = "groundstation-landing-site/1"\n[wheels]\nbelow = 1', "below"),
+        ('format = "groundstation-landing-site/1"\n[approach_prior]\nhold_rad_s = 0', "hold_rad_s"),
+        ('format = "groundstation-landing-site/1"\n[approach_prior]\nfree_psd_m2_s3 = [1, 2]', "free_psd_m2_s3"),
     ],
 )
 def test_a_wrong_file_is_refused_by_the_name_of_its_key(tmp_path: Path, wrong: str, named: str) -> None:
