@@ -56,7 +56,7 @@ def run_view(options: argparse.Namespace) -> int:
     """Prepare the recording and show it until the viewer is closed, or Ctrl-C; returns the exit code."""
     from groundstation.replay.view import ViewRequest, names_line, prepare_view
     from groundstation.viewer.merge_recordings import RunAlignment
-    from groundstation.viewer.viewer_process import ViewerError, has_display
+    from groundstation.viewer.viewer_process import ViewerError, free_port, has_display
 
     if options.save is not None and options.save.suffix != ".rrd":
         raise UsageError("--save", got=str(options.save), wanted="a name that ends in .rrd, which the viewer opens")
@@ -68,6 +68,8 @@ def run_view(options: argparse.Namespace) -> int:
     if shows and not options.web and not has_display(os.environ):
         # before the replays, which take minutes
         raise ViewerError("no display: --web shows it in a browser on this machine, --save FILE.rrd writes a file")
+    if options.port is not None:
+        free_port(options.port)
     with tempfile.TemporaryDirectory(prefix="groundstation-view-") as folder:
         request = ViewRequest(
             sources=tuple(options.sources),

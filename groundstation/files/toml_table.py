@@ -57,10 +57,9 @@ def load_toml(path: TextFile, error: type[InputError]) -> dict[str, Any]:
         return values
     except OSError as fault:
         raise error(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
-    except UnicodeDecodeError as fault:
-        got = "text in UTF-16" if is_utf16(fault.object[:2]) else f"bytes that are no UTF-8 ({fault.reason})"
-        raise error(str(path), got=got, wanted="a TOML file in UTF-8") from fault
     except (ValueError, RecursionError) as fault:
+        if isinstance(fault, UnicodeDecodeError) and is_utf16(fault.object):
+            raise error(str(path), got="text in UTF-16", wanted="a TOML file in UTF-8") from fault
         # a whole number of thousands of digits is a plain ValueError
         raise error(str(path), got=f"not TOML ({shown(str(fault), 200)})", wanted="a TOML file") from fault
 

@@ -95,7 +95,7 @@ def serve_recording(
     """
     if not path.is_file():
         raise ViewerError(f"{path}: no such recording")
-    port, web_port = _free_port(), _free_port(web_port)
+    port, web_port = free_port(), free_port(web_port)
     process = _start(web_viewer_command(path, port, web_port), environment)
     code = _stopped(process)
     if code is not None:
@@ -124,7 +124,7 @@ def open_live_stream(application: str, environment: Mapping[str, str], instead: 
     """
     if not has_display(environment):
         raise ViewerError(f"no display for --view; {instead}")
-    port = _free_port()
+    port = free_port()
     code = _stopped(_start(live_viewer_command(port), environment))
     if code is not None:
         raise ViewerError(f"the viewer stopped at once (exit code {code}); {instead}")
@@ -138,7 +138,7 @@ def open_web_stream(
 
     ``web_port`` as in `serve_recording`. Raises `ViewerError` where the port is not free or the server stops at once.
     """
-    port, web_port = _free_port(), _free_port(web_port)
+    port, web_port = free_port(), free_port(web_port)
     command = [sys.executable, "-m", "rerun_cli", "--serve-web", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--web-viewer-port", str(web_port), "--server-memory-limit", _SERVER_MEMORY]
     process = _start(command, environment)
@@ -167,7 +167,7 @@ def stop_viewer(process: subprocess.Popen[bytes], within_s: float = _END_S) -> N
         process.wait(_END_S)
 
 
-def _free_port(port: int | None = None) -> int:
+def free_port(port: int | None = None) -> int:
     """Return a free port of this machine, ``port`` if it is given; raises `ViewerError` if that is not free."""
     with socket.socket() as free:
         free.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -133,3 +133,10 @@ def test_arbitrary_bytes_raise_only_project_errors(tmp_path_factory: pytest.Temp
         for row in opened:
             before = opened.advance(row, "t_s", before)
             opened.optional_number(row, "x_m")
+
+
+def test_utf_16_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_bytes("t_s,x_m\n1,2\n".encode("utf-16"))
+    with pytest.raises(SessionError, match="got text in UTF-16; wanted a table in UTF-8"):
+        CsvTable(path, ["t_s"])

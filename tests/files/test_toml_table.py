@@ -93,6 +93,13 @@ def test_faults_of_the_file_itself(tmp_path: Path) -> None:
         load_toml(path, ConfigError)
 
 
+def test_utf_16_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "c.toml"
+    path.write_bytes("a = 1\n".encode("utf-16"))
+    with pytest.raises(ConfigError, match="got text in UTF-16; wanted a TOML file in UTF-8"):
+        load_toml(path, ConfigError)
+
+
 def test_a_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_bytes("\ufeffa = 1".encode())
     assert load_toml(tmp_path / "c.toml", ConfigError) == {"a": 1}

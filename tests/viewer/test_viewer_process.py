@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
+from groundstation.cli.main import main
 from groundstation.viewer import viewer_process as rerun_viewer
 from groundstation.viewer.viewer_process import (
     ViewerError,
@@ -74,6 +75,9 @@ def test_a_server_that_is_stopped_leaves_nothing(tmp_path: Path) -> None:
         wanted = int(taken.getsockname()[1])
         with pytest.raises(ViewerError, match=f"--port: got {wanted}, which is in use .*; wanted a free one"):
             serve_recording(path, os.environ, wanted)
+        # before anything is prepared
+        assert main(["view", str(path), "--web", "--port", str(wanted), "--save", str(tmp_path / "kept.rrd")]) == 1
+        assert not (tmp_path / "kept.rrd").exists()
     address, process = serve_recording(path, os.environ, wanted)
     port = int(address.split("/?")[0].rsplit(":", 1)[1])
     assert port == wanted
