@@ -4,7 +4,7 @@ import copy
 import csv
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from torch import Tensor
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from training.echo import EchoBuffer
 from training.hard_examples import draw_shares
 from training.losses import WindowBatch, loss_of
 from training.material import Material
@@ -39,6 +40,9 @@ class FitSettings:
     rate : largest learning rate; it falls to zero as a half cosine.
     recorded_share, picture_share, filmed_share : of the windows, those of recordings, of labelled pictures and of
         worlds as filmed, where there are such; the rest are drawn.
+    echo : steps for each batch that is drawn: beyond one, a step learns from ``batch`` of the windows that were drawn
+        last, changed.
+    kept : so many of these are kept, rounded down to whole batches.
     hard : whether filmed targets are drawn more often on which the first weights err; needs ``start``.
     leave_out : kinds of airframe, scenery or sky; for each a further network is fitted on the windows without it.
     every : steps between lines of the log and checkpoints.
@@ -51,6 +55,8 @@ class FitSettings:
     recorded_share: float = 0.1
     picture_share: float = 0.25
     filmed_share: float = 0.5
+    echo: int = 1
+    kept: int = 32768
     hard: bool = False
     leave_out: tuple[str, ...] = ()
     every: int = 50
@@ -81,7 +87,10 @@ class Trainee:
         rate = rate_of(number, self._settings)
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        loss, terms = loss_of(self.network(batch.windows), batch)
+        device = batch.windows.device.type
+        with torch.autocast(device, dtype=torch.bfloat16, enabled=device == "cuda"):
+            maps = self.network(batch.windows)
+        loss, terms = loss_of(maps.float(), batch)
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
@@ -135,9 +144,8 @@ def fit(
     _resume(run, settings, folder, device)
     stream = window_stream(material, recorded, settings, pictures=pictures, filmed_ends=ends)
     parts: list[dict[str, Tensor]] = []
-    for batch in stream.batches(run.step, settings.steps, workers):
-        moved = batch.on(device)
-        terms = [trainee.step(run.step, moved) for trainee in run.trainees]
+    for batch in _batches(stream, settings, run.step, device, workers):
+        terms = [trainee.step(run.step, batch) for trainee in run.trainees]
         parts.append(terms[0])
         run.step += 1
         if run.step % settings.every == 0 or run.step == settings.steps:
@@ -149,6 +157,25 @@ def fit(
             progress(run.step, settings.steps)
     first, *others = (trainee.network for trainee in run.trainees)
     return Fitted(network=first, without=dict(zip(settings.leave_out, others, strict=True)))
+
+
+def _batches(
+    stream: WindowStream, settings: FitSettings, first: int, device: torch.device, workers: int
+) -> Iterator[WindowBatch]:
+    """Yield the batches of the steps from ``first`` on, on a device: as they are drawn, or echoed."""
+    if settings.echo == 1:
+        for batch in stream.batches(first, settings.steps, workers):
+            yield batch.on(device)
+        return
+    batches = max(settings.kept // settings.batch, 1)
+    buffer = EchoBuffer(settings.seed, batches, device)
+    # what a run that was interrupted had kept is drawn again
+    begin = max(first // settings.echo - batches + 1, 0)
+    draws = math.ceil(settings.steps / settings.echo)
+    for number, batch in enumerate(stream.batches(begin, draws, workers), begin):
+        buffer.add(number, batch)
+        for step in range(max(number * settings.echo, first), min((number + 1) * settings.echo, settings.steps)):
+            yield buffer.draw(step)
 
 
 def fitting_device() -> torch.device:

@@ -81,6 +81,13 @@ def _add_fit(train: argparse.ArgumentParser) -> None:
     )
     train.add_argument("--batch", type=count, metavar="N", default=64, help="windows a step (default: 64)")
     train.add_argument(
+        "--echo",
+        type=count,
+        metavar="N",
+        default=1,
+        help="steps for each batch that is drawn, of windows drawn lately, in other light (default: 1)",
+    )
+    train.add_argument(
         "--workers", type=count, metavar="N", default=1, help="processes; the result is the same (default: 1)"
     )
     train.add_argument("--seed", type=count, metavar="N", default=1, help="of weights and windows (default: 1)")
@@ -155,6 +162,7 @@ def run_train(options: argparse.Namespace) -> int:
             steps=options.steps,
             batch=options.batch,
             rate=options.rate,
+            echo=options.echo,
             hard=options.hard,
             leave_out=tuple(options.leave_out),
         ),
