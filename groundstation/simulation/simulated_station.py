@@ -56,10 +56,12 @@ class SimulatedStation(StationSimulator):
     Raises
     ------
     NoFlightModelError : the aircraft is JSBSim's and JSBSim is not installed.
+
+    ``stop`` is whether an end is requested; a start that is under way then raises KeyboardInterrupt.
     """
 
-    def __init__(self, config: SimulatedStationConfig) -> None:
-        self._config = config
+    def __init__(self, config: SimulatedStationConfig, stop: Callable[[], bool] = lambda: False) -> None:
+        self._config, self._stop = config, stop
         self._flight = landings(
             config.seconds or 1e9, seed=config.seed, wind_m_s=config.wind_m_s, aircraft=config.aircraft
         )
@@ -98,7 +100,9 @@ class SimulatedStation(StationSimulator):
             receiver=self._config.receiver,
             timetable=self._config.timetable,
         )
-        self._range = opened.enter_context(DeviceSimulator(hardware, lambda: self._search_s(file)))
+        # known before it is ready: it may have to be ended while it starts
+        self._range = DeviceSimulator(hardware, lambda: self._search_s(file), self._stop)
+        opened.enter_context(self._range)
         self.delivery_s = self._range.delivery_s
         rate_hz = self._range.frame_rate_hz
         if self._measures_rate:
@@ -109,6 +113,11 @@ class SimulatedStation(StationSimulator):
         """Return how long the station takes here to search a pair of pictures, s."""
         lenses = [station.lens for station in load_rig(file.rig).stations]
         return search_pair_s(lenses, time.perf_counter, load_config(file.config).detection.detector)
+
+    def kill(self) -> None:
+        """End the devices' process at once, from any thread."""
+        if self._range is not None:
+            self._range.kill()
 
     @property
     def missing_pictures(self) -> int:
