@@ -15,7 +15,7 @@ from groundstation.cli.command_arguments import (
 from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
-from groundstation.cli.time_span import add_span
+from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import UsageError
 from groundstation.replay.result_files import REPLAY_FILES
 
@@ -86,6 +86,7 @@ def run_replay(options: argparse.Namespace) -> int:
 
     if options.record is not None and options.record.suffix != ".mcap":
         raise UsageError("--record", got=str(options.record), wanted="a name that ends in .mcap")
+    require_span(options)
     request = ReplayRequest(
         session=options.session,
         out=options.out,
