@@ -8,7 +8,7 @@ start of Python to the end of the process. An interrupt goes to the whole proces
 - exit code 130, or that of the finished command;
 - no traceback, no warning and no other word of a library about it, and no end by force;
 - each file under a final name is read by its reader, and no draft is left;
-- what the last line says is written is there, and what is there is said.
+- what the last line says is written is there, and what is there is said; a folder of nothing is not left.
 
 An interrupt within Python's own start, before the first line of the program, is out of its reach; those are counted.
 """
@@ -166,6 +166,8 @@ def faults_of(command: Command, ended: Ended, out: Path) -> Iterator[str]:
     target = Path(last[0].rpartition("nothing was written to ")[2]) if last else out
     if last and "nothing was written to" in last[0] and target.exists() and any(_files(target)):
         yield f"it says that nothing was written, and there is {target.name}"
+    elif last and "nothing was written to" in last[0] and target.is_dir():
+        yield f"a folder of nothing is left: {target.name}"
     held = (
         last[0].partition("interrupted; ")[2].partition(" holds what")[0] if last and " holds what" in last[0] else ""
     )
