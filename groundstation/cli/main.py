@@ -30,6 +30,7 @@ from groundstation.cli.reproduce import add_reproduce
 from groundstation.cli.simulate import add_simulate
 from groundstation.cli.suggesting_parser import SuggestingParser
 from groundstation.cli.terminal import print_line
+from groundstation.cli.terminated import TERMINATED, Terminated
 from groundstation.cli.track import add_track
 from groundstation.cli.train import add_train
 from groundstation.cli.view import add_view
@@ -58,7 +59,10 @@ _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 done, 1 the input stopped it, 2 wrong usage, 130 interrupted."""
+    """Run one command; returns the exit code: 0 done, 1 the input stopped it, 2 wrong usage, 130 interrupted.
+
+    A `replay` ended by SIGTERM returns 143.
+    """
     parser = build_parser()
     options = parser.parse_args(arguments)
     options.words = tuple(sys.argv[1:] if arguments is None else arguments)
@@ -83,9 +87,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         what = str(error) if error.filename is None else f"{error.filename}: {error.strerror}"
         print_line(f"groundstation: {what}{left_by(options, began_s)}", sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as end:
         print_line(f"groundstation: interrupted{left_by(options, began_s)}", sys.stderr)
-        return INTERRUPTED
+        return TERMINATED if isinstance(end, Terminated) else INTERRUPTED
 
 
 def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str]) -> None:

@@ -15,6 +15,7 @@ from groundstation.cli.command_arguments import (
 from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
+from groundstation.cli.terminated import ended_in_order
 from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import UsageError
 from groundstation.replay.result_files import REPLAY_FILES
@@ -103,7 +104,7 @@ def run_replay(options: argparse.Namespace) -> int:
         approach=approach_options(options),
         realtime=options.realtime,
     )
-    with ProgressLine(sys.stderr, "replay") as line:
+    with ended_in_order(), ProgressLine(sys.stderr, "replay") as line:
         result = replay(request, line.update)
     print(format_accuracy_table(result.evaluation.summary))
     print()
