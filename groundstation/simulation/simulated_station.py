@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from groundstation.live.abandonable import abandonable
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.rig.rig import Rig, load_rig
@@ -112,7 +113,9 @@ class SimulatedStation(StationSimulator):
     def _search_s(self, file: StationFile) -> float:
         """Return how long the station takes here to search a pair of pictures, s."""
         lenses = [station.lens for station in load_rig(file.rig).stations]
-        return search_pair_s(lenses, time.perf_counter, load_config(file.config).detection.detector)
+        detector = load_config(file.config).detection.detector
+        # takes seconds on a busy machine
+        return abandonable(lambda: search_pair_s(lenses, time.perf_counter, detector), self._stop)
 
     def kill(self) -> None:
         """End the devices' process at once, from any thread."""

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 from typing import Any, TextIO
@@ -15,6 +16,7 @@ import pytest
 
 from groundstation.cli.main import main
 from groundstation.cli.stop_request import StopRequest
+from groundstation.live.abandonable import abandonable
 from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.command import LiveRequest, LiveResult, live
 from groundstation.live.station_simulator import StationSimulator
@@ -144,6 +146,40 @@ def test_a_forced_end_before_operation_is_an_interrupt(tmp_path: Path) -> None:
         f"nothing was written to {out}"
     ]
     assert not out.exists()
+
+
+def test_a_stop_is_heard_while_the_search_is_measured(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Expected: the measurement, which takes seconds on a busy machine, is not waited for."""
+    asked, ended = threading.Event(), threading.Event()
+
+    class Measuring:
+        def __init__(self, _: object, search_s: Callable[[], float], stop: Callable[[], bool]) -> None:
+            self.search_s = search_s
+
+        def __enter__(self) -> None:
+            self.search_s()
+
+        def __exit__(self, *_: object) -> None: ...
+
+    def measured(*_: object) -> float:
+        asked.set()
+        assert ended.wait(60.0)
+        return 0.0
+
+    monkeypatch.setattr("groundstation.simulation.simulated_station.DeviceSimulator", Measuring)
+    monkeypatch.setattr("groundstation.simulation.simulated_station.search_pair_s", measured)
+    station = SimulatedStation(SimulatedStationConfig(rate_hz=None), asked.is_set)
+    file = station.station_file(None, tmp_path / "range")
+    with pytest.raises(KeyboardInterrupt), ExitStack() as opened:
+        station.open(file, tmp_path, opened, lambda line: None)
+    assert not ended.is_set()
+    ended.set()
+
+
+def test_a_step_that_ends_gives_what_it_found_or_its_fault() -> None:
+    assert abandonable(lambda: 3, lambda: False) == 3
+    with pytest.raises(ZeroDivisionError):
+        abandonable(lambda: 1 // 0, lambda: False)
 
 
 @pytest.fixture
