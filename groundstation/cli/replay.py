@@ -30,7 +30,7 @@ _REPLAY_MORE = """example:
 exit code: 0 done, also where nothing was tracked; 1 the recording is at fault
 (what came before the fault is written), its inputs contradict each other, or
 the disk had no room for session.rrd, which comes last; 2 wrong usage; 130
-interrupted"""
+interrupted; 143 ended by SIGTERM"""
 
 
 def add_replay(commands: Commands) -> None:
