@@ -6,9 +6,9 @@ Each command runs a few times to its end first, which gives the span over which 
 start of Python to the end of the process. An interrupt goes to the whole process group, as from a terminal. Checked:
 
 - exit code 130, or that of the finished command;
-- no traceback, and no word of a library about it;
+- no traceback, no warning and no other word of a library about it, and no end by force;
 - each file under a final name is read by its reader, and no draft is left;
-- what the last line says is written is there, and what is there is said.
+- what the last line says is written is there, and what is there is said; a folder of nothing is not left.
 
 An interrupt within Python's own start, before the first line of the program, is out of its reach; those are counted.
 """
@@ -39,6 +39,8 @@ _RUN = "import sys; from groundstation.cli.start import main; sys.exit(main())"
 _WITHIN_S = 60.0
 # a frame of a traceback in the program's own files; the name alone is in that of an editable install's finder
 _OWN_LINE = re.compile(r'File "[^"]*/groundstation/[\w/]+\.py"|^groundstation: ', re.MULTILINE)
+# Python's warnings, also those of the processes that a library starts
+_WARNING = re.compile(r"^\S+:\d+: \w*Warning: |resource_tracker", re.MULTILINE)
 # also those moments after the fastest end that was seen, since a machine's speed varies
 _BEYOND = 1.05
 
@@ -144,6 +146,10 @@ def faults_of(command: Command, ended: Ended, out: Path) -> Iterator[str]:
         yield f"exit code {ended.code}"
     if "Traceback" in ended.err or "Exception ignored" in ended.err or "(did not end)" in ended.err:
         yield "a traceback, or no end"
+    if _WARNING.search(ended.err):
+        yield "a warning"
+    if "ended by force" in ended.err:
+        yield "ended by force"
     files = [path for path in out.rglob("*") if path.is_file()]
     yield from (f"a draft is left: {path.name}" for path in files if ".part" in path.name or ".partial" in path.name)
     for path in files:
@@ -160,6 +166,8 @@ def faults_of(command: Command, ended: Ended, out: Path) -> Iterator[str]:
     target = Path(last[0].rpartition("nothing was written to ")[2]) if last else out
     if last and "nothing was written to" in last[0] and target.exists() and any(_files(target)):
         yield f"it says that nothing was written, and there is {target.name}"
+    elif last and "nothing was written to" in last[0] and target.is_dir():
+        yield f"a folder of nothing is left: {target.name}"
     held = (
         last[0].partition("interrupted; ")[2].partition(" holds what")[0] if last and " holds what" in last[0] else ""
     )

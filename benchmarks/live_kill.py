@@ -187,7 +187,7 @@ def operate(folder: Path, run: Path) -> NoReturn:
             file=status_file,
         )
 
-    def force_exit(line: str) -> None:
+    def force_exit(line: str, _: bool) -> None:
         print(line, file=sys.stderr, flush=True)
         os._exit(1)
 

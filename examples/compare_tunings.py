@@ -1,6 +1,7 @@
 """Replay one recording with two tunings and compare the tracks."""
 
 import argparse
+import sys
 import tempfile
 from pathlib import Path
 
@@ -41,4 +42,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except groundstation.InputError as fault:
+        sys.exit(f"groundstation: {fault}")

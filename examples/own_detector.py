@@ -1,6 +1,7 @@
 """Put a detector of one's own in place of the program's: here, whatever differs from the sky around it."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -61,4 +62,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except groundstation.InputError as fault:
+        sys.exit(f"groundstation: {fault}")

@@ -1,6 +1,7 @@
 """Draw a track with its two-sigma bands: across the runway and above it, over the distance."""
 
 import argparse
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -40,4 +41,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except groundstation.InputError as fault:
+        sys.exit(f"groundstation: {fault}")

@@ -1,6 +1,7 @@
 """Replay a session to NumPy arrays: error against the truth, and its ratio to the stated covariance."""
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -31,4 +32,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except groundstation.InputError as fault:
+        sys.exit(f"groundstation: {fault}")

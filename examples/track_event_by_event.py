@@ -1,6 +1,7 @@
 """Feed a tracker event by event, and predict the position to the moment at which it is used."""
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -35,4 +36,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except groundstation.InputError as fault:
+        sys.exit(f"groundstation: {fault}")

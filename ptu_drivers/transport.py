@@ -1,14 +1,17 @@
 """Byte transport over any line that pyserial opens by URL, with a clock."""
 
 import contextlib
+import errno
 import math
 import os
 import select
+import stat
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
@@ -262,7 +265,12 @@ class SerialTransport:
 
 
 def _check_address(url: str) -> None:
-    """Return if a network line's URL has a host and a port; pyserial's message is less clear. Raises LineError."""
+    """Return if a network line's URL has a host and a port, and another's path can be a line. Raises LineError.
+
+    Pyserial's messages about these are less clear.
+    """
+    if "://" not in url and (got := _no_line(url)):
+        raise LineError(url, got=got, wanted="a serial port or a pty, as /dev/ttyUSB0")
     for scheme in ("socket", "rfc2217"):
         if url.startswith(f"{scheme}://"):
             try:
@@ -272,6 +280,15 @@ def _check_address(url: str) -> None:
                 complete = False
             if not complete:
                 raise LineError(url, got="no host and port", wanted=f"{scheme}://HOST:PORT")
+
+
+def _no_line(path: str) -> str:
+    """Return what is there in place of a line; "" where there may be one, or nothing."""
+    try:
+        mode = Path(path).stat().st_mode
+    except OSError as fault:
+        return "a link that leads to itself" if fault.errno == errno.ELOOP else ""
+    return "a file" if stat.S_ISREG(mode) else "a folder" if stat.S_ISDIR(mode) else ""
 
 
 def _close(port: Any) -> None:

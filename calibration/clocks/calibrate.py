@@ -14,6 +14,7 @@ from calibration.flight.observations import gather_flight
 from calibration.flight.parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_parameters
 from calibration.flight.problem import DGPS_OFFSET, FlightProblem
 from calibration.flight.rig import solved_rig
+from calibration.rig_output import require_toml_name
 from groundstation.errors import InputError
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import ClockModel, Rig, Station
@@ -85,8 +86,7 @@ class TimingCalibration:
 
 def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = lambda _: None) -> TimingCalibration:
     """Find the clocks and write the rig file; raises `GroundstationError` where the clocks are not observable."""
-    if request.out.is_dir() or request.out.suffix != ".toml":
-        raise InputError(str(request.out), got="no name of a TOML file", wanted="--out rig.toml")
+    require_toml_name(request.out)
     session = load_session(request.session, request.rig)
     session.rig.require_known()
     flight = _by_flight(session, request) if request.flight else None

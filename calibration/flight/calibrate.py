@@ -23,6 +23,7 @@ from calibration.flight.rig import solved_rig
 from calibration.flight.start import StartingPoint, find_start
 from calibration.flight.text_report import format_flight_report, rig_header
 from calibration.flight.verdict import judge_flight
+from calibration.rig_output import require_toml_name
 from groundstation.errors import InputError
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import Rig
@@ -88,8 +89,7 @@ def calibrate_flight(
     """
     words = free_words(request.free)
     session = load_session(request.session, request.rig)
-    if request.out.is_dir() or request.out.suffix != ".toml":
-        raise InputError(str(request.out), got="no name of a TOML file", wanted="--out rig.toml")
+    require_toml_name(request.out)
     free = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
     data = gather_flight(session, request.detections, request.from_s, request.to_s)
     antenna = session.target.antenna_in_body_m

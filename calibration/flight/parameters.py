@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.flight.problem import ANTENNA, DGPS_OFFSET
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 from groundstation.rig.rig import ClockModel, Rig, Station
 
 AXES = ("x", "y", "z")
@@ -54,7 +54,7 @@ def free_words(text: str) -> tuple[str, ...]:
     words = tuple(word.strip() for word in text.split(",") if word.strip())
     for word in words:
         if word not in FREE_WORDS:
-            raise InputError("--free", got=repr(word), wanted="some of " + ", ".join(FREE_WORDS))
+            raise UsageError("--free", got=repr(word), wanted="some of " + ", ".join(FREE_WORDS))
     return words
 
 

@@ -18,8 +18,9 @@ from calibration.landmarks.check_reference import (
 from calibration.landmarks.check_report import format_check, write_check_report
 from calibration.landmarks.survey import Survey, solve_survey, survey_words
 from calibration.landmarks.survey_report import format_survey, rig_header, write_survey_report
+from calibration.rig_output import require_toml_name
 from calibration.sightings import Landmark, LandmarkSighting, read_landmarks, read_sightings
-from groundstation.errors import GroundstationError, InputError
+from groundstation.errors import GroundstationError, InputError, UsageError
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.rig.rig_toml import rig_to_toml
@@ -49,7 +50,7 @@ class SurveyDone:
 def run_survey(request: SurveyRequest) -> SurveyDone:
     """Survey, and write the rig; raises `GroundstationError`, one line, and writes nothing where that cannot be."""
     words = survey_words(request.free)
-    _require_toml(request.out)
+    require_toml_name(request.out)
     # the sightings themselves may be there already
     refuse_keeping_onto(request.out, (request.landmarks, request.rig))
     rig = load_rig(request.rig)
@@ -116,10 +117,10 @@ def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
     sightings: Sequence[LandmarkSighting] = ()
     try:
         if request.out is not None:
-            _require_toml(request.out)
+            require_toml_name(request.out)
             refuse_keeping_onto(request.out, (request.sightings, request.landmarks, request.rig, request.reference))
         if not 0.0 < request.alarm_deg <= 10.0:
-            raise InputError("--alarm-deg", got=f"{request.alarm_deg:g}", wanted="a number above 0 to 10")
+            raise UsageError("--alarm-deg", got=f"{request.alarm_deg:g}", wanted="a number above 0 to 10")
         sightings = read_sightings(request.sightings)
         check, reference = _compared(request, sightings, reference)
         # with --out, a movement has been corrected
@@ -188,11 +189,6 @@ def _decide(check: Check, request: CheckRequest, opinion: ComparisonOutcome | No
 def _header(check: Check, request: CheckRequest) -> str:
     what = "with " + ", ".join(m.station for m in check.moved) + " as found" if check.moved else "nothing had moved"
     return f"# {request.rig.name!r} checked with {request.sightings.name!r}: {what}\n"
-
-
-def _require_toml(path: Path) -> None:
-    if path.is_dir() or path.suffix != ".toml":
-        raise InputError(str(path), got="no name of a TOML file", wanted="--out rig.toml")
 
 
 def _write(path: Path, text: str) -> None:

@@ -22,7 +22,7 @@ from calibration.landmarks.rejection import LandmarkFitError
 from calibration.landmarks.survey_start import found_stations
 from calibration.sightings import Landmark, LandmarkSighting, require_consistent
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import PARTS, Rig, Station
@@ -49,7 +49,7 @@ def survey_words(text: str) -> tuple[str, ...]:
     words = tuple(word.strip() for word in text.split(",") if word.strip())
     for word in words:
         if word not in FREE_WORDS:
-            raise InputError("--free", got=repr(word), wanted="some of " + ", ".join(FREE_WORDS))
+            raise UsageError("--free", got=repr(word), wanted="some of " + ", ".join(FREE_WORDS))
     return words
 
 

@@ -252,7 +252,7 @@ def require_enough(problem: MountProblem) -> None:
     seen, where = problem.sightings, f"station {problem.station.name}"
     stands = len(np.unique(problem.stand))
     if stands < _LEAST_STANDSTILLS:
-        got = f"{len(seen)} sightings at {stands} pair{'s' * (stands != 1)} of angles"
+        got = f"{len(seen)} sighting{'s' * (len(seen) != 1)} at {stands} pair{'s' * (stands != 1)} of angles"
         wanted = f"at least {_LEAST_STANDSTILLS}, better 25 or more, from all over the PTU's range"
         raise MountFitError(f"{where}: got {got}; wanted {wanted}")
     spread = np.degrees(np.ptp(seen.reading_rad, axis=0))

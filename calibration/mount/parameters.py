@@ -9,7 +9,7 @@ from calibration.mount.covariance import BASE, BORESIGHT
 from calibration.mount.fit import MountFit
 from calibration.mount.problem import Mark, MarkKind
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import UsageError
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig.rig import PARTS, Station
 
@@ -39,7 +39,7 @@ def mount_words(text: str) -> tuple[str, ...]:
     words = tuple(word.strip() for word in text.split(",") if word.strip()) or USUAL_WORDS
     for word in words:
         if word not in WORDS:
-            raise InputError("--free", got=repr(word), wanted="some of " + ", ".join(WORDS))
+            raise UsageError("--free", got=repr(word), wanted="some of " + ", ".join(WORDS))
     return words
 
 

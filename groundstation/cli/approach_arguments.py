@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from groundstation.autopilot.settings import AutopilotMode
 from groundstation.cli.path_arguments import READ
+from groundstation.cli.wrong_usage import refused_as_usage
 from groundstation.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,9 +33,16 @@ def add_approach(parser: argparse.ArgumentParser, origin: str) -> None:
 def approach_options(options: argparse.Namespace, of_station: "AutopilotSettings | None" = None) -> "ApproachOptions":
     """Return what the options ask for, over a station file's autopilot. Raises `ConfigError` or `UsageError`."""
     from groundstation.approach.approach_options import ApproachOptions
+    from groundstation.autopilot.link_url import parse_link_url
     from groundstation.autopilot.settings import load_autopilot, with_link
     from groundstation.landing_site.landing_site_file import load_landing_site
+    from groundstation.sinks.udp_json import parse_udp_address
 
+    with refused_as_usage():
+        if options.udp is not None:
+            parse_udp_address(options.udp)
+        if options.autopilot is not None:
+            parse_link_url(options.autopilot)
     file = of_station if options.autopilot_settings is None else load_autopilot(options.autopilot_settings)
     autopilot = file
     if options.autopilot is not None or options.autopilot_mode is not None:

@@ -7,6 +7,7 @@ from groundstation.autopilot.settings import AutopilotMode, load_autopilot, with
 from groundstation.cli.command_arguments import Commands, add_command
 from groundstation.cli.number_arguments import positive_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
+from groundstation.cli.wrong_usage import refused_as_usage
 
 _CHECK = """Ask a vehicle for its parameters, and say which of them make its autopilot ignore or
 misuse the position that `live --autopilot` would send. Nothing is changed on it."""
@@ -40,9 +41,12 @@ def add_autopilot(commands: Commands) -> None:
 
 def run_check_vehicle(options: argparse.Namespace) -> int:
     """Check a vehicle, print the findings; returns the exit code."""
+    from groundstation.autopilot.link_url import parse_link_url
     from groundstation.autopilot.parameter_check import check_vehicle
     from groundstation.files.whole_file import write_text_whole
 
+    with refused_as_usage():
+        parse_link_url(options.url)
     file = None if options.settings is None else load_autopilot(options.settings)
     result = check_vehicle(with_link(file, options.url, options.mode), options.patience)
     print(result.vehicle)

@@ -1,6 +1,7 @@
 """The part of the command line that judges the whole program: `groundstation bank BANK.toml`."""
 
 import argparse
+import re
 import sys
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ from groundstation.cli.command_arguments import Commands, add_command, add_resul
 from groundstation.cli.number_arguments import count
 from groundstation.cli.path_arguments import READ, READ_TEXT, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
-from groundstation.errors import InputError
+from groundstation.errors import UsageError
 
 if TYPE_CHECKING:
     from groundstation.bank.run_bank import BankOutcome
@@ -39,6 +40,8 @@ Needs groundstation[cluster], and groundstation[world] for H.264.
 
 exit code: 0 done; 1 settings at fault, or a session failed; 2 wrong usage; 130
 interrupted: the same command goes on"""
+
+_ADDRESS = re.compile(r"(?:\w+://)?(?:\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
 
 
 def add_bank(commands: Commands) -> None:
@@ -70,10 +73,12 @@ def run_bank_command(options: argparse.Namespace) -> int:
     from groundstation.bank.run_log import require_log
     from groundstation.simulation.world.world_sets import WorldSet
 
+    if options.scheduler is not None and _ADDRESS.fullmatch(options.scheduler) is None:
+        raise UsageError("--scheduler", got=repr(options.scheduler), wanted="tcp://HOST:PORT")
     settings = load_bank_settings(options.settings)
     testing = settings.world_set is WorldSet.TEST
     if testing and options.test_log is None:
-        raise InputError("--test-log", got="nothing", wanted="the file that lists the runs of the test set")
+        raise UsageError("--test-log", got="nothing", wanted="the file that lists the runs of the test set")
     if testing:
         require_log(options.test_log)
     now, commit = datetime.now(UTC), program_commit()

@@ -6,6 +6,7 @@ import sys
 from groundstation.cli.command_arguments import Commands, add_command, add_report, print_files
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
+from groundstation.cli.wrong_usage import refused_as_usage
 from groundstation.errors import UsageError
 
 _INTRINSICS = """The lens of a camera from pictures of a board: corners to a fraction of a pixel,
@@ -98,8 +99,9 @@ def run_intrinsics(options: argparse.Namespace) -> int:
     from groundstation.rig.rig import load_rig
 
     _require_whole_rig(options)
-    board = parse_board(options.board)
-    form = format_of(options.out, options.format)
+    with refused_as_usage():
+        board = parse_board(options.board)
+        form = format_of(options.out, options.format)
     rig = None if options.rig is None else load_rig(options.rig)
     if rig is None:
         require_no_rig(options.out)
@@ -141,7 +143,8 @@ def run_convert_lens(options: argparse.Namespace) -> int:
     from calibration.lens.lens_files import format_of, read_lens, write_lens
     from calibration.lens.model import without_k3
 
-    form = format_of(options.out, options.format)
+    with refused_as_usage():
+        form = format_of(options.out, options.format)
     calibrated = read_lens(options.source, options.name)
     if form == "kalibr" and options.refit and calibrated.lens.distortion[4] != 0.0:
         reduced = without_k3(calibrated)

@@ -6,7 +6,8 @@ import sys
 from groundstation.cli.command_arguments import Commands, add_calibrated_rig, add_command, print_files
 from groundstation.cli.path_arguments import READ
 from groundstation.cli.progress import ProgressLine
-from groundstation.errors import InputError
+from groundstation.cli.wrong_usage import refused_as_usage
+from groundstation.errors import UsageError
 
 _MOUNT = """How each camera sits on its pan-tilt head, and what is wrong with the head: step the
 PTU through a grid while it looks at marks that stand still, and give the pixels and the
@@ -63,9 +64,10 @@ def run_mount(options: argparse.Namespace) -> int:
     from groundstation.rig.rig import load_rig
 
     _require_usage(options)
+    with refused_as_usage():
+        board = parse_board(options.board) if options.board else None
     rig = load_rig(options.rig)
     if options.pictures is not None:
-        board = parse_board(options.board) if options.board else None
         with ProgressLine(sys.stderr, "pictures", "picture") as line:
             found = sightings_of_pictures(options.pictures, rig, board, lambda n: line.update(n, None))
         for text in found.without:
@@ -83,14 +85,15 @@ def run_mount(options: argparse.Namespace) -> int:
 
 
 def _require_usage(options: argparse.Namespace) -> None:
-    """Raise `InputError` for a choice of inputs or outputs that cannot be."""
+    """Raise `UsageError` for a choice of inputs or outputs that cannot be, `InputError` for a folder as output."""
+    from calibration.rig_output import require_toml_name
+
     if (options.sightings is None) == (options.pictures is None):
         got = "both" if options.sightings is not None else "neither"
-        raise InputError("SIGHTINGS, --pictures", got=got, wanted="one of them")
+        raise UsageError("SIGHTINGS, --pictures", got=got, wanted="one of them")
     if options.pictures is not None and options.landmarks is not None:
-        raise InputError("--landmarks", got="--pictures as well", wanted="sightings: pictures name no landmarks")
+        raise UsageError("--landmarks", got="--pictures as well", wanted="sightings: pictures name no landmarks")
     if (options.board is not None or options.lamp) != (options.pictures is not None):
         got = "neither" if options.pictures is not None else "no --pictures"
-        raise InputError("--board, --lamp", got=got, wanted="one of them, with --pictures")
-    if options.out.is_dir() or options.out.suffix != ".toml":
-        raise InputError(str(options.out), got="no name of a TOML file", wanted="--out rig.toml")
+        raise UsageError("--board, --lamp", got=got, wanted="one of them, with --pictures")
+    require_toml_name(options.out)

@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.landmarks.jobs import ComparisonOutcome
 from calibration.sightings import STANDING_DEG, Landmark, LandmarkSighting
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 from groundstation.files.toml_table import quoted
 from groundstation.onboard.pose.pose_solver import PoseStatus
 from groundstation.onboard.pose.station_check import StationCheck, check_station
@@ -26,7 +26,7 @@ def ask_runway(
     """
     corners = [_corner(marks, name) for name in names]
     if len(set(names)) < LEAST_CORNERS or len(set(names)) < len(names):
-        raise InputError("--runway", got=", ".join(names) or "nothing", wanted="four or more different names")
+        raise UsageError("--runway", got=", ".join(names) or "nothing", wanted="four or more different names")
     checks = []
     for station in rig.stations:
         check = _check(station, [s for s in seen if s.station == station.name and s.landmark in names], corners)

@@ -7,7 +7,7 @@ from groundstation.cli.command_arguments import Commands, add_calibrated_rig, ad
 from groundstation.cli.path_arguments import READ
 from groundstation.cli.progress import ProgressLine
 from groundstation.cli.time_span import add_span, require_span
-from groundstation.errors import InputError, UsageError
+from groundstation.errors import UsageError
 
 _TIMING = """The offset between each camera's clock and its PTU's: swing the PTU before a scene that
 stands still and has texture all over (a sine of 5 deg at 0.3 Hz or so, 20 s), record it
@@ -60,7 +60,7 @@ def run_timing(options: argparse.Namespace) -> int:
         wanted = "both, to compare, or neither: by the pictures alone is what is done without"
         raise UsageError("--pictures", got="no --from-flight", wanted=wanted)
     if options.detections is not None and not options.from_flight:
-        raise InputError("--detections", got="no --from-flight", wanted="it, pictures need no detections")
+        raise UsageError("--detections", got="no --from-flight", wanted="it, pictures need no detections")
     request = TimingRequest(
         session=options.session,
         out=options.out,

@@ -11,7 +11,7 @@ from groundstation.cli.command_arguments import Commands, add_command
 from groundstation.cli.number_arguments import finite_number, positive_number
 from groundstation.cli.path_arguments import READ_TEXT, WRITTEN_FILE
 from groundstation.cli.terminal import print_table
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 from groundstation.files.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def run_show(options: argparse.Namespace) -> int:
 def _check_writable(path: Path) -> None:
     """Raise `InputError` before the camera is opened, if the picture could not be written."""
     if path.suffix.lower() not in _PICTURES:
-        raise InputError(str(path), got=f"ending {path.suffix!r}", wanted=", ".join(_PICTURES))
+        raise UsageError(str(path), got=f"ending {path.suffix!r}", wanted=", ".join(_PICTURES))
     if not path.parent.is_dir():
         raise InputError(str(path), got="no such folder", wanted="a folder that exists")
 

@@ -9,7 +9,7 @@ from groundstation.cli.command_arguments import Commands, add_command, print_fil
 from groundstation.cli.number_arguments import parse_number, take_negative_numbers
 from groundstation.cli.path_arguments import NEW_FOLDER, READ
 from groundstation.cli.progress import ProgressLine
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 
 _IMPORT = """Make a session folder of what a flight left: a video from each station, the table of
 pan and tilt, the log of a receiver or an autopilot. Frame times are the stamps in
@@ -139,7 +139,7 @@ def _starts(options: argparse.Namespace) -> dict[str, str]:
     for text in options.start:
         name, sign, time = text.partition("=")
         if not sign or name in starts:
-            raise InputError("--start", got=repr(text), wanted="STATION=TIME, one for each station")
+            raise UsageError("--start", got=repr(text), wanted="STATION=TIME, one for each station")
         starts[name] = time
     return starts
 

@@ -3,6 +3,7 @@
 import argparse
 import os
 import sys
+import time
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from groundstation.cli.command_arguments import (
     add_weights_option,
     require_web,
 )
+from groundstation.cli.left_files import INTERRUPTED, left_by
 from groundstation.cli.number_arguments import duration_s
 from groundstation.cli.path_arguments import NEW_FOLDER, READ
 from groundstation.cli.status_display import StatusDisplay
@@ -107,14 +109,20 @@ def run_live(options: argparse.Namespace) -> int:
         web_port=options.port,
         approach=approach_options(options),
     )
-    simulator = _simulator(options) if options.simulate else None
-    with StopRequest() as stop, StatusDisplay(sys.stderr) as display, StatusWatchdog(display.silent) as watch:
+    began_s, stop = time.time(), StopRequest()
+    simulator = _simulator(options, stop) if options.simulate else None
+
+    def force_exit(line: str, begun: bool) -> None:
+        words = line if begun else f"interrupted; {line}{left_by(options, began_s)}"
+        end_by_force(words, 1 if begun else INTERRUPTED)
+
+    with stop, StatusDisplay(sys.stderr) as display, StatusWatchdog(display.silent) as watch:
 
         def show_status(status: "LiveStatus") -> None:
             watch.notify()
             display.show(status)
 
-        result = live(request, stop, show_status, lambda text: display.message(f"{text} …"), simulator, end_by_force)
+        result = live(request, stop, show_status, lambda text: display.message(f"{text} …"), simulator, force_exit)
         display.close()
         score, missing = (
             (None, 0) if simulator is None else (simulator.score(result.begin_s), simulator.missing_pictures)
@@ -130,7 +138,7 @@ def run_live(options: argparse.Namespace) -> int:
     return 1 if result.lost or result.losses or untracked else 0
 
 
-def _simulator(options: argparse.Namespace) -> "SimulatedStation":
+def _simulator(options: argparse.Namespace, stop: StopRequest) -> "SimulatedStation":
     """Return the simulated range that the options ask for; raises `InputError` for faults that are none."""
     from groundstation.simulation.fault_timetable import simulated_device_faults
     from groundstation.simulation.flights import FlightModelKind
@@ -154,14 +162,15 @@ def _simulator(options: argparse.Namespace) -> "SimulatedStation":
             timetable=failing.timetable,
             wind_m_s=options.wind,
             aircraft=FlightModelKind(options.aircraft),
-        )
+        ),
+        stop,
     )
 
 
-def end_by_force(line: str) -> None:
+def end_by_force(line: str, code: int) -> None:
     """End this process at once, if its regular end is blocked by a hanging thread."""
     print_line(f"groundstation: {line}", sys.stderr)
-    os._exit(1)
+    os._exit(code)
 
 
 def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:

@@ -5,7 +5,6 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
-from pathlib import Path
 
 from groundstation import __version__
 from groundstation.cli.autopilot import add_autopilot
@@ -19,6 +18,7 @@ from groundstation.cli.config import add_config
 from groundstation.cli.convert import add_convert
 from groundstation.cli.evaluate import add_evaluate
 from groundstation.cli.import_session import add_import
+from groundstation.cli.left_files import INTERRUPTED, left_by
 from groundstation.cli.live import add_live
 from groundstation.cli.onboard import add_onboard
 from groundstation.cli.path_arguments import check_paths
@@ -30,6 +30,7 @@ from groundstation.cli.reproduce import add_reproduce
 from groundstation.cli.simulate import add_simulate
 from groundstation.cli.suggesting_parser import SuggestingParser
 from groundstation.cli.terminal import print_line
+from groundstation.cli.terminated import TERMINATED, Terminated
 from groundstation.cli.track import add_track
 from groundstation.cli.train import add_train
 from groundstation.cli.view import add_view
@@ -53,14 +54,15 @@ _COMMANDS: tuple[Callable[[Commands], None], ...] = (
         add_completion,
     ),
 )
-# a file system may count in whole seconds
-_FILE_CLOCK_S = 1.0
 # FFmpeg and OpenCV write directly to the terminal; the program prints its own message
 _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 done, 1 the input stopped it, 2 wrong usage, 130 interrupted."""
+    """Run one command; returns the exit code: 0 done, 1 the input stopped it, 2 wrong usage, 130 interrupted.
+
+    A `replay` ended by SIGTERM returns 143.
+    """
     parser = build_parser()
     options = parser.parse_args(arguments)
     options.words = tuple(sys.argv[1:] if arguments is None else arguments)
@@ -83,24 +85,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         # a full disk or an unplugged device: a traceback would not help
         what = str(error) if error.filename is None else f"{error.filename}: {error.strerror}"
-        print_line(f"groundstation: {what}{_left_by(options, began_s)}", sys.stderr)
+        print_line(f"groundstation: {what}{left_by(options, began_s)}", sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        print_line(f"groundstation: interrupted{_left_by(options, began_s)}", sys.stderr)
-        return 130
-
-
-def _left_by(options: argparse.Namespace, began_s: float) -> str:
-    """Return what an interrupted command has written to `--out` since ``began_s``; "" if that is not known."""
-    out = getattr(options, "out", None)
-    if not isinstance(out, Path):
-        return ""
-    try:
-        files = [out] if out.is_file() else [file for file in out.rglob("*") if file.is_file()]
-        written = any(file.stat().st_mtime >= began_s - _FILE_CLOCK_S for file in files)
-    except OSError:
-        return ""
-    return f"; {out} holds what was done until then" if written else f"; nothing was written to {out}"
+    except KeyboardInterrupt as end:
+        print_line(f"groundstation: interrupted{left_by(options, began_s)}", sys.stderr)
+        return TERMINATED if isinstance(end, Terminated) else INTERRUPTED
 
 
 def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str]) -> None:

@@ -49,6 +49,12 @@ def port(text: str) -> int:
     return int(parse_number(text, wanted, lambda value: 1024 <= value <= 65535 and value.is_integer()))
 
 
+def port_or_any(text: str) -> int:
+    """Return the number of a TCP port to listen on, 0 for any that is free."""
+    wanted = "a free port from 1 to 65535, or 0 for any"
+    return int(parse_number(text, wanted, lambda value: 0 <= value <= 65535 and value.is_integer()))
+
+
 def count(text: str) -> int:
     """Return a whole number from 1 on."""
     return int(parse_number(text, "a whole number from 1 on", lambda value: value >= 1.0 and value.is_integer()))

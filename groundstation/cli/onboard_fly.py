@@ -8,7 +8,7 @@ from groundstation.cli.command_arguments import Commands, add_command, add_resul
 from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ
 from groundstation.cli.progress import ProgressLine
-from groundstation.errors import InputError
+from groundstation.errors import UsageError
 
 _FLY = """Where the aircraft flew, relative to the runway, from the video of its nose camera and
 its inertial unit: edges are followed, corners measured, each picture's pose found by
@@ -118,8 +118,8 @@ def _runway(options: argparse.Namespace) -> tuple[Path, str, str] | None:
         return None
     if options.runways is None or options.runway is None:
         missing = "--runways" if options.runways is None else "--runway"
-        raise InputError(missing, got="nothing", wanted="--runways FILE and --runway AIRPORT_RUNWAY together")
+        raise UsageError(missing, got="nothing", wanted="--runways FILE and --runway AIRPORT_RUNWAY together")
     airport, _, name = options.runway.partition("_")
     if not airport or not name:
-        raise InputError("--runway", got=options.runway, wanted="AIRPORT_RUNWAY, such as LFRS_03")
+        raise UsageError("--runway", got=options.runway, wanted="AIRPORT_RUNWAY, such as LFRS_03")
     return options.runways, airport, name

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from groundstation.files.overwriting import Output, refuse_overwriting
+from groundstation.errors import InputError
+from groundstation.files.overwriting import Output, leads_to_itself, refuse_overwriting
 
 _FILE_ADDRESS = "file:"
 
@@ -72,12 +73,14 @@ PATH_TYPES = (ReadPath, ReadText, WrittenFile, WrittenFolder)
 
 
 def check_paths(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Raise `InputError` if the selected command would overwrite one of its inputs."""
+    """Raise `InputError` for a link that leads to itself, and if the selected command would overwrite an input."""
     read: list[Path] = []
     written: list[Output] = []
     for action in _actions(parser, options):
         option = action.option_strings[0] if action.option_strings else str(action.metavar or action.dest)
         for value in _values(getattr(options, action.dest, None)):
+            if isinstance(value, Path) and leads_to_itself(value):
+                raise InputError(str(value), got="a link that leads to itself", wanted="a file or a folder")
             if isinstance(action.type, ReadPath | ReadText):
                 read.append(Path(str(value).removeprefix(_FILE_ADDRESS)))
             elif isinstance(action.type, WrittenFile):

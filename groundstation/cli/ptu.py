@@ -7,7 +7,7 @@ import sys
 import time
 
 from groundstation.cli.command_arguments import Commands, Run, add_command
-from groundstation.cli.number_arguments import finite_number, positive_number
+from groundstation.cli.number_arguments import finite_number, port_or_any, positive_number
 from groundstation.cli.path_arguments import WRITTEN_FILE
 from groundstation.cli.ptu_open import open_unit, warn_unguarded
 from groundstation.errors import GroundstationError
@@ -95,7 +95,7 @@ def _add_simulate(kinds: Commands) -> None:
     simulate.add_argument("--protocol", choices=("flir", *OTHERS), default="flir", help="what to speak (flir)")
     where = simulate.add_mutually_exclusive_group(required=True)
     where.add_argument("--link", type=WRITTEN_FILE, metavar="PATH", help="make a pty, and a link to it here")
-    where.add_argument("--tcp", type=int, metavar="PORT", help="listen on this port of 127.0.0.1")
+    where.add_argument("--tcp", type=port_or_any, metavar="PORT", help="listen on this port of 127.0.0.1")
     simulate.add_argument("--series", choices=("e", "d"), help="E series, or D: 10 commands/s (e)")
     simulate.add_argument("--latency-ms", type=_latency, metavar="LOW,HIGH", help="of replies (2,8)")
     simulate.add_argument("--backlash-deg", type=finite_number, default=0.0, metavar="DEG", help="play of the head (0)")

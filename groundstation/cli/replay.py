@@ -15,7 +15,8 @@ from groundstation.cli.command_arguments import (
 from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
-from groundstation.cli.time_span import add_span
+from groundstation.cli.terminated import ended_in_order
+from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import UsageError
 from groundstation.replay.result_files import REPLAY_FILES
 
@@ -29,7 +30,7 @@ _REPLAY_MORE = """example:
 exit code: 0 done, also where nothing was tracked; 1 the recording is at fault
 (what came before the fault is written), its inputs contradict each other, or
 the disk had no room for session.rrd, which comes last; 2 wrong usage; 130
-interrupted"""
+interrupted; 143 ended by SIGTERM"""
 
 
 def add_replay(commands: Commands) -> None:
@@ -86,6 +87,7 @@ def run_replay(options: argparse.Namespace) -> int:
 
     if options.record is not None and options.record.suffix != ".mcap":
         raise UsageError("--record", got=str(options.record), wanted="a name that ends in .mcap")
+    require_span(options)
     request = ReplayRequest(
         session=options.session,
         out=options.out,
@@ -102,7 +104,7 @@ def run_replay(options: argparse.Namespace) -> int:
         approach=approach_options(options),
         realtime=options.realtime,
     )
-    with ProgressLine(sys.stderr, "replay") as line:
+    with ended_in_order(), ProgressLine(sys.stderr, "replay") as line:
         result = replay(request, line.update)
     print(format_accuracy_table(result.evaluation.summary))
     print()

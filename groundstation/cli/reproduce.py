@@ -9,7 +9,7 @@ from groundstation.cli.path_arguments import READ, WrittenFolder
 from groundstation.cli.progress import StatusLine
 from groundstation.cli.terminal import print_table
 from groundstation.cli.time_span import add_span, require_span
-from groundstation.errors import InputError
+from groundstation.errors import UsageError
 
 _REPRODUCE = """Do the papers' experiments on our recordings: every figure and table that they allow,
 numbered as in the paper, ours next to theirs, with the differences in set-up named."""
@@ -71,7 +71,7 @@ def run_reproduce(options: argparse.Namespace) -> int:
         return 0
     unknown = [name for name in options.only if name not in names]
     if unknown:
-        raise InputError("--only", got=unknown[0], wanted="one of " + ", ".join(names))
+        raise UsageError("--only", got=unknown[0], wanted="one of " + ", ".join(names))
     request = ReproduceRequest(
         out=options.out,
         only=tuple(options.only),

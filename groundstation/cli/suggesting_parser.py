@@ -1,14 +1,14 @@
 """An argument parser that names what may have been meant by a misspelt command, option or choice."""
 
 import argparse
-import difflib
 import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
+from groundstation.files.nearest_word import nearest_word
+
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
-_CUTOFF = 0.6
 
 
 class SuggestingParser(argparse.ArgumentParser):
@@ -28,7 +28,7 @@ class SuggestingParser(argparse.ArgumentParser):
         self._words = list(sys.argv[1:] if args is None else args)
         found, rest = super().parse_known_args(args, namespace)
         options = [name for action in self._actions for name in action.option_strings]
-        hints = [suggestion(word.split("=")[0], options) for word in rest if word.startswith("-")]
+        hints = [nearest_word(word.split("=")[0], options) for word in rest if word.startswith("-")]
         found.suggestions = [*getattr(found, "suggestions", []), *filter(None, hints)]
         return found, rest
 
@@ -36,7 +36,7 @@ class SuggestingParser(argparse.ArgumentParser):
         """Print usage and message, with a suggestion for a wrong choice where there is one, and exit with 2."""
         choice = _CHOICE.search(message)
         if choice is not None:
-            hint = suggestion(choice[1], [name.strip(" '") for name in choice[2].split(",")])
+            hint = nearest_word(choice[1], [name.strip(" '") for name in choice[2].split(",")])
             message += f"; did you mean {hint}?" if hint else ""
         if message.startswith("the following arguments are required"):
             message += "".join(self._unknown())
@@ -47,10 +47,5 @@ class SuggestingParser(argparse.ArgumentParser):
         options = [name for action in self._actions for name in action.option_strings]
         for word in (word.split("=")[0] for word in self._words):
             if word.startswith("--") and len(word) > 2 and not any(name.startswith(word) for name in options):
-                hint = suggestion(word, options)
+                hint = nearest_word(word, options)
                 yield f"; got {word}, which is none" + (f": did you mean {hint}?" if hint else "")
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return the known word that is nearest to one that is not; "" for none."""
-    return next(iter(difflib.get_close_matches(word, sorted(set(known)), n=1, cutoff=_CUTOFF)), "")

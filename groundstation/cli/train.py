@@ -8,11 +8,12 @@ from groundstation.cli.command_arguments import Commands, add_command, add_resul
 from groundstation.cli.number_arguments import count, positive_number, whole_number
 from groundstation.cli.path_arguments import READ, READ_TEXT
 from groundstation.cli.progress import ProgressLine
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 
-_TRAIN = """Train the learned channel: draw aircraft, birds and backgrounds of the train worlds once, then windows of
-them, fit the network, and write its weights as ONNX with a card of what they were made from. Goes on where an earlier
-run into the same folder was interrupted. On a GPU where there is one."""
+_TRAIN = """Train the learned channel: draw aircraft, birds and backgrounds of the train worlds
+once, then windows of them, fit the network, and write its weights as ONNX with a card
+of what they were made from. Goes on where an earlier run into the same folder was
+interrupted. On a GPU where there is one."""
 _MORE = """examples:
   groundstation train --out out/channel
   groundstation train --out out/channel --clips aircraft-clips --recording landing-1 --recording takeoff-1
@@ -33,7 +34,9 @@ def add_train(commands: Commands) -> None:
         commands, "train", run_train, "drawn windows in, weights of the learned channel out", _TRAIN, _MORE
     )
     add_result_folder(train, ("aircraft.onnx", "card.json"))
-    train.add_argument("--clips", type=READ, metavar="DIR", help="real clips, whose frames are backgrounds, too")
+    train.add_argument(
+        "--clips", type=READ, metavar="DIR", help="folder of real clips, whose frames are backgrounds, too"
+    )
     train.add_argument(
         "--recording",
         type=READ,
@@ -49,14 +52,24 @@ def add_train(commands: Commands) -> None:
     train.add_argument(
         "--first-world", type=whole_number, metavar="N", default=0, help="number of the first train world (default: 0)"
     )
-    train.add_argument("--worlds", type=count, metavar="N", default=450, help="train worlds (default: 450)")
-    train.add_argument("--scenes", type=count, metavar="N", default=170, help="backgrounds of them (default: 170)")
-    train.add_argument("--filmed", type=count, metavar="N", default=200, help="of them are filmed (default: 200)")
     train.add_argument(
-        "--views", type=count, metavar="N", default=20, help="pictures of each filmed world (default: 20)"
+        "--worlds", type=count, metavar="N", default=450, help="how many train worlds are drawn (default: 450)"
     )
     train.add_argument(
-        "--mine", type=READ, metavar="ONNX", help="weights whose mistakes in these pictures are learned, too"
+        "--scenes",
+        type=count,
+        metavar="N",
+        default=170,
+        help="in how many of the --worlds a background is drawn (default: 170)",
+    )
+    train.add_argument(
+        "--filmed", type=count, metavar="N", default=200, help="how many of the --worlds are filmed (default: 200)"
+    )
+    train.add_argument(
+        "--views", type=count, metavar="N", default=20, help="pictures of each of the --filmed worlds (default: 20)"
+    )
+    train.add_argument(
+        "--mine", type=READ, metavar="ONNX", help="weights whose mistakes in the filmed worlds are learned, too"
     )
     train.add_argument(
         "--material",
@@ -75,11 +88,11 @@ def _add_fit(train: argparse.ArgumentParser) -> None:
     train.add_argument(
         "--hard", action="store_true", help="show more often what the weights of --start err on; needs --start"
     )
-    train.add_argument("--steps", type=count, metavar="N", default=4000, help="of training (default: 4000)")
+    train.add_argument("--steps", type=count, metavar="N", default=4000, help="steps of training (default: 4000)")
     train.add_argument(
         "--rate", type=positive_number, metavar="R", default=3e-3, help="largest learning rate (default: 0.003)"
     )
-    train.add_argument("--batch", type=count, metavar="N", default=64, help="windows a step (default: 64)")
+    train.add_argument("--batch", type=count, metavar="N", default=64, help="windows in each step (default: 64)")
     train.add_argument(
         "--echo",
         type=count,
@@ -90,7 +103,7 @@ def _add_fit(train: argparse.ArgumentParser) -> None:
     train.add_argument(
         "--workers", type=count, metavar="N", default=1, help="processes; the result is the same (default: 1)"
     )
-    train.add_argument("--seed", type=count, metavar="N", default=1, help="of weights and windows (default: 1)")
+    train.add_argument("--seed", type=count, metavar="N", default=1, help="seed of weights and windows (default: 1)")
     train.add_argument(
         "--leave-out",
         type=READ_TEXT,
@@ -123,7 +136,7 @@ def _kinds(options: argparse.Namespace) -> dict[str, tuple[str, ...]]:
         unknown = [word for word in words if not any(word in names for names in kinds.values())]
         if unknown:
             wanted = "; ".join(f"{name}: {', '.join(sorted(names))}" for name, names in kinds.items())
-            raise InputError(option, got=", ".join(unknown), wanted=wanted)
+            raise UsageError(option, got=", ".join(unknown), wanted=wanted)
     return {name: tuple(word for word in options.without if word in names) for name, names in kinds.items()}
 
 
@@ -137,7 +150,7 @@ def run_train(options: argparse.Namespace) -> int:
     from training.material import MaterialRequest
 
     if options.hard and options.start is None:
-        raise InputError("--hard", got="no --start", wanted="the weights whose errors show what is hard")
+        raise UsageError("--hard", got="no --start", wanted="the weights whose errors show what is hard")
     without = _kinds(options)
     request = TrainRequest(
         out=options.out,

@@ -7,7 +7,7 @@ from pathlib import Path
 from groundstation.conversion.corrected_rig import corrected_rig
 from groundstation.conversion.recording_header import build_header
 from groundstation.conversion.session_folder_writer import SessionFolderWriter, WrittenCounts
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 from groundstation.files.output_names import below
 from groundstation.messages import Epoch, Event
 from groundstation.recording.recorder import PATIENT, Recorder, RecorderState
@@ -48,7 +48,7 @@ def convert(
         wanted = (
             "a recording (.mcap) or a folder; a map of the track is one of the results of replay and evaluate --out"
         )
-        raise InputError(str(out), got=f"a name that ends in {out.suffix}", wanted=wanted)
+        raise UsageError(str(out), got=f"a name that ends in {out.suffix}", wanted=wanted)
     session = load_session(source)
     packs = out.suffix == ".mcap"
     if packs is (session.recorded is not None):

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from groundstation.conversion.import_request import ImportRequest
-from groundstation.errors import InputError
+from groundstation.errors import UsageError
 from groundstation.session.logs.gps_time import gps_from_text, utc_text
 from groundstation.session.logs.read import GnssLog
 
@@ -28,7 +28,7 @@ class ImportClock:
 def import_clock(request: ImportRequest, log: GnssLog | None) -> ImportClock:
     """Return the clock: the epoch asked for, else the whole second before the first video, else before the log.
 
-    Raises `InputError` if a start is missing or no time, or if a UTC time has no epoch to refer to.
+    Raises `UsageError` if a start is missing or no time, or if a UTC time has no epoch to refer to.
     """
     moments = {name: _moment(f"--{name}-start", text) for name, text in request.starts.items()}
     ptu = None if request.ptu_start is None else _moment("--ptu-start", request.ptu_start)
@@ -36,16 +36,16 @@ def import_clock(request: ImportRequest, log: GnssLog | None) -> ImportClock:
         for name in request.videos:
             if name not in moments:
                 got = f"no start of {name}'s video"
-                raise InputError(f"--{name}-start", got=got, wanted=f"{_WANTED}; or --frames with the times of all")
+                raise UsageError(f"--{name}-start", got=got, wanted=f"{_WANTED}; or --frames with the times of all")
     epoch = None if request.epoch is None else gps_from_text(request.epoch)
     if request.epoch is not None and epoch is None:
-        raise InputError("--epoch", got=repr(request.epoch), wanted="UTC such as 2026-05-17T09:30:00Z")
+        raise UsageError("--epoch", got=repr(request.epoch), wanted="UTC such as 2026-05-17T09:30:00Z")
     utc = [value for value, absolute in moments.values() if absolute]
     if epoch is None and utc:
         epoch = float(math.floor(min(utc)))
     if epoch is None and log is not None and request.frames is not None:
         wanted = "what zero of the frames' times is, in UTC"
-        raise InputError("--epoch", got="a table of frames with a log in UTC", wanted=wanted)
+        raise UsageError("--epoch", got="a table of frames with a log in UTC", wanted=wanted)
     if epoch is None and log is not None:
         epoch = float(math.floor(log.gps_s[0]))
     starts = {name: _since(epoch, *moment, f"--{name}-start") for name, moment in moments.items()}
@@ -66,7 +66,7 @@ def _moment(option: str, text: str) -> tuple[float, bool]:
     except ValueError:
         value = math.nan
     if not abs(value) <= _MAX_S:
-        raise InputError(option, got=repr(text), wanted=_WANTED)
+        raise UsageError(option, got=repr(text), wanted=_WANTED)
     return value, False
 
 
@@ -74,5 +74,5 @@ def _since(epoch: float | None, value: float, absolute: bool, option: str) -> fl
     if not absolute:
         return value
     if epoch is None:
-        raise InputError(option, got="UTC without an epoch", wanted="--epoch, or the videos' starts in UTC")
+        raise UsageError(option, got="UTC without an epoch", wanted="--epoch, or the videos' starts in UTC")
     return value - epoch

@@ -25,6 +25,9 @@ _LINE_STYLES = ("-", "--", "-.", ":")
 # steps of range: at most so many, and on average at least so many pairs of each run in one that it covers
 _MOST_STEPS, _PAIRS_A_STEP = 16, 6
 _LEAST_IN_STEP = 3
+# labels of a logarithmic axis in each decade, and how many it has at least
+_STEPS = (1.0, 2.0, 5.0)
+_LEAST_LABELS, _WIDER = 2, 1.1
 _NEES_LIMITS = (0.02, 50.0)
 
 
@@ -43,6 +46,11 @@ class PlottedErrors:
         """Return the times (n,) on the common axis."""
         return self.errors.t_s - self.shift_s
 
+    @property
+    def marker(self) -> str:
+        """Return what a line of one pair needs, to be seen."""
+        return _marker(int(np.count_nonzero(self.errors.known)))
+
 
 def run_styles(count: int) -> list[tuple[str, str]]:
     """Return a colour and a line style for each of so many runs; the same again after 28."""
@@ -60,8 +68,11 @@ def draw_tracks(figure: Figure, runs: Sequence[RunSeries], axis: int) -> None:
             ax.plot(place[:, 1], place[:, axis], color=TRUTH, lw=2.6, alpha=0.25, label=label)
             label = None
     for run, (colour, style) in zip(runs, run_styles(len(runs)), strict=True):
+        count = int(np.count_nonzero(run.track.known))
+        if not count:
+            continue
         place = run.track.position_m[:: stride(len(run.track))]
-        ax.plot(place[:, 1], place[:, axis], color=colour, ls=style, label=_label(run.name))
+        ax.plot(place[:, 1], place[:, axis], color=colour, ls=style, marker=_marker(count), label=_label(run.name))
     shown = np.concatenate([run.track.position_m[run.track.known, axis] for run in runs])
     low, high = np.percentile(shown, [0.5, 99.5])
     room = max(0.15 * (high - low), 0.2)
@@ -84,7 +95,8 @@ def draw_errors(figure: Figure, plotted: Sequence[PlottedErrors], clock: str) ->
                 ax.fill_between(t, -band, band, color=p.colour, alpha=0.12, lw=0)
             else:
                 ax.plot(np.r_[t, np.nan, t], np.r_[-band, np.nan, band], color=p.colour, lw=0.5, alpha=0.6)
-            ax.plot(t, gapped(error, p.errors.known[::step]), color=p.colour, ls=p.style, label=_label(p.name))
+            line = gapped(error, p.errors.known[::step])
+            ax.plot(t, line, color=p.colour, ls=p.style, marker=p.marker, label=_label(p.name))
             reach.append(float(np.nanpercentile(np.abs(error), 99)) if np.isfinite(error).any() else 0.0)
             reach.append(float(np.nanpercentile(band, 90)) if np.isfinite(band).any() else 0.0)
         ax.set_ylim(-1.25 * max(reach), 1.25 * max(reach))
@@ -94,7 +106,8 @@ def draw_errors(figure: Figure, plotted: Sequence[PlottedErrors], clock: str) ->
         stated = np.sqrt((p.errors.sigma_m[::step] ** 2).sum(axis=1))
         known = p.errors.known[::step]
         panels[3].plot(p.t_s[::step], gapped(stated, known), color=p.colour, lw=0.6)
-        panels[3].plot(p.t_s[::step], gapped(p.errors.distance_m[::step], known), color=p.colour, ls=p.style)
+        size = gapped(p.errors.distance_m[::step], known)
+        panels[3].plot(p.t_s[::step], size, color=p.colour, ls=p.style, marker=p.marker)
     _logarithmic(panels[3], [p.errors.distance_m for p in plotted])
     panels[3].set_ylabel("3-D in m")
     panels[3].set_xlabel(clock)
@@ -109,15 +122,16 @@ def draw_distributions(figure: Figure, plotted: Sequence[PlottedErrors]) -> None
             size = np.sort(_size(p.errors, axis))
             share = 100.0 * np.arange(1, len(size) + 1) / len(size)
             step = stride(len(size))
-            ax.plot(size[::step], share[::step], color=p.colour, ls=p.style, label=_label(p.name))
+            ax.plot(size[::step], share[::step], color=p.colour, ls=p.style, marker=p.marker, label=_label(p.name))
         ax.set_xscale("log")
         sizes = np.concatenate([_size(p.errors, axis) for p in plotted])
         positive = sizes[sizes > 0.0]
         if len(positive):
             low, high = float(np.percentile(positive, 2)), 1.2 * float(positive.max())
-            ax.set_xlim(low, high)
             # labels of three steps to the decade have room in less than two decades
-            _plain_logarithms(ax.xaxis, (1.0, 3.0) if high < 60.0 * low else (1.0,))
+            steps = (1.0, 3.0) if high < 60.0 * low else (1.0,)
+            ax.set_xlim(_with_labels(low, high, steps))
+            _plain_logarithms(ax.xaxis, steps)
         ax.axhline(95.0, color="#888888", lw=0.8, ls=":")
         ax.set_xlabel(f"{AXES[axis]} in m")
     for ax in panels[:, 0]:
@@ -228,8 +242,21 @@ def _logarithmic(ax: Axes, series: Sequence[FloatArray]) -> None:
     values = np.concatenate(series)
     positive = values[np.isfinite(values) & (values > 0.0)]
     if len(positive):
-        ax.set_ylim(0.7 * float(np.percentile(positive, 1)), 1.5 * float(positive.max()))
-    _plain_logarithms(ax.yaxis, (1.0, 2.0, 5.0))
+        low, high = 0.7 * float(np.percentile(positive, 1)), 1.5 * float(positive.max())
+        ax.set_ylim(_with_labels(low, high, _STEPS))
+    _plain_logarithms(ax.yaxis, _STEPS)
+
+
+def _with_labels(low: float, high: float, steps: tuple[float, ...]) -> tuple[float, float]:
+    """Return the limits of a logarithmic axis, widened until two of its labels lie between them.
+
+    Errors of few pairs are nearly one number; with fewer labels Matplotlib chooses others, which run into each other.
+    """
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)) - 1.0, np.ceil(np.log10(high)) + 2.0)
+    labels = np.outer(decades, steps)
+    while np.count_nonzero((labels >= low) & (labels <= high)) < _LEAST_LABELS:
+        low, high = low / _WIDER, high * _WIDER
+    return low, high
 
 
 def _plain_logarithms(axis: Axis, steps: tuple[float, ...]) -> None:
@@ -237,6 +264,11 @@ def _plain_logarithms(axis: Axis, steps: tuple[float, ...]) -> None:
     axis.set_major_locator(LogLocator(subs=steps))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def _marker(count: int) -> str:
+    """Return the marker of a line of so many places: a single one is seen by it alone."""
+    return "o" if count == 1 else ""
 
 
 def _legend(figure: Figure, ax: Axes) -> None:

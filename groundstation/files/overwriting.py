@@ -4,6 +4,7 @@ Inputs and outputs of a command are declared with its arguments (`groundstation.
 by their identity on the disk, so that links and other spellings of a path are recognised.
 """
 
+import errno
 import os
 import stat
 from collections.abc import Iterable, Iterator, Sequence
@@ -48,6 +49,18 @@ def refuse_overwriting(read: Iterable[Path | None], written: Iterable[Output]) -
             what = "a folder" if output.path.is_dir() else "a file"
             raise InputError(str(output.path), got=f"{what} that is read", wanted=f"another {output.option}")
     _refuse_twice(outputs)
+
+
+def leads_to_itself(path: Path) -> bool:
+    """Return whether a path cannot be followed, since a link on it leads back to itself."""
+    try:
+        path.stat()
+    except OSError as fault:
+        return fault.errno == errno.ELOOP
+    except ValueError:
+        # of a text that no path can have
+        return False
+    return False
 
 
 def refuse_existing(files: Iterable[Path]) -> None:

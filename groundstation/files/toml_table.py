@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.errors import InputError, printable
+from groundstation.files.nearest_word import one_of
 from groundstation.files.text_file import TextFile, absence, is_utf16
 
 MAX_TOML_BYTES = 4_000_000
@@ -113,7 +114,7 @@ class TomlTable:
         """Raise if the table has a key that is not in ``known``."""
         for key in self.values:
             if key not in known:
-                raise self.fail(key, "an unknown key", "one of " + ", ".join(sorted(known)))
+                raise self.fail(key, "an unknown key", one_of(key, known))
 
     def _get(self, key: str, wanted: str) -> Any:
         if key not in self.values:

@@ -3,6 +3,7 @@
 import multiprocessing as mp
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -15,6 +16,8 @@ from typing import Any
 # Ctrl-C, a closed window, Ctrl-Z and Ctrl-\: a head that turns must not lose its process to a key
 _OF_THE_GROUP = {signal.SIGINT, signal.SIGHUP, signal.SIGTSTP, signal.SIGQUIT}
 _BY_SIGNAL = 128
+# what the library's own process would print after a forced end, about memory that it has given back
+_TRACKER_QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"
 # a killed process is gone at once, unless it waits for a device in the kernel
 _KILLED_S = 0.3
 
@@ -25,11 +28,20 @@ def terminal_signals_blocked() -> Iterator[None]:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _OF_THE_GROUP)
     try:
         # the library's own process outlives all others; starting it opens this one's ears again
-        resource_tracker.ensure_running()
+        _start_tracker()
         signal.pthread_sigmask(signal.SIG_BLOCK, _OF_THE_GROUP)
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _start_tracker() -> None:
+    """Start the process that gives back shared memory after a forced end, unless it runs; it does so quietly."""
+    sys.warnoptions.append(_TRACKER_QUIET)
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        sys.warnoptions.remove(_TRACKER_QUIET)
 
 
 class ChildProcess:

@@ -26,7 +26,7 @@ from groundstation.live.memory import configure_allocator
 from groundstation.live.opened_cameras import opened_cameras
 from groundstation.live.operation import ApproachOpener, Operation, OperationOutputs, OperationResult, StatusSink
 from groundstation.live.operator_screen import StatusCallback, open_screen
-from groundstation.live.out_folder import removed_unless_started, require_free, written_files
+from groundstation.live.out_folder import StartingFolder, removed_unless_started, require_free, written_files
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import ReferenceReceiver, reference_tuning
 from groundstation.live.shutdown import Shutdown
@@ -43,6 +43,8 @@ from groundstation.tracking.config import Config, load_config, with_weights
 from groundstation.tracking.warm_up import warm_up
 
 _BEGIN_AFTER_S = 3.0
+# ends the program; gets a line about that, and whether the operation had begun
+ForceExit = Callable[[str, bool], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,20 +93,22 @@ def live(
     tell: Callable[[LiveStatus], None],
     say: Callable[[str], None],
     simulator: StationSimulator | None = None,
-    force_exit: Callable[[str], None] | None = None,
+    force_exit: ForceExit | None = None,
 ) -> LiveResult:
     """Operate a station. ``tell`` receives the status twice a second, ``say`` progress lines during start-up.
 
     ``simulator`` stands in for the devices. ``force_exit`` ends the program
-    at once where its end hangs beyond the time for it (`Shutdown`); it then gets a line about that.
+    at once where its end hangs beyond the time for it (`Shutdown`); it then gets a line about that, and whether the
+    operation had begun. Before that, the folder is left as it was.
 
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
     where ``stop`` is set before it has begun.
     """
     out = _folder(request)
     configure_allocator()
-    with removed_unless_started(out) as begun:
-        return _live(request, out, begun, stop, tell, partial(_step, stop, say), simulator, force_exit)
+    with removed_unless_started(out) as folder:
+        forced = None if force_exit is None else partial(_forced, force_exit, folder, simulator)
+        return _live(request, out, folder.keep, stop, tell, partial(_step, stop, say), simulator, forced)
 
 
 def _live(
@@ -309,6 +313,16 @@ def _report_sun(file: StationFile, rig: Rig, operation: Operation, say: Callable
     if file.sun_angle_rad != 0.0:
         say(text)
         operation.log("info" if known else "warning", text)
+
+
+def _forced(force_exit: ForceExit, folder: StartingFolder, simulator: StationSimulator | None, line: str) -> None:
+    """End by force; of a start nothing is left, and nothing that could still write into its folder."""
+    begun = folder.kept
+    if not begun:
+        if simulator is not None:
+            simulator.kill()
+        folder.restore()
+    force_exit(line, begun)
 
 
 def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> None:

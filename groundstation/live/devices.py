@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from groundstation.errors import ConfigError
+from groundstation.files.nearest_word import one_of
 from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile
 from groundstation.rig.rig import Rig
@@ -67,5 +68,5 @@ def _part(kind: type[T], values: Mapping[str, Any], where: str) -> T:
     known = {f.name for k in (CameraSettings, CameraTiming, CameraSupervision) for f in dataclasses.fields(k)}
     for key in values:
         if key not in known:
-            raise ConfigError(f"{where}: {key}", got="an unknown key", wanted="one of " + ", ".join(sorted(known)))
+            raise ConfigError(f"{where}: {key}", got="an unknown key", wanted=one_of(key, known))
     return config_from_mapping(kind, {k: v for k, v in values.items() if k in own}, where)

@@ -1,7 +1,7 @@
 """The folder of one operation: new or empty before, and as it was before where nothing was operated."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from groundstation.errors import InputError
@@ -21,19 +21,34 @@ def written_files(out: Path) -> tuple[Path, ...]:
     return tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink() and p.stat().st_size > 0))
 
 
+class StartingFolder:
+    """The folder of an operation that starts. ``kept`` is whether there is something to keep in it."""
+
+    def __init__(self, out: Path) -> None:
+        self.kept = False
+        self._out, self._was_there = out, out.is_dir()
+
+    def keep(self) -> None:
+        """Keep what is in it from now on, however the operation ends."""
+        self.kept = True
+
+    def restore(self) -> None:
+        """Leave the folder as it was before the start."""
+        _empty(self._out, remove=not self._was_there)
+
+
 @contextlib.contextmanager
-def removed_unless_started(out: Path) -> Iterator[Callable[[], None]]:
-    """Yield what to call once there is something to keep; where that was never called, ``out`` is left as it was.
+def removed_unless_started(out: Path) -> Iterator[StartingFolder]:
+    """Yield the folder, to be told once there is something to keep; otherwise ``out`` is left as it was.
 
     So a device that is not there costs nothing but another start with the same command.
     """
-    was_there = out.is_dir()
-    begun: list[bool] = []
+    folder = StartingFolder(out)
     try:
-        yield lambda: begun.append(True)
+        yield folder
     except BaseException as fault:
-        if not begun:
-            _empty(out, remove=not was_there)
+        if not folder.kept:
+            folder.restore()
             if isinstance(fault, OSError) and fault.filename and Path(str(fault.filename)).is_relative_to(out):
                 got, wanted = fault.strerror or str(fault), "a folder that files can be made in"
                 raise InputError(str(out), got=got, wanted=wanted) from fault

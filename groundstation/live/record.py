@@ -39,7 +39,8 @@ class LiveRecorder(Recorder):
         """Return the operator's status text."""
         status = self.status
         rate = self._recent.at(self._now(), status.written_bytes)
-        text = f"{status.line()} at {rate / 1e6:.1f} MB/s"
+        # nothing written has no rate
+        text = status.line() + (f" at {rate / 1e6:.1f} MB/s" if status.written_bytes else "")
         if status.free_bytes is None:
             return text
         text += f", disk {status.free_bytes / 1e9:.1f} GB free"
@@ -48,8 +49,10 @@ class LiveRecorder(Recorder):
         return text + f", enough for {_long(max(status.free_bytes - self._least_free, 0) / rate)} of this"
 
     def written_summary(self) -> str:
-        """Return what it came to in the end: bytes, and how many a second while tracking and while searching."""
+        """Return what it came to in the end: bytes, and how many a second while tracking and searching; "" for none."""
         status = self.status
+        if not status.written_bytes:
+            return ""
         return ", ".join(w for w in (f"{status.written_bytes / 1e6:.1f} MB", status.rates.line()) if w)
 
 

@@ -38,6 +38,10 @@ class StationSimulator(ABC):
         return ()
 
     @abstractmethod
+    def kill(self) -> None:
+        """End the devices' processes at once, from any thread: the station is ended by force while it starts."""
+
+    @abstractmethod
     def begin(self, start_s: float) -> float:
         """Let the flight begin at ``start_s`` on the host's clock; returns when it does."""
 

@@ -109,7 +109,7 @@ def _missing(run: ScoredRun, series: RunSeries | None) -> Iterator[str]:
     """Yield what cannot be computed of a run, and why."""
     reason = run.summary.get("no_track")
     if isinstance(reason, str) and reason:
-        yield f"{run.name}: no track: {reason}"
+        yield f"{run.name}: no track: {reason.removeprefix('no track: ')}"
     elif series is not None and not series.track.known.any():
         yield f"{run.name}: no estimate in its track"
     accuracy: Mapping[str, object] = run.summary["accuracy"]

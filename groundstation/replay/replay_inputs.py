@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.messages import DgpsFix, ReferenceFix
 from groundstation.replay.recording_replay import load_replay_config
@@ -18,6 +19,11 @@ _MIN_BASELINE_M = 0.1
 # the longest runways; stations of one landing stand at its threshold
 _FAR_APART_M = 4000.0
 _CLOCKS_APART_S = 0.2
+# units that the times of a reference may be in by mistake; its positions are then further apart than a receiver's are
+# in seconds, and not closer than a receiver's or a simulation's in that unit
+_UNITS_S = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+_MOST_APART_S = 9.0
+_LEAST_APART_S = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,17 +85,36 @@ def learning_fixes(request: ReplayRequest, inputs: ReplayInputs) -> list[Referen
 
 
 def reference_time_notes(request: ReplayRequest, inputs: ReplayInputs, span_s: tuple[float, float]) -> list[str]:
-    """Return a note where no DGPS position is of the time of the pictures, ``span_s``, whatever its clock's offset.
+    """Return a note on each reference whose times are not those of the pictures, ``span_s``.
 
-    A part of a session that was asked for may lie outside of its reference.
+    A part of a session that was asked for may lie outside of its reference, whatever the clock's offset; times that
+    would be of the pictures in another unit are told there, too.
     """
-    times, most_s = [fix.t_s for fix in inputs.dgps], inputs.config.evaluation.max_offset_s
-    if not times or request.from_s is not None or request.to_s is not None:
+    part = request.from_s is not None or request.to_s is not None
+    dgps = np.array([fix.t_s for fix in inputs.dgps])
+    notes = _time_notes("DGPS", dgps, span_s, inputs.config.evaluation.max_offset_s, part=part)
+    if inputs.truth is not None:
+        notes += _time_notes("truth", inputs.truth.t_s, span_s, 0.0, part=part)
+    return notes
+
+
+def _time_notes(name: str, times: FloatArray, span_s: tuple[float, float], most_s: float, *, part: bool) -> list[str]:
+    """Return a note on a reference's times; ``most_s`` is the largest offset of its clock."""
+    if len(times) < 1:
         return []
-    if min(times) <= span_s[1] + most_s and max(times) >= span_s[0] - most_s:
+
+    def inside(times_s: FloatArray) -> int:
+        return int(np.count_nonzero((times_s >= span_s[0] - most_s) & (times_s <= span_s[1] + most_s)))
+
+    here, there = (f"{a:.1f} to {b:.1f} s" for a, b in (span_s, (times.min(), times.max())))
+    common = f"{name}: its times, {there}, have {'hardly anything' if inside(times) else 'nothing'} in common"
+    apart = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    for unit, in_s in _UNITS_S.items():
+        if apart * in_s > _LEAST_APART_S and apart > _MOST_APART_S and inside(times * in_s) > inside(times):
+            return [f"{common} with the pictures', {here}, and would in {unit}: t_s is in seconds"]
+    if part or (times.min() <= span_s[1] + most_s and times.max() >= span_s[0] - most_s):
         return []
-    here, there = (f"{a:.1f} to {b:.1f} s" for a, b in (span_s, (min(times), max(times))))
-    return [f"DGPS: its times, {there}, have nothing in common with the pictures', {here}: seconds of this session?"]
+    return [f"{common} with the pictures', {here}: seconds of this session?"]
 
 
 def _usable_session(request: ReplayRequest) -> Session:

@@ -43,6 +43,9 @@ class AttachedSimulator(StationSimulator):
         """Return the file: the simulator is already running."""
         return file
 
+    def kill(self) -> None:
+        """Do nothing: the simulator belongs to the parent process."""
+
     def begin(self, start_s: float) -> float:
         """Return the start time of the flight, which is not changed."""
         return self._begin_s

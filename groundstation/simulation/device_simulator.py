@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
@@ -22,11 +22,12 @@ from types import TracebackType
 
 import numpy as np
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import ImageArray
 from groundstation.box import Box
 from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.simulated_latency import DelayLine
 from groundstation.rig.rig import Rig, load_rig
+from groundstation.simulation.delayed_trajectory import DelayedTrajectory
 from groundstation.simulation.device_faults import (
     CAMERA_CLOCK_STEPPED,
     CAMERA_FROZEN,
@@ -44,10 +45,7 @@ from groundstation.simulation.rendered_scene import RenderedScene
 from groundstation.simulation.simulated_camera_device import SLOTS, SimulatedCameraDevice
 from groundstation.simulation.simulated_receiver import ReceiverModel, SimulatedReceiver
 from groundstation.simulation.trajectory import Trajectory
-from groundstation.sources.cameras.camera import (
-    CameraDevice,
-    CameraError,
-)
+from groundstation.sources.cameras.camera import CameraDevice, CameraError
 from groundstation.thread_scheduling import give_way, short_gil_switch_interval
 from ptu_drivers.simulated.flir import FlirModel
 from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
@@ -56,6 +54,7 @@ from ptu_drivers.simulated.server import SimulatedServer
 
 _MEASURED_PAIRS = 15
 _READY_S = 600.0
+_LOOK_S = 0.1
 _END_S = 0.5
 _ARCSEC = 3600.0
 # distance of the aircraft before the flight starts, m
@@ -99,10 +98,16 @@ class DeviceSimulator:
     """The simulator as the station connects to it; a context manager. Raises `CameraError` if it cannot be started.
 
     ``search_s`` measures how long the station takes to search a pair of pictures, s, where the rate is to be measured.
+    ``stop`` is whether an end is requested; the start then raises KeyboardInterrupt.
     """
 
-    def __init__(self, config: DeviceSimulatorConfig, search_s: Callable[[], float] = lambda: 0.0) -> None:
-        self._config, self._search_s = config, search_s
+    def __init__(
+        self,
+        config: DeviceSimulatorConfig,
+        search_s: Callable[[], float] = lambda: 0.0,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._config, self._search_s, self._stop = config, search_s, stop
         rig = load_rig(config.rig)
         self.urls = {s.name: str(config.folder / f"ptu-{s.name}") for s in rig.stations if not s.fixed}
         self.truth = {name: NoseTruth() for name in rig.names}
@@ -130,9 +135,7 @@ class DeviceSimulator:
         for end in (*ends.values(), other):
             end.close()
         try:
-            if not self._control.poll(_READY_S):
-                raise CameraError("simulated range: got no answer; wanted it to start")
-            pair_s = self._control.recv()
+            pair_s = self._answer(self._control)
             self.frame_rate_hz = self._config.frame_rate_hz or sustainable_rate_hz(pair_s, self._search_s())
             self._control.send(self.frame_rate_hz)
         except (EOFError, OSError) as fault:
@@ -159,6 +162,23 @@ class DeviceSimulator:
             memory.close()
             memory.unlink()
         self._memory = {}
+
+    def _answer(self, control: Connection) -> float:
+        """Return what its process measured; raises `CameraError` where none comes, KeyboardInterrupt for a stop."""
+        until_s = time.monotonic() + _READY_S
+        while not control.poll(_LOOK_S):
+            if self._stop():
+                raise KeyboardInterrupt
+            if time.monotonic() > until_s:
+                raise CameraError("simulated range: got no answer; wanted it to start")
+        return float(control.recv())
+
+    def kill(self) -> None:
+        """End its process at once, from any thread; the context is not left by that."""
+        process = self._process
+        if process is not None:
+            process.kill()
+            wait([process.sentinel], _END_S)
 
     @property
     def delivery_s(self) -> float:
@@ -210,7 +230,7 @@ def serve_devices(
 ) -> None:
     """Run the devices until a stop request, or until the pipe to the parent process is closed."""
     rig = load_rig(config.rig)
-    flight = _DelayedTrajectory(config.flight, time.monotonic() + _FAR_OFF_S)
+    flight = DelayedTrajectory(config.flight, time.monotonic() + _FAR_OFF_S)
     world = RenderedScene(trajectory=flight)
     stations = [_made(rig, number, world, config) for number in range(len(rig.stations))]
     stop = threading.Event()
@@ -250,26 +270,6 @@ def serve_devices(
         station.server.stop()
     for thread in threads:
         thread.join(1.0)
-
-
-class _DelayedTrajectory:
-    """A trajectory with its time zero at an instant of the host clock, which may be set during use."""
-
-    def __init__(self, flight: Trajectory, start_s: float) -> None:
-        self._flight, self.start_s = flight, start_s
-
-    @property
-    def span_s(self) -> tuple[float, float]:
-        """First and last time of the trajectory, s."""
-        return self._flight.span_s[0] + self.start_s, self._flight.span_s[1] + self.start_s
-
-    def position(self, t_s: FloatArray) -> FloatArray:
-        """Return positions (n, 3)."""
-        return self._flight.position(np.asarray(t_s) - self.start_s)
-
-    def velocity(self, t_s: FloatArray) -> FloatArray:
-        """Return velocities (n, 3)."""
-        return self._flight.velocity(np.asarray(t_s) - self.start_s)
 
 
 def _made(rig: Rig, number: int, world: RenderedScene, config: DeviceSimulatorConfig) -> _Station:
@@ -321,7 +321,7 @@ def _deliver(
     pipe: Connection,
     config: DeviceSimulatorConfig,
     rate_hz: float,
-    flight: _DelayedTrajectory,
+    flight: DelayedTrajectory,
     first_s: float,
     stop: threading.Event,
 ) -> None:

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from groundstation.live.abandonable import abandonable
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.rig.rig import Rig, load_rig
@@ -56,10 +57,12 @@ class SimulatedStation(StationSimulator):
     Raises
     ------
     NoFlightModelError : the aircraft is JSBSim's and JSBSim is not installed.
+
+    ``stop`` is whether an end is requested; a start that is under way then raises KeyboardInterrupt.
     """
 
-    def __init__(self, config: SimulatedStationConfig) -> None:
-        self._config = config
+    def __init__(self, config: SimulatedStationConfig, stop: Callable[[], bool] = lambda: False) -> None:
+        self._config, self._stop = config, stop
         self._flight = landings(
             config.seconds or 1e9, seed=config.seed, wind_m_s=config.wind_m_s, aircraft=config.aircraft
         )
@@ -98,7 +101,9 @@ class SimulatedStation(StationSimulator):
             receiver=self._config.receiver,
             timetable=self._config.timetable,
         )
-        self._range = opened.enter_context(DeviceSimulator(hardware, lambda: self._search_s(file)))
+        # known before it is ready: it may have to be ended while it starts
+        self._range = DeviceSimulator(hardware, lambda: self._search_s(file), self._stop)
+        opened.enter_context(self._range)
         self.delivery_s = self._range.delivery_s
         rate_hz = self._range.frame_rate_hz
         if self._measures_rate:
@@ -108,7 +113,14 @@ class SimulatedStation(StationSimulator):
     def _search_s(self, file: StationFile) -> float:
         """Return how long the station takes here to search a pair of pictures, s."""
         lenses = [station.lens for station in load_rig(file.rig).stations]
-        return search_pair_s(lenses, time.perf_counter, load_config(file.config).detection.detector)
+        detector = load_config(file.config).detection.detector
+        # takes seconds on a busy machine
+        return abandonable(lambda: search_pair_s(lenses, time.perf_counter, detector), self._stop)
+
+    def kill(self) -> None:
+        """End the devices' process at once, from any thread."""
+        if self._range is not None:
+            self._range.kill()
 
     @property
     def missing_pictures(self) -> int:

@@ -11,7 +11,7 @@ from pathlib import Path
 from groundstation.box import Box
 from groundstation.detection.config import DetectorKind
 from groundstation.detection.pixel_track import PixelTrack
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 from groundstation.messages import Miss, MissReason, TrackStatus
 from groundstation.single_camera.pixel_track_file import PixelTrackFile
 from groundstation.single_camera.pixel_tracker import PixelTracker
@@ -205,7 +205,7 @@ def _checked(request: TrackRequest, video: VideoFile) -> int | None:
     first, last = request.from_frame, request.to_frame
     if first < 0 or (last is not None and last < first):
         got = f"frames {first} to {'the end' if last is None else last}"
-        raise InputError("--from-frame, --to-frame", got=got, wanted="0 or later, and a start before the end")
+        raise UsageError("--from-frame, --to-frame", got=got, wanted="0 or later, and a start before the end")
     if video.count is not None and first >= video.count:
         got = f"a video of {video.count} frames"
         raise InputError(str(video.path), got=got, wanted=f"more, to start from frame {first}")
@@ -216,7 +216,7 @@ def _checked(request: TrackRequest, video: VideoFile) -> int | None:
             got = f"a box at {x:g},{y:g} of {w:g} x {h:g} px"
             raise InputError("--init", got=got, wanted=f"one whose middle is in the picture of {width} x {height} px")
     if request.save_video is not None and request.save_video.suffix.lower() != ".mp4":
-        raise InputError("--save-video", got=str(request.save_video), wanted="the name of an .mp4 file")
+        raise UsageError("--save-video", got=str(request.save_video), wanted="the name of an .mp4 file")
     outputs = [request.out, *([] if request.save_video is None else [request.save_video])]
     for path in outputs:
         if not path.parent.is_dir():

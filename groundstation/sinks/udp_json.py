@@ -12,6 +12,14 @@ from groundstation.errors import ConfigError
 _ADDRESS = re.compile(r"(?:udp:(?://)?)?(?:\[([0-9a-fA-F:]+)\]|([^:/\s\[\]]+)):(\d{1,5})")
 
 
+def parse_udp_address(text: str) -> tuple[str, int]:
+    """Return host and port of an address. Raises `ConfigError` for a text that is none."""
+    match = _ADDRESS.fullmatch(text)
+    if match is None or not 0 < int(match[3]) < 65_536:
+        raise ConfigError("--udp", got=repr(text), wanted="HOST:PORT, the port from 1 to 65535")
+    return match[1] or match[2], int(match[3])
+
+
 class UdpJsonSender:
     """Sends objects to an address, ``HOST:PORT``; never waits: what the network does not take is dropped and counted.
 
@@ -19,12 +27,9 @@ class UdpJsonSender:
     """
 
     def __init__(self, address: str) -> None:
-        match = _ADDRESS.fullmatch(address)
-        if match is None or not 0 < int(match[3]) < 65_536:
-            raise ConfigError("--udp", got=repr(address), wanted="HOST:PORT, the port from 1 to 65535")
-        host = match[1] or match[2]
+        host, port = parse_udp_address(address)
         try:
-            family, kind, protocol, _, to = socket.getaddrinfo(host, int(match[3]), type=socket.SOCK_DGRAM)[0]
+            family, kind, protocol, _, to = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind, protocol)
         except OSError as fault:
             raise ConfigError("--udp", got=f"{address!r}: {fault}", wanted="an address that is known") from fault

@@ -22,6 +22,7 @@ from groundstation.errors import ConfigError, InputError
 from groundstation.estimation.config import EstimationConfig, InitiationConfig
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.files.channel_weights import SHA256, add_weights, channel_weights
+from groundstation.files.nearest_word import one_of
 from groundstation.files.text_file import TextFile
 from groundstation.files.toml_table import load_toml, quoted, shown
 from groundstation.integrity.station_exclusion import IntegrityConfig
@@ -97,8 +98,7 @@ def config_from_mapping(kind: type[T], values: Mapping[str, Any], where: str) ->
     arguments: dict[str, Any] = {}
     for key, value in values.items():
         if key not in names:
-            wanted = "one of " + ", ".join(sorted(names))
-            raise ConfigError(f"{where}: {shown(key)}", got="an unknown key", wanted=wanted)
+            raise ConfigError(f"{where}: {shown(key)}", got="an unknown key", wanted=one_of(key, names))
         arguments[key] = _value(hints[key], value, f"{where}: {key}")
     try:
         return kind(**arguments)

@@ -47,6 +47,21 @@ def test_a_script_runs(
     assert [each.name for each in tmp_path.iterdir()] == (["track.png"] if path.stem == "plot_track" else [])
 
 
+@pytest.mark.parametrize(
+    "path", [path for path in SCRIPTS if "--session" in path.read_text(encoding="utf-8")], ids=lambda path: path.stem
+)
+def test_a_wrong_session_is_one_line(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the program's own line, exit code 1 (Python's for a text), no traceback."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(path), "--session", "nowhere"])
+    with np.printoptions(), pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(path), run_name="__main__")
+    assert re.fullmatch(
+        r"groundstation: nowhere(/rig\.toml)?: got no such (folder|file); wanted .*", str(ended.value.code)
+    )
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("source", [*(path.read_text(encoding="utf-8") for path in SCRIPTS), *CELLS])
 def test_only_public_names_are_used(source: str) -> None:
     for node in ast.walk(ast.parse(source)):

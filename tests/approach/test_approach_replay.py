@@ -156,10 +156,11 @@ def test_in_real_time_it_is_sent_to_an_autopilot_and_as_json(
     ("words", "code", "wanted"),
     [
         (["--udp", "127.0.0.1:5005"], 2, "--realtime"),
-        (["--udp", "nowhere", "--realtime"], 1, "HOST:PORT"),
+        (["--udp", "nowhere", "--realtime"], 2, "HOST:PORT"),
         (["--autopilot", "udpout:127.0.0.1:9", "--realtime"], 2, "mode of the autopilot"),
         (["--autopilot-mode", "vision", "--realtime"], 2, "the vehicle's URL"),
-        (["--autopilot", "nowhere", "--autopilot-mode", "vision", "--realtime"], 1, "geoid_separation_m"),
+        (["--autopilot", "nowhere", "--autopilot-mode", "vision", "--realtime"], 2, "udpout:HOST:PORT"),
+        (["--autopilot", "udpout:127.0.0.1:9", "--autopilot-mode", "vision", "--realtime"], 1, "geoid_separation_m"),
         (["--site", "{session}/session.toml"], 1, "format"),
     ],
 )

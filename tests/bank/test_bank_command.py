@@ -79,7 +79,7 @@ def test_a_run_of_the_test_set_needs_a_log_and_is_logged(
     scored: list[WorldJob], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = settings_file(tmp_path, world_set="test", sessions=3)
-    assert main(["bank", str(settings), "--out", str(tmp_path / "out")]) == 1
+    assert main(["bank", str(settings), "--out", str(tmp_path / "out")]) == 2
     assert "--test-log" in capsys.readouterr().err
     assert not scored
     log = tmp_path / "runs.csv"

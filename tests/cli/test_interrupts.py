@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -73,3 +74,20 @@ def test_an_error_without_an_interrupt_stays_one() -> None:
     done = _run(OF_ITS_OWN)
     assert done.returncode == 1
     assert "ValueError: a fault of the program" in done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_replay_that_is_ended_leaves_no_draft(tmp_path: Path, number: signal.Signals) -> None:
+    """Expected: 128 and the signal's number, one line about it, neither a traceback nor a draft of the recording."""
+    words = ["replay", str(ROOT / "recordings" / "landing-1"), "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "groundstation", *words], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    )
+    while process.poll() is None and not list(tmp_path.rglob("*.part.session.rrd")):
+        time.sleep(0.01)
+    process.send_signal(number)
+    err = process.communicate()[1]
+    assert process.returncode == 128 + number
+    assert err.splitlines()[-1].startswith("groundstation: interrupted; ")
+    assert "Traceback" not in err
+    assert not [path.name for path in tmp_path.rglob("*") if "session.rrd" in path.name]

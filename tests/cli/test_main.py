@@ -165,9 +165,9 @@ def test_a_broken_reference_does_not_stop_the_track(
     assert "before that: 2" in reported
 
 
-def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], message: str) -> None:
-    """Nothing could be done: one line, exit code 1, no folder made."""
-    assert main(["replay", *arguments]) == 1
+def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], message: str, code: int = 1) -> None:
+    """Nothing could be done: one line, exit code 1 (2 for wrong usage), no folder made."""
+    assert main(["replay", *arguments]) == code
     shown = capsys.readouterr()
     assert not shown.out
     assert shown.err.count("\n") == 1
@@ -179,7 +179,7 @@ def test_what_cannot_be_replayed_at_all(session: Path, capsys: pytest.CaptureFix
     out = session.parent / "out"
     start = [str(session), "--out", str(out)]
     refused(capsys, [str(session / "nowhere"), "--out", str(out)], "nowhere: got no such folder")
-    refused(capsys, [*start, "--from", "3", "--to", "2"], "got a part from 3 to 2 s; wanted a start before the end")
+    refused(capsys, [*start, "--from", "3", "--to", "2"], "got --from 3 and --to 2; wanted an end after the", 2)
     refused(capsys, [*start, "--from", "99"], "got times from 1 to 2.1 s; wanted some from 99 s on")
     refused(capsys, [*start, "--rig", str(session / "other.toml")], "other.toml: got no such file")
     refused(capsys, [*start, "--config", str(session / "c.toml")], "c.toml: got no such file; wanted a TOML file")

@@ -84,6 +84,17 @@ def test_no_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "wanted a line that is there" in reported
 
 
+def test_what_is_no_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: a file, a folder or a link to itself in place of the device is named, without pyserial's words."""
+    (tmp_path / "file").touch()
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for name, got in (("file", "a file"), ("loop", "a link that leads to itself"), (".", "a folder")):
+        url = str(tmp_path / name)
+        assert main(["ptu", "probe", url]) == 1
+        wanted = "a serial port or a pty, as /dev/ttyUSB0"
+        assert capsys.readouterr().err == f"groundstation: {url}: got {got}; wanted {wanted}\n"
+
+
 @pytest.mark.parametrize("url", ["socket://x", "socket://:4000", "socket://x:y", "rfc2217://x:99999"])
 def test_a_network_line_without_host_and_port(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["ptu", "probe", url]) == 1
@@ -220,7 +231,9 @@ def test_a_port_in_use_is_reported(url: str, capsys: pytest.CaptureFixture[str])
     port = url.rpartition(":")[2]
     assert main(["ptu", "simulate", "--tcp", port]) == 1
     assert f"port {port}: got Address already in use; wanted a free port" in capsys.readouterr().err
-    assert main(["ptu", "simulate", "--tcp", "99999"]) == 1
+    with pytest.raises(SystemExit) as ended:
+        main(["ptu", "simulate", "--tcp", "99999"])
+    assert ended.value.code == 2
     assert "wanted a free port" in capsys.readouterr().err
 
 

@@ -1,6 +1,8 @@
 """The page of a comparison: every run on the same axes, the numbers of its lines, and the page in a real browser."""
 
 import re
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -143,6 +145,41 @@ def test_nees_of_honest_errors_is_about_one_and_a_bias_is_above(runs: list[RunSe
     assert biased == pytest.approx(honest + 11.61 / 3.0, abs=0.6)
     vertices = ax.collections[0].get_paths()[0].vertices
     assert vertices[:, 1].min() < 1.0 < vertices[:, 1].max()
+
+
+def few_pairs(run: RunSeries, count: int) -> RunSeries:
+    """Only so many pairs with an estimate, from the middle of a run."""
+    known = slice(COUNT // 2, COUNT // 2 + count)
+    position = np.full_like(run.track.position_m, np.nan)
+    position[known] = run.track.position_m[known]
+    return replace(run, name=f"of {count}", track=replace(run.track, position_m=position))
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_labels_of_a_run_of_few_pairs_have_room(runs: list[RunSeries], count: int) -> None:
+    """Expected: no two labels of an axis touch, each logarithmic one has two and more, and one pair is seen."""
+    few = [few_pairs(runs[0], count)]
+    for name in ("errors_truth", "distribution_truth", "range_truth", "nees_truth"):
+        picture = next(p for p in comparison_pictures(few, WORDS) if p.name == name)
+        figure = Figure(figsize=(8.0, picture.height_in), layout="constrained" if picture.fitted else None)
+        picture.draw(figure)
+        if not picture.fitted:
+            lay_out(figure)
+        figure.draw_without_rendering()
+        for ax in figure.axes:
+            for axis in (ax.xaxis, ax.yaxis):
+                low, high = sorted(axis.get_view_interval())
+                ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+                assert axis.get_scale() != "log" or len(ticks) >= 2, (name, count)
+                shown = [t.label1.get_window_extent() for t in ticks if t.label1.get_visible()]
+                assert not any(one.overlaps(other) for one, other in pairwise(shown)), (name, count, shown)
+        if name in ("errors_truth", "distribution_truth"):
+            assert figure.axes[0].lines[0].get_marker() == ("o" if count == 1 else "")
+
+
+def test_the_legend_of_the_tracks_is_of_runs_that_have_one(runs: list[RunSeries]) -> None:
+    figure = drawn([runs[0], few_pairs(runs[1], 0)], "tracks_above")
+    assert [text.get_text() for text in figure.legends[0].texts] == ["reference", "usual"]
 
 
 def test_runs_without_common_time_start_together() -> None:

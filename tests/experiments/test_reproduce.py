@@ -229,18 +229,18 @@ def test_one_by_command(landing_1: Path, tmp_path: Path, capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize(
-    ("extra", "words"),
+    ("extra", "code", "words"),
     [
-        (["--only", "nothing"], "one of detectors"),
-        (["--session", "nowhere"], "no such folder"),
-        (["--take-off", "nowhere"], "no such folder"),
-        (["--from", "500"], "truth from"),
+        (["--only", "nothing"], 2, "one of detectors"),
+        (["--session", "nowhere"], 1, "no such folder"),
+        (["--take-off", "nowhere"], 1, "no such folder"),
+        (["--from", "500"], 1, "truth from"),
     ],
 )
 def test_wrong_input_is_one_line(
-    extra: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    extra: list[str], code: int, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["reproduce", "--out", str(tmp_path / "out"), *extra]) == 1
+    assert main(["reproduce", "--out", str(tmp_path / "out"), *extra]) == code
     reported = capsys.readouterr().err
     assert words in reported
     assert reported.count("\n") == 1

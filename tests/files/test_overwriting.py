@@ -196,10 +196,12 @@ def test_what_is_new_or_elsewhere_is_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("replay", "LOOP", "--out", "out"), "got no such folder"),
-        (("replay", "session", "--out", "LOOP"), "wanted a folder that can be written"),
-        (("track", "LOOP", "--out", "track.csv"), "got no such file"),
-        (("evaluate", "LOOP", "--out", "out"), "got no such file or folder"),
+        (("replay", "LOOP", "--out", "out"), "LOOP: got a link that leads to itself"),
+        (("replay", "session", "--out", "LOOP"), "LOOP: got a link that leads to itself"),
+        (("replay", "session", "--out", "LOOP/out"), "LOOP/out: got a link that leads to itself"),
+        (("track", "LOOP", "--out", "track.csv"), "LOOP: got a link that leads to itself"),
+        (("evaluate", "LOOP", "--out", "out"), "LOOP: got a link that leads to itself"),
+        (("config", "--config", "LOOP"), "LOOP: got a link that leads to itself; wanted a file or a folder"),
     ],
 )
 def test_a_link_that_leads_to_itself_is_one_line(

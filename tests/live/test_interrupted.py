@@ -6,6 +6,8 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 from typing import Any, TextIO
 from unittest.mock import MagicMock
@@ -14,6 +16,7 @@ import pytest
 
 from groundstation.cli.main import main
 from groundstation.cli.stop_request import StopRequest
+from groundstation.live.abandonable import abandonable
 from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.command import LiveRequest, LiveResult, live
 from groundstation.live.station_simulator import StationSimulator
@@ -38,6 +41,28 @@ blocked = int(next(line for line in lines if line.startswith("SigBlk")).split()[
 print(sorted(int(s) for s in inside), blocked & 1, sorted(signal.pthread_sigmask(signal.SIG_BLOCK, [])))
 """
 
+FORCED = """
+import os
+from multiprocessing.shared_memory import SharedMemory
+from groundstation.live.child_process import terminal_signals_blocked
+with terminal_signals_blocked():
+    block = SharedMemory(create=True, size=16)
+print(block.name, flush=True)
+os._exit(7)
+"""
+# the command, with a step of its preparation that does not end
+HANGING = """
+import signal, sys, time
+import groundstation.live.command as command
+from groundstation.cli.start import main
+def hang(_):
+    print("hangs", flush=True)
+    time.sleep(600)
+command.warm_up = hang
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main())
+"""
+
 
 def test_a_child_ignores_signals_and_its_parent_handles_them_again() -> None:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
@@ -56,6 +81,14 @@ def test_the_first_child_is_as_deaf_and_so_is_the_librarys_own_process() -> None
     assert done.stdout == "[1, 2, 3, 20] 1 []\n"
 
 
+def test_memory_is_given_back_quietly_after_a_forced_end() -> None:
+    """Expected: the library's own process removes the block of a program that did not, and prints nothing of it."""
+    done = subprocess.run([sys.executable, "-c", FORCED], check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (7, "")
+    with pytest.raises(FileNotFoundError):
+        SharedMemory(name=done.stdout.strip())
+
+
 def test_abandoned_devices_are_not_opened(tmp_path: Path) -> None:
     reported: list[str] = []
     request = LiveRequest(station=None, out=tmp_path / "out")
@@ -68,23 +101,85 @@ def test_abandoned_devices_are_not_opened(tmp_path: Path) -> None:
 def test_a_hanging_step_before_operation_is_abandoned_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Expected: while something compiles or opens that does not return, the bound of the end holds as in operation."""
     asked, given_up, reported = threading.Event(), threading.Event(), list[str]()
+    killed, left = threading.Event(), list[tuple[bool, bool, bool]]()
 
     def hangs(_: object) -> None:
         asked.set()
         assert given_up.wait(60.0)
 
-    def force_exit(line: str) -> None:
+    def force_exit(line: str, begun: bool) -> None:
         reported.append(line)
+        left.append((begun, killed.is_set(), (tmp_path / "out").exists()))
         given_up.set()
 
     monkeypatch.setattr("groundstation.live.command.warm_up", hangs)
     monkeypatch.setattr("groundstation.live.command.HeadManager", lambda *_: MagicMock())
     request = LiveRequest(station=None, out=tmp_path / "out", record=False)
     simulator = AttachedSimulator(MagicMock(truth={}), simulated_station_file(tmp_path / "range", 30.0, None), 0.0)
+    monkeypatch.setattr(simulator, "kill", killed.set)
     with pytest.raises(KeyboardInterrupt):
         live(request, asked.is_set, lambda status: None, lambda line: None, simulator, force_exit)
+    # the operation had not begun; what could still write had ended, and the folder was gone
+    assert left == [(False, True, False)]
     # nothing is recorded yet, and nothing reported of it
     assert reported == ["did not end within 3 s and is ended by force; the heads' processes halt them now"]
+
+
+def test_a_forced_end_before_operation_is_an_interrupt(tmp_path: Path) -> None:
+    """Expected: exit code 130 and one line about it; neither a folder nor a word of a library is left."""
+    out = tmp_path / "out"
+    words = ["live", "--simulate", "--for", "3", "--rate", "5", "--out", str(out)]
+    process = subprocess.Popen(
+        [sys.executable, "-c", HANGING, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "hangs\n"
+    os.killpg(process.pid, signal.SIGINT)
+    err = process.communicate()[1]
+    assert process.returncode == 130
+    assert [line for line in err.splitlines() if not line.endswith("…")] == [
+        "groundstation: interrupted; did not end within 3 s and is ended by force; the heads' processes halt them now; "
+        f"nothing was written to {out}"
+    ]
+    assert not out.exists()
+
+
+def test_a_stop_is_heard_while_the_search_is_measured(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Expected: the measurement, which takes seconds on a busy machine, is not waited for."""
+    asked, ended = threading.Event(), threading.Event()
+
+    class Measuring:
+        def __init__(self, _: object, search_s: Callable[[], float], stop: Callable[[], bool]) -> None:
+            self.search_s = search_s
+
+        def __enter__(self) -> None:
+            self.search_s()
+
+        def __exit__(self, *_: object) -> None: ...
+
+    def measured(*_: object) -> float:
+        asked.set()
+        assert ended.wait(60.0)
+        return 0.0
+
+    monkeypatch.setattr("groundstation.simulation.simulated_station.DeviceSimulator", Measuring)
+    monkeypatch.setattr("groundstation.simulation.simulated_station.search_pair_s", measured)
+    station = SimulatedStation(SimulatedStationConfig(rate_hz=None), asked.is_set)
+    file = station.station_file(None, tmp_path / "range")
+    with pytest.raises(KeyboardInterrupt), ExitStack() as opened:
+        station.open(file, tmp_path, opened, lambda line: None)
+    assert not ended.is_set()
+    ended.set()
+
+
+def test_a_step_that_ends_gives_what_it_found_or_its_fault() -> None:
+    assert abandonable(lambda: 3, lambda: False) == 3
+    with pytest.raises(ZeroDivisionError):
+        abandonable(lambda: 1 // 0, lambda: False)
 
 
 @pytest.fixture
@@ -121,7 +216,7 @@ def test_a_closed_terminal_lands_it_softly(dead_terminal: TextIO, monkeypatch: p
         tell: Callable[[LiveStatus], None],
         say: Callable[[str], None],
         simulator: StationSimulator | None,
-        force_exit: Callable[[str], None],
+        force_exit: Callable[[str, bool], None],
     ) -> LiveResult:
         say("opening the PTUs")
         assert not stop()

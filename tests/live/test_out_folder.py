@@ -12,12 +12,12 @@ from tests.live.test_operation import small_rig
 
 
 def operate(out: Path, fault: BaseException, *, begins: bool) -> None:
-    with removed_unless_started(out) as begun:
+    with removed_unless_started(out) as folder:
         out.mkdir(exist_ok=True)
         (out / "flight.mcap").write_bytes(b"x")
         (out / "ptu-left").symlink_to("/dev/pts/none")
         if begins:
-            begun()
+            folder.keep()
         raise fault
 
 

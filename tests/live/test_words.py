@@ -54,6 +54,18 @@ def test_the_recorder_reports_rate_and_free_disk(tmp_path: Path) -> None:
     assert "tracking" not in recorder.written_summary()
 
 
+def test_a_recorder_of_nothing_says_so_once(tmp_path: Path) -> None:
+    """Expected: no rate, and no amount in the summary of the end, where the disk has taken nothing."""
+    with LiveRecorder(
+        tmp_path / "flight.mcap", small_rig(), header(), RecorderConfig(), free_bytes=lambda: 0
+    ) as recorder:
+        for _ in recorder.taken(events(3, np.random.default_rng(1))):
+            pass
+    assert recorder.status.written_bytes == 0
+    assert recorder.summary().count("0.0 MB") == 1
+    assert recorder.written_summary() == ""
+
+
 def test_written_bytes_are_counted_by_the_tracks_status() -> None:
     answers = looked_at(Epoch(t_s=0.0, epoch=0, stations=())).estimates
     book = DataRateMeter()

@@ -85,13 +85,13 @@ def test_bad_input_is_one_line(flight: Path, tmp_path: Path, capsys: pytest.Capt
     short.write_text("t_s,force_x_m_s2\n0,1\n")
     out = tmp_path / "out"
     cases = (
-        (lambda: run(flight, out, imu=short), "a column force_y_m_s2"),
-        (lambda: run(flight, out, imu=tmp_path / "none.csv"), "no such file"),
-        (lambda: run(flight, out, "--ground-track", str(tmp_path / "no.tum")), "no such file"),
-        (lambda: run(flight, out, "--runway", "LFRS_03"), "--runways FILE and --runway"),
+        (lambda: run(flight, out, imu=short), 1, "a column force_y_m_s2"),
+        (lambda: run(flight, out, imu=tmp_path / "none.csv"), 1, "no such file"),
+        (lambda: run(flight, out, "--ground-track", str(tmp_path / "no.tum")), 1, "no such file"),
+        (lambda: run(flight, out, "--runway", "LFRS_03"), 2, "--runways FILE and --runway"),
     )
-    for call, words in cases:
-        assert call() == 1
+    for call, code, words in cases:
+        assert call() == code
         reported = capsys.readouterr().err
         assert words in reported
         assert reported.count("\n") == 1

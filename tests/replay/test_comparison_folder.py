@@ -97,6 +97,12 @@ def lost(summary: dict[str, Any], folder: Path) -> None:
     summary["accuracy"] = {}
 
 
+def untracked(summary: dict[str, Any], folder: Path) -> None:
+    """Remove the track, with the words that a replay has for it."""
+    lost(summary, folder)
+    summary["no_track"] = "no track: in none of 40 pairs did two cameras show a moving target at places that agree"
+
+
 def unreferenced(summary: dict[str, Any], folder: Path) -> None:
     """Remove the reference."""
     (folder / "truth.tum").unlink()
@@ -177,6 +183,7 @@ def test_the_tables_have_the_errors_of_the_tracks(
     [
         (later, "the runs have no time in common"),
         (lost, "other: no track: no candidate of two cameras was confirmed"),
+        (untracked, "other: no track: in none of 40 pairs did two cameras"),
         (unreferenced, "other: no reference that its track can be compared with"),
         (nowhere, "other: not in tracks.kml and tracks.geojson: its place on Earth is unknown; lat_deg, lon_deg"),
     ],

@@ -94,3 +94,25 @@ def test_a_reference_of_another_time_is_told(tmp_path: Path, capsys: pytest.Capt
         (session / "dgps.csv").write_text("\n".join(["t_s,x_m,y_m,z_m", *rows]) + "\n")
         main(["replay", str(session), "--out", str(tmp_path / f"out-{factor:g}"), "--no-rerun"])
         assert ("have nothing in common with the pictures'" in capsys.readouterr().out) is told
+
+
+@pytest.mark.parametrize("table", ["dgps", "truth"])
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1.0, ""), (0.0, "")])
+def test_a_reference_in_another_unit_is_told_of_a_part_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], table: str, factor: float, unit: str
+) -> None:
+    """Expected: the unit is named; neither right times nor a part outside of its reference is doubted."""
+    session = Tiny(rows=12).write(tmp_path / "session")
+    # the last case: a reference that ends before the part begins
+    times = [factor * (1.0 + 0.1 * k) if factor else 0.01 * k for k in range(10)]
+    rows = [f"{t:.3f},0,{300 - k},20,10,10,10,10" for k, t in enumerate(times)]
+    head = "t_s,x_m,y_m,z_m,left_u_px,left_v_px,right_u_px,right_v_px"
+    (session / f"{table}.csv").write_text("\n".join([head, *rows]) + "\n")
+    main(["replay", str(session), "--out", str(tmp_path / "out"), "--no-rerun", "--from", "1.2", "--to", "1.6"])
+    name = {"dgps": "DGPS", "truth": "truth"}[table]
+    # wrapped to the width of the table
+    printed = " ".join(capsys.readouterr().out.split())
+    assert printed.count("in common with the pictures'") == (1 if unit else 0)
+    if unit:
+        assert f"{name}: its times, {factor:.1f} to " in printed
+        assert f", and would in {unit}: t_s is in seconds" in printed

@@ -49,3 +49,14 @@ def test_an_interrupt_while_the_range_is_built_ends_it(
     assert begun
     assert not set(begun) & set(mp.active_children())
     assert capfd.readouterr().err == ""
+
+
+def test_a_stop_while_the_range_is_built_ends_it(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Expected: it is not waited for; its process has ended before the caller goes on, and leaves no word."""
+    (tmp_path / "rig.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
+    before = set(mp.active_children())
+    config = DeviceSimulatorConfig(rig=tmp_path / "rig.toml", folder=tmp_path, flight=straight((0.0, 300.0, 30.0)))
+    with pytest.raises(KeyboardInterrupt), DeviceSimulator(config, stop=lambda: True):
+        pass
+    assert set(mp.active_children()) <= before
+    assert capfd.readouterr().err == ""

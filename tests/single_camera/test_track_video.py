@@ -165,9 +165,9 @@ def test_the_overlay_is_a_video_of_all_frames(film: Film, video: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------------ what is wrong
-def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], *messages: str) -> None:
-    """Nothing could be done: one line, exit code 1."""
-    assert main(["track", *arguments]) == 1
+def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], *messages: str, code: int = 1) -> None:
+    """Nothing could be done: one line, exit code 1, or 2 for wrong usage."""
+    assert main(["track", *arguments]) == code
     shown = capsys.readouterr()
     assert not shown.out
     assert shown.err.count("\n") == 1, shown.err
@@ -186,17 +186,23 @@ def test_what_is_no_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "code", "message"),
     [
-        (["--init", "900,10,20,20"], "--init: got a box at 900,10 of 20 x 20 px; wanted one whose middle is in the"),
-        (["--from-frame", "9", "--to-frame", "3"], "got frames 9 to 3; wanted 0 or later, and a start before the end"),
-        (["--from-frame", "-1"], "got frames -1 to the end; wanted 0 or later"),
-        (["--from-frame", "99"], "got a video of 30 frames; wanted more, to start from frame 99"),
-        (["--save-video", "seen.gif"], "--save-video: got seen.gif; wanted the name of an .mp4 file"),
+        (["--init", "900,10,20,20"], 1, "--init: got a box at 900,10 of 20 x 20 px; wanted one whose middle is in the"),
+        (
+            ["--from-frame", "9", "--to-frame", "3"],
+            2,
+            "got frames 9 to 3; wanted 0 or later, and a start before the end",
+        ),
+        (["--from-frame", "-1"], 2, "got frames -1 to the end; wanted 0 or later"),
+        (["--from-frame", "99"], 1, "got a video of 30 frames; wanted more, to start from frame 99"),
+        (["--save-video", "seen.gif"], 2, "--save-video: got seen.gif; wanted the name of an .mp4 file"),
     ],
 )
-def test_impossible_requests(video: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str) -> None:
-    refused(capsys, [str(video), "--out", str(video.with_suffix(".csv")), *options], message)
+def test_impossible_requests(
+    video: Path, capsys: pytest.CaptureFixture[str], options: list[str], code: int, message: str
+) -> None:
+    refused(capsys, [str(video), "--out", str(video.with_suffix(".csv")), *options], message, code=code)
     assert [p.name for p in video.parent.iterdir()] == [video.name]
 
 

@@ -259,12 +259,18 @@ def test_spoiled_clock_model_adds_up(rng) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "reported"),
-    [(["--detections", "d.csv"], "--from-flight"), (["--from", "500"], "frames"), (["--out", "x.csv"], "TOML")],
+    ("options", "code", "reported"),
+    [
+        (["--detections", "d.csv"], 2, "--from-flight"),
+        (["--from", "500"], 1, "frames"),
+        (["--out", "x.csv"], 2, "TOML"),
+    ],
 )
-def test_wrong_input_ends_in_one_line(landing_1, tmp_path, capsys, options: list[str], reported: str) -> None:
+def test_wrong_input_ends_in_one_line(
+    landing_1, tmp_path, capsys, options: list[str], code: int, reported: str
+) -> None:
     out = [] if "--out" in options else ["--out", str(tmp_path / "out.toml")]
-    assert main(["calibrate", "timing", str(landing_1), *options, *out]) == 1
+    assert main(["calibrate", "timing", str(landing_1), *options, *out]) == code
     error = capsys.readouterr().err.strip().splitlines()[-1]
     assert reported in error
 

@@ -224,7 +224,7 @@ def test_the_command_accepts_refuses_corrects_and_records(
     assert page.count("<img") == 2
     assert (tmp_path / "report" / "left-landmarks.png").stat().st_size > 10_000
     assert check("nothing.csv") == 1
-    assert check("still.csv", "--alarm-deg", "0") == 1
+    assert check("still.csv", "--alarm-deg", "0") == 2
     errors = capsys.readouterr().err.splitlines()
     assert len(errors) == 2
     records = [json.loads(line) for line in (tmp_path / "rig.checks.jsonl").read_text().splitlines()]

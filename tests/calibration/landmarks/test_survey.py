@@ -372,8 +372,8 @@ def test_the_command_end_to_end(rng: np.random.Generator, tmp_path: Path, capsys
     page = (tmp_path / "report" / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 3
     assert "http" not in page.replace("http-equiv", "")
-    assert main([*command, "--out", str(tmp_path / "no.txt")]) == 1
-    assert main([*command, "--out", str(tmp_path / "b.toml"), "--free", "magic"]) == 1
+    assert main([*command, "--out", str(tmp_path / "no.txt")]) == 2
+    assert main([*command, "--out", str(tmp_path / "b.toml"), "--free", "magic"]) == 2
     (tmp_path / "l.csv").write_text("landmark,x_m,y_m,z_m\nm0,1,2,3\n")
     assert main([*command, "--out", str(tmp_path / "b.toml")]) == 1
     errors = capsys.readouterr().err.splitlines()

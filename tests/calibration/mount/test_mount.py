@@ -570,6 +570,7 @@ def test_one_sighting_is_refused_in_one_line(made, rng, tmp_path, capsys) -> Non
     error = capsys.readouterr().err.strip()
     assert len(error.splitlines()) == 1
     assert "got 1 sighting" in error
+    assert "got 1 sighting at 1 pair of angles" in error
 
 
 @pytest.mark.parametrize("count", [4, 7, 10])
@@ -637,13 +638,19 @@ def test_tables_calibrate_by_the_command(made, rng, tmp_path, capsys) -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
-    [[], ["s.csv", "--pictures", "d"], ["--pictures", "d"], ["s.csv", "--lamp"], ["s.csv", "--rig", "r.toml"]],
+    ("options", "code"),
+    [
+        ([], 2),
+        (["s.csv", "--pictures", "d"], 2),
+        (["--pictures", "d"], 2),
+        (["s.csv", "--lamp"], 2),
+        (["s.csv", "--rig", "r.toml"], 1),
+    ],
 )
-def test_wrong_input_ends_in_one_line(tmp_path, capsys, monkeypatch, options: list[str]) -> None:
+def test_wrong_input_ends_in_one_line(tmp_path, capsys, monkeypatch, options: list[str], code: int) -> None:
     monkeypatch.chdir(tmp_path)
     rig = [] if "--rig" in options else ["--rig", "rig.toml"]
-    assert main(["calibrate", "mount", *options, *rig, "--out", "out.toml"]) == 1
+    assert main(["calibrate", "mount", *options, *rig, "--out", "out.toml"]) == code
     error = capsys.readouterr().err.strip()
     assert len(error.splitlines()) == 1
     assert "wanted" in error

@@ -51,13 +51,13 @@ def test_a_turned_station_does_not(
 
 
 @pytest.mark.parametrize(
-    ("names", "wanted"), [("near left,far left", "four or more"), ("a,b,c,d", "no surveyed point 'a'")]
+    ("names", "code", "wanted"), [("near left,far left", 2, "four or more"), ("a,b,c,d", 1, "no surveyed point 'a'")]
 )
 def test_names_that_will_not_do_are_refused(
-    names: str, wanted: str, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+    names: str, code: int, wanted: str, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = write(tmp_path, station(), station(), rng)
-    assert main([*words[:-1], names]) == 1
+    assert main([*words[:-1], names]) == code
     printed = capsys.readouterr()
     assert wanted in printed.err
     assert printed.err.count("\n") == 1
