@@ -69,6 +69,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
 
 
+def pytest_collection_finish() -> None:
+    """Leave out of every later collection of garbage what stays until the end: the tests, and the modules they need."""
+    gc.collect()
+    gc.freeze()
+
+
 def _shared_data() -> Path:
     return Path(os.environ.get("GROUNDSTATION_DATA", ROOT.parent / "shared" / "data"))
 
