@@ -15,6 +15,7 @@ import pytest
 from hypothesis import settings
 
 from tests.compile_once import compile_once
+from tests.seekable_landing import seekable_landing
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -92,6 +93,13 @@ def shared_data() -> Path:
 def landing_1() -> Path:
     """The bundled stereo landing."""
     return ROOT / "recordings" / "landing-1"
+
+
+@pytest.fixture(scope="session")
+def landing_from_20_s(landing_1: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bundled landing for tests that use it from 20 s on, and not its videos' own coding; one for all workers."""
+    base = tmp_path_factory.getbasetemp()
+    return seekable_landing(landing_1, (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "seekable")
 
 
 @pytest.fixture(scope="module")
