@@ -19,7 +19,7 @@ TABLES = ("track.csv", "triangulation.csv", "detections.csv", "track.tum")
 
 
 def _request(out: Path) -> ReplayRequest:
-    return ReplayRequest(session=LANDING, out=out, from_s=20.0, to_s=20.2, report=False)
+    return ReplayRequest(session=LANDING, out=out, to_s=0.75, report=False)
 
 
 def _names(folder: Path) -> list[str]:
@@ -33,7 +33,7 @@ def _whole_lines(path: Path) -> bool:
 
 def test_results_are_whole_where_the_recording_has_no_room(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    words = ["replay", str(LANDING), "--out", str(out), "--from", "20", "--to", "20.2"]
+    words = ["replay", str(LANDING), "--out", str(out), "--to", "0.75"]
     with files_of_at_most(1_000_000):
         code = main(words)
     printed = capsys.readouterr()
@@ -82,7 +82,7 @@ def test_a_recording_without_room_ends_and_the_replay_does_not(
     free = itertools.chain(itertools.repeat(10**12, measurements_with_room), itertools.repeat(0))
     monkeypatch.setattr("groundstation.recording.recorder._free_bytes", lambda _: next(free))
     out, recorded = tmp_path / "out", tmp_path / "flight.mcap"
-    words = ["replay", str(LANDING), "--out", str(out), "--from", "20", "--to", "21.5", "--no-rerun"]
+    words = ["replay", str(LANDING), "--out", str(out), "--to", "1.95", "--no-rerun"]
     assert main([*words, "--record", str(recorded)]) == 1
     printed = capsys.readouterr()
     assert f"groundstation: {recorded} was given up: disk full, 0 MB free; the results are whole" in printed.err
