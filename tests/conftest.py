@@ -111,10 +111,9 @@ def landing_1() -> Path:
 
 
 @pytest.fixture(scope="session")
-def landing_from_20_s(landing_1: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The bundled landing for tests that use it from 20 s on, and not its videos' own coding; one for all workers."""
-    base = tmp_path_factory.getbasetemp()
-    return seekable_landing(landing_1, (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "seekable")
+def landing_from_20_s(landing_1: Path) -> Path:
+    """The bundled landing for tests that use it from 20 s on, and not its videos' own coding."""
+    return seekable_landing(landing_1, ROOT / "build" / "seekable")
 
 
 @pytest.fixture(scope="module")

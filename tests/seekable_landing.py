@@ -4,6 +4,7 @@ Its videos have two key frames each: a replay from 20 s on decodes the 195 pictu
 half a second of work. In the copy each picture stands alone, and is the same to the last bit.
 """
 
+import hashlib
 import shutil
 from fractions import Fraction
 from pathlib import Path
@@ -20,13 +21,17 @@ _RATE_HZ = 10
 
 
 def seekable_landing(landing: Path, folder: Path) -> Path:
-    """Write the copy into a folder, unless another worker has; pictures before `FIRST_S` are grey in it."""
-    done = folder / "done"
-    with alone(folder / "lock"):
-        copy = folder / "recordings" / landing.name
+    """Return the copy in a folder, written if it is not there yet; pictures before `FIRST_S` are grey in it.
+
+    It is kept for later runs, under the hash of what it is made of and by.
+    """
+    sources = [*sorted(file for file in landing.iterdir() if file.is_file()), Path(__file__)]
+    kept = folder / hashlib.sha256(b"".join(file.read_bytes() for file in sources)).hexdigest()[:16]
+    copy, done = kept / "recordings" / landing.name, kept / "done"
+    with alone(kept / "lock"):
         if not done.exists():
-            copy.mkdir(parents=True)
-            for file in landing.iterdir():
+            copy.mkdir(parents=True, exist_ok=True)
+            for file in sources[:-1]:
                 if file.suffix == ".mp4":
                     _write_video(file, copy / f"{file.stem}.avi")
                 else:
