@@ -82,7 +82,7 @@ def test_a_recording_without_room_ends_and_the_replay_does_not(
     free = itertools.chain(itertools.repeat(10**12, measurements_with_room), itertools.repeat(0))
     monkeypatch.setattr("groundstation.recording.recorder._free_bytes", lambda _: next(free))
     out, recorded = tmp_path / "out", tmp_path / "flight.mcap"
-    words = ["replay", str(LANDING), "--out", str(out), "--to", "1.95", "--no-rerun"]
+    words = ["replay", str(LANDING), "--out", str(out), "--from", "20", "--to", "21.5", "--no-rerun"]
     assert main([*words, "--record", str(recorded)]) == 1
     printed = capsys.readouterr()
     assert f"groundstation: {recorded} was given up: disk full, 0 MB free; the results are whole" in printed.err
