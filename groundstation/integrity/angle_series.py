@@ -17,6 +17,7 @@ class AngleSeries:
 
     def __init__(self) -> None:
         self._t_s, self._pan_rad, self._tilt_rad = array("d"), array("f"), array("f")
+        self._unwrapped = np.empty((2, 0))
 
     def __len__(self) -> int:
         """Return the number of readings kept."""
@@ -37,8 +38,9 @@ class AngleSeries:
         times = np.frombuffer(self._t_s)
         after = np.clip(np.searchsorted(times, t_s), 1, len(times) - 1)
         known = (times[0] <= t_s) & (t_s <= times[-1]) & (times[after] - times[after - 1] <= _MAX_GAP_S)
-        for column, angles in enumerate((self._pan_rad, self._tilt_rad)):
-            result[known, column] = np.interp(
-                t_s[known], times, np.unwrap(np.frombuffer(angles, np.float32).astype(np.float64))
-            )
+        if self._unwrapped.shape[1] != len(times):
+            angles = np.array([np.frombuffer(each, np.float32) for each in (self._pan_rad, self._tilt_rad)], np.float64)
+            self._unwrapped = np.unwrap(angles)
+        for column, unwrapped in enumerate(self._unwrapped):
+            result[known, column] = np.interp(t_s[known], times, unwrapped)
         return result

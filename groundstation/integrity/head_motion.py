@@ -21,7 +21,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
 from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
-from groundstation.geometry import kernels
+from groundstation.geometry.ray_kernels import fill_centre_shifts
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.angle_series import AngleSeries
 from groundstation.integrity.reading_hypothesis import RIGHT, ReadingHypothesis, station_hypotheses
@@ -270,9 +270,10 @@ class HeadMotionMonitor:
         second = angles.at(np.array([p.second_s for p in pairs]) - hypothesis.lag_s)
         geometry = self._stations[name]
         measured = np.array([p.shift_px for p in pairs]).reshape(-1, 2)
-        predicted = np.full_like(measured, np.nan)
-        for k, (a, b) in enumerate(zip(hypothesis.angles(first), hypothesis.angles(second), strict=True)):
-            predicted[k] = hypothesis.focal_factor * _shift_of_centre(geometry, a, b)
+        before, after = (np.ascontiguousarray(hypothesis.angles(angles)) for angles in (first, second))
+        predicted = np.empty_like(measured)
+        fill_centre_shifts(geometry.packed, before, after, _FAR_M, predicted)
+        predicted *= hypothesis.focal_factor
         known = np.isfinite(predicted).all(axis=1)
         return measured[known], predicted[known]
 
@@ -289,16 +290,3 @@ def _fault_of(
         agreeing_as_stored=stored.agreeing,
         pairs_as_stored=stored.deciding,
     )
-
-
-def _shift_of_centre(geometry: StationGeometry, first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the shift (2,) px of a distant point in the principal point; not a number where it leaves the view."""
-    origin, direction, pixel, jacobian = np.empty(3), np.empty(3), np.full(2, np.nan), np.empty((2, 5))
-    if not (np.isfinite(first).all() and np.isfinite(second).all()):
-        return np.full(2, np.nan)
-    u, v = geometry.lens.principal_point_px
-    kernels.ray(geometry.packed, u, v, first[0], first[1], origin, direction)
-    depth = kernels.project(geometry.packed, origin + _FAR_M * direction, second[0], second[1], pixel, jacobian)
-    if depth < kernels.MIN_DEPTH_M:
-        return np.full(2, np.inf)
-    return np.asarray(pixel - geometry.lens.principal_point_px)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.geometry import kernels
+from groundstation.geometry.ray_kernels import fill_rays
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.angle_series import AngleSeries
 from groundstation.integrity.reading_hypothesis import (
@@ -242,10 +242,7 @@ def _rays_of(
     origins, directions = np.full((len(pixels), 3), np.nan), np.full((len(pixels), 3), np.nan)
     centre = geometry.lens.principal_point_px
     scaled = centre + (pixels - centre) / focal_factor
-    for k in np.flatnonzero(np.isfinite(scaled).all(axis=1) & np.isfinite(angles).all(axis=1)):
-        (u, v), (pan, tilt) = scaled[k], angles[k]
-        if not kernels.ray(geometry.packed, u, v, pan, tilt, origins[k], directions[k]):
-            directions[k] = np.nan
+    fill_rays(geometry.packed, scaled, np.ascontiguousarray(angles), origins, directions)
     return origins, directions
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.geometry.rotation import cross
 from groundstation.simulation.trajectory import Trajectory
 
 GRAVITY_M_S2 = 9.81
@@ -65,6 +66,6 @@ def runway_from_body(heading: FloatArray, pitch_rad: float, bank_rad: float) -> 
     cp, sp, cb, sb = math.cos(pitch_rad), math.sin(pitch_rad), math.cos(bank_rad), math.sin(bank_rad)
     forward = np.array([cp * heading[0], cp * heading[1], sp])
     right_level = np.array([heading[1], -heading[0], 0.0])
-    down_level = np.cross(forward, right_level)
+    down_level = cross(forward, right_level)
     right = cb * right_level + sb * down_level
-    return np.column_stack([forward, right, np.cross(forward, right)])
+    return np.column_stack([forward, right, cross(forward, right)])

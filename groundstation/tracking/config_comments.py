@@ -37,6 +37,8 @@ _UNITS = {
 }
 # beyond it a number has no bound, and the steps of the search for one
 _LARGE, _STEPS = 1e8, 100
+# ends a search for a bound: six digits are shown, and what is below 1e-9 is zero
+_CLOSE = 1e-8
 
 
 def commented_toml(config: Any, path: str = "") -> str:
@@ -126,7 +128,7 @@ def _bound(accepted: Callable[[float], bool], start: float, end: float, *, whole
     inside, outside = start, end
     for _ in range(_STEPS):
         middle = 0.5 * (inside + outside)
-        if middle in (inside, outside):
+        if abs(inside - outside) <= _CLOSE * max(abs(middle), 1e-3):
             break
         inside, outside = (middle, outside) if accepted(middle) else (inside, middle)
     if whole:

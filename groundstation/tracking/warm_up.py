@@ -18,6 +18,7 @@ from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.estimation.updates.measurements import ReferencePosition
+from groundstation.geometry import ray_kernels
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity import leave_one_out
@@ -100,6 +101,7 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
             )
     triangulate(views)
     leave_one_out.warm_up()
+    ray_kernels.warm_up(geometry.packed)
 
 
 def _station(position_m: FloatArray, lens: Lens) -> StationGeometry:

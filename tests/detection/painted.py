@@ -34,13 +34,23 @@ def paint(background: FloatArray, aircraft: Painting, rng: np.random.Generator, 
 def coverage(size: tuple[int, int], aircraft: Painting) -> FloatArray:
     """Return the share of each pixel that the aircraft covers: fuselage, straight wing through its middle, fin."""
     w, h = size
-    fine = (np.arange(w * FINE) + 0.5) / FINE - 0.5, (np.arange(h * FINE) + 0.5) / FINE - 0.5
+    # no part of it is farther from its nose than half a span and half a chord
+    reach = 0.51 * aircraft.span_px + 1.0
+    (x0, x1), (y0, y1) = (
+        (max(int(middle - reach), 0), min(int(middle + reach) + 1, end))
+        for middle, end in zip(aircraft.nose_px, size, strict=True)
+    )
+    share = np.zeros((h, w))
+    if x0 >= x1 or y0 >= y1:
+        return share
+    fine = (np.arange(x0 * FINE, x1 * FINE) + 0.5) / FINE - 0.5, (np.arange(y0 * FINE, y1 * FINE) + 0.5) / FINE - 0.5
     x, y = fine[0][None, :] - aircraft.nose_px[0], fine[1][:, None] - aircraft.nose_px[1]
     cos, sin = np.cos(aircraft.roll_rad), np.sin(aircraft.roll_rad)
     a, b = (cos * x + sin * y) / aircraft.span_px, (cos * y - sin * x) / aircraft.span_px
     inside = (a**2 + b**2 < 0.075**2) | ((np.abs(a) < 0.5) & (np.abs(b) < 0.02))
     inside |= (np.abs(a) < 0.012) & (b < 0) & (b > -0.16)
-    return inside.reshape(h, FINE, w, FINE).mean(axis=(1, 3))
+    share[y0:y1, x0:x1] = inside.reshape(y1 - y0, FINE, x1 - x0, FINE).mean(axis=(1, 3))
+    return share
 
 
 def sky(size: tuple[int, int]) -> FloatArray:

@@ -1,9 +1,11 @@
 """The learned channel and its detector: a drawn aircraft is found with its nose, an empty sky gives none."""
 
+import copy
 from pathlib import Path
 
 import cv2
 import numpy as np
+import onnxruntime
 import pytest
 
 from groundstation.arrays import ImageArray
@@ -142,6 +144,25 @@ def test_maps_of_a_constant_window_know_nothing() -> None:
     assert maps.aircraft.max() < 0.0
     assert float(maps.nose.sum()) == pytest.approx(1.0, abs=1e-4)
     assert WINDOW_PX[0] > TARGET_PX
+
+
+def test_cameras_share_what_their_weights_are_read_into(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: at most one session of ONNX Runtime for one file of weights, however many channels there are."""
+    made = []
+
+    class Counted(onnxruntime.InferenceSession):
+        def __init__(self, *arguments: object, **options: object) -> None:
+            made.append(arguments)
+            super().__init__(*arguments, **options)
+
+    monkeypatch.setattr(onnxruntime, "InferenceSession", Counted)
+    window = np.full((WINDOW_PX[1], WINDOW_PX[0], 3), 120, np.uint8)
+    channels = [LearnedChannel(channel_weights()) for _ in range(3)]
+    assert len(made) <= 1
+    first = channels[0].maps(window)
+    for channel in (*channels, copy.deepcopy(channels[0])):
+        np.testing.assert_array_equal(channel.maps(window).aircraft, first.aircraft)
+    assert len(made) <= 1
 
 
 def test_weights_that_are_missing_other_or_no_network_are_refused(tmp_path: Path) -> None:

@@ -41,22 +41,20 @@ def table(path: Path) -> dict[str, FloatArray]:
 
 
 @pytest.fixture(scope="module")
-def seen(landing_1: Path) -> tuple[int, list[Seen]]:
+def seen(landing_from_20_s: Path) -> tuple[int, list[Seen]]:
     """Return the number of frames, and those in which the target was found."""
-    truth, ptu = table(landing_1 / "truth.csv"), table(landing_1 / "ptu.csv")
-    geometry = load_rig(landing_1 / "rig.toml")["left"].geometry()
+    truth, ptu = table(landing_from_20_s / "truth.csv"), table(landing_from_20_s / "ptu.csv")
+    geometry = load_rig(landing_from_20_s / "rig.toml")["left"].geometry()
     position = np.stack([truth["x_m"], truth["y_m"], truth["z_m"]], axis=1)
     velocity = np.gradient(position, truth["t_s"], axis=0)
     rng = np.random.default_rng(7)
     config = DetectionConfig()
     detector = Detector(config, SIZE)
-    video = cv2.VideoCapture(str(landing_1 / "left.mp4"))
+    video = cv2.VideoCapture(str(landing_from_20_s / "left.avi"))
+    video.set(cv2.CAP_PROP_POS_FRAMES, FIRST)
     found: list[Seen] = []
     attempts, last = 0, None
-    for k in range(truth["t_s"].size):
-        if k < FIRST:
-            video.grab()
-            continue
+    for k in range(FIRST, truth["t_s"].size):
         image = np.asarray(video.read()[1], np.uint8)
         angles = [float(np.interp(truth["t_s"][k], ptu["t_s"], ptu[f"left_{a}_deg"])) for a in ("pan", "tilt")]
         projection = geometry.project(position[k], np.radians(angles[0]), np.radians(angles[1]))

@@ -22,14 +22,13 @@ FRAME = 200
 
 
 @pytest.fixture(scope="module")
-def real(landing_1: Path) -> tuple[ImageArray, FloatArray, DetectionHint]:
+def real(landing_from_20_s: Path) -> tuple[ImageArray, FloatArray, DetectionHint]:
     """One frame of the bundled landing, its true nose and what a filter would expect, 66 px wide against the sky."""
-    video = cv2.VideoCapture(str(landing_1 / "left.mp4"))
-    for _ in range(FRAME):
-        video.grab()
+    video = cv2.VideoCapture(str(landing_from_20_s / "left.avi"))
+    video.set(cv2.CAP_PROP_POS_FRAMES, FRAME)
     image = np.asarray(video.read()[1], np.uint8)
     video.release()
-    table = np.genfromtxt(landing_1 / "truth.csv", delimiter=",", names=True)
+    table = np.genfromtxt(landing_from_20_s / "truth.csv", delimiter=",", names=True)
     nose = np.array([table["left_u_px"][FRAME], table["left_v_px"][FRAME]])
     hint = DetectionHint(
         predicted_px=nose + [3.0, -2.0],

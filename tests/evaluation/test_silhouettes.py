@@ -238,8 +238,8 @@ def test_a_real_browser_decodes_the_pictures(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("unrendered_figures")
-def test_a_replay_puts_them_into_its_report(landing_1: Path, tmp_path: Path) -> None:
-    request = ReplayRequest(session=landing_1, out=tmp_path, rerun=False, from_s=27.0, to_s=29.5)
+def test_a_replay_puts_them_into_its_report(landing_from_20_s: Path, tmp_path: Path) -> None:
+    request = ReplayRequest(session=landing_from_20_s, out=tmp_path, rerun=False, from_s=27.0, to_s=29.5)
     replay(request)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/webp") >= 2

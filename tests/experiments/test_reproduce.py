@@ -73,6 +73,8 @@ def again(tmp_path_factory: pytest.TempPathFactory, drawn_once: None) -> Path:
     """What the documentation's own lines leave: all experiments on the same stretch once more, from the pictures on."""
     folder = tmp_path_factory.mktemp("page")
     with pytest.MonkeyPatch.context() as patch:
+        # labels may overlap: to place them takes half of the time of drawing
+        patch.setattr("matplotlib.figure.Figure.get_layout_engine", lambda figure: None)
         run_blocks(run_by_test(ROOT / "docs" / "reproduce.md"), folder, patch, [])
     return folder / "out" / "reproduce"
 

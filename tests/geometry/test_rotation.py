@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.rotation import (
+    cross,
     matrix_from_wxyz,
     rotation_from_vector,
     rotation_x,
@@ -54,3 +55,8 @@ def test_the_same_rotations_as_scipy(rng: np.random.Generator) -> None:
         np.testing.assert_allclose(rotation_from_vector(vector), matrix, atol=1e-14)
         np.testing.assert_allclose(wxyz_from_matrix(matrix), theirs.as_quat(canonical=True)[[3, 0, 1, 2]], atol=1e-14)
         np.testing.assert_allclose(matrix_from_wxyz(wxyz_from_matrix(matrix)), matrix, atol=1e-14)
+
+
+def test_the_cross_product_is_numpys_to_the_last_bit(rng: np.random.Generator) -> None:
+    for a, b in rng.normal(size=(100, 2, 3)):
+        np.testing.assert_array_equal(cross(a, b), np.cross(a, b))

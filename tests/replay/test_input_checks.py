@@ -29,18 +29,18 @@ def as_they_are(row: dict[str, str]) -> dict[str, str]:
 
 
 @pytest.fixture
-def session(landing_1: Path, tmp_path: Path) -> Callable[[Edit], Path]:
+def session(landing_from_20_s: Path, tmp_path: Path) -> Callable[[Edit], Path]:
     """The bundled landing with other rows of ptu.csv."""
 
     def write(edit: Edit) -> Path:
         folder = tmp_path / "session"
         folder.mkdir()
-        for file in landing_1.iterdir():
-            if file.suffix == ".mp4":
+        for file in landing_from_20_s.iterdir():
+            if file.suffix == ".avi":
                 (folder / file.name).symlink_to(file)
             elif file.is_file():
                 shutil.copy(file, folder)
-        with (landing_1 / "ptu.csv").open() as stream:
+        with (landing_from_20_s / "ptu.csv").open() as stream:
             rows = list(csv.DictReader(stream))
         with (folder / "ptu.csv").open("w", newline="") as stream:
             table = csv.DictWriter(stream, list(rows[0]))

@@ -16,16 +16,15 @@ from groundstation.sinks.output_comparison import OutputComparisonSink
 
 pytestmark = pytest.mark.usefixtures("unrendered_figures")
 
-# after picture 200 of each video, up to which all would be decoded (`SEEK_BEYOND`)
 FROM_S, TO_S = 21.0, 23.5
 
 
 @pytest.fixture(scope="module")
-def recorded(landing_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(landing_from_20_s: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Some seconds of the landing, with DGPS for the first, replayed into out/ and recorded."""
     folder = tmp_path_factory.mktemp("recorded")
     request = ReplayRequest(
-        session=landing_path,
+        session=landing_from_20_s,
         out=folder / "out",
         from_s=FROM_S,
         to_s=TO_S,
@@ -36,11 +35,6 @@ def recorded(landing_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     )
     assert replay(request).fault is None
     return folder
-
-
-@pytest.fixture(scope="module")
-def landing_path() -> Path:
-    return Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
 
 
 def test_the_same_track_bit_for_bit(recorded: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -295,17 +296,31 @@ def test_a_video_cut_short_is_at_fault_wherever_it_is_to_end(video: Path, capsys
     assert "damaged" not in reported
 
 
+def copy_beginning(video: Path, copy: Path, frames: int) -> None:
+    """Write the first frames of a video as they are coded."""
+    with av.open(str(video)) as source, av.open(str(copy), "w") as target:
+        stream = target.add_stream_from_template(source.streams.video[0])
+        for packet in itertools.islice(source.demux(source.streams.video[0]), frames):
+            packet.stream = stream
+            target.mux(packet)
+
+
 def test_frames_shown_in_another_order_than_coded_keep_their_numbers(tmp_path: Path) -> None:
     """Expected: by the stamps, each decoded frame has the number that it has in the undamaged file.
 
     The recording's videos have frames that are coded after later ones.
     """
-    content = bytearray((RECORDING / "left.mp4").read_bytes())
-    undamaged = {round(f.t_s, 6): f.index for f in VideoFile(RECORDING / "left.mp4").frames()}
+    whole = tmp_path / "whole.mp4"
+    # so many coded frames are the first to be shown, too
+    copy_beginning(RECORDING / "left.mp4", whole, 101)
+    content = bytearray(whole.read_bytes())
+    undamaged = {round(f.t_s, 6): f.index for f in VideoFile(whole).frames()}
+    assert len(undamaged) == 101
     start = content.index(b"mdat") + 4
     length = len(content) - start
     at = start + int(0.35 * length)
-    content[at : at + 30_000] = bytes(30_000)
+    # longer than a frame, so that the beginning of one is among it
+    content[at : at + 60_000] = bytes(60_000)
     path = tmp_path / "damaged.mp4"
     path.write_bytes(content)
     video = VideoFile(path)

@@ -16,6 +16,7 @@ from groundstation.estimation.updates.update import (
     TargetReset,
     VarianceInflation,
 )
+from groundstation.geometry.rotation import cross
 
 
 def apply_correction(
@@ -71,9 +72,9 @@ def reset_transition(layout: StateLayout, *parts: slice) -> FloatArray:
 def _along_and_across(layout: StateLayout, ray: FloatArray) -> FloatArray:
     """Return the rotation (n, n) of the target's axes to one along a unit vector (3,) and two across it."""
     # the axis that is furthest from the ray makes the best-conditioned second one
-    across = np.cross(ray, np.eye(3)[int(np.argmin(np.abs(ray)))])
+    across = cross(ray, np.eye(3)[int(np.argmin(np.abs(ray)))])
     across /= np.linalg.norm(across)
-    axes, T = np.array([ray, across, np.cross(ray, across)]), np.eye(layout.size)
+    axes, T = np.array([ray, across, cross(ray, across)]), np.eye(layout.size)
     T[layout.position, layout.position] = T[layout.velocity, layout.velocity] = axes
     return T
 

@@ -17,6 +17,7 @@ from groundstation.estimation.updates.pixel_model import PixelPrediction
 from groundstation.estimation.updates.update import LinearCorrection, PredictedState, Update
 from groundstation.geometry.chi_square import chi_square_quantile
 from groundstation.geometry.mahalanobis import mahalanobis_squared
+from groundstation.geometry.rotation import cross
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Innovation
 
@@ -146,5 +147,5 @@ def _ray(jacobian: FloatArray) -> FloatArray:
     The pixels of one camera, each linearised at another estimate, would seem to measure the range (the extended Kalman
     filter's inconsistency with bearings only). While a camera is alone, its pixels therefore do not correct it.
     """
-    along = np.cross(jacobian[0], jacobian[1])
+    along = cross(jacobian[0], jacobian[1])
     return np.asarray(along / np.linalg.norm(along))

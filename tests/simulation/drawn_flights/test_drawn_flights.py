@@ -79,7 +79,7 @@ def test_position_and_velocity_belong_together(kind: FlightKind) -> None:
     for flight in flights(kind)[:5]:
         middle, half_s = T[1:-1] + 0.003, 5e-4
         slope = (flight.position(middle + half_s) - flight.position(middle - half_s)) / (2.0 * half_s)
-        assert flight.velocity(middle) == pytest.approx(slope, abs=0.02)
+        assert np.abs(flight.velocity(middle) - slope).max() <= 0.02
         assert np.abs(np.diff(flight.velocity(T), axis=0)).max() < 1.5 * GRAVITY_M_S2 * (T[1] - T[0])
 
 
