@@ -177,7 +177,8 @@ def test_gaps_in_the_log_make_nothing_better(whole: FlightCalibration, tmp_path:
     for fit in gaps.stations.values():
         # 0.7 px of noise
         assert fit.rms_px < 1.5
-        assert fit.kept.sum() >= 0.95 * fit.usable.sum()
+        # all but six at the end of a gap, whatever the processor's rounding: the rounds end when nothing changes
+        assert fit.kept.sum() >= 0.97 * fit.usable.sum()
 
 
 def test_fixes_of_another_frame_are_refused(tmp_path: Path) -> None:
