@@ -27,8 +27,8 @@ MIN_OBSERVATIONS = 20
 _ROBUST_ROUNDS = 4
 _FINAL_ROUNDS = 3
 _FINAL_EVALUATIONS = 12
-# where fixes have an error that lasts, as many as it takes until the observations that are kept stay the same: eleven on
-# a drawn flight with gaps, where to end after eight made the result depend on the processor's rounding
+# where fixes have an error that lasts, as many as it takes until the observations that are kept stay the same: eleven
+# on a drawn flight with gaps, where to end after eight made the result depend on the processor's rounding
 _MOST_ROUNDS = 30
 # the robust fit, the paths, and each final round
 SOLUTION_STEPS = 2 + _FINAL_ROUNDS
