@@ -29,6 +29,7 @@ from groundstation.landing.landing_monitor import LandingMonitor, LandingStep
 from groundstation.landing.landing_report import LandingReport, landing_table
 from groundstation.landing.touchdown import NoTouchdown, TouchdownForecast
 from groundstation.landing_site.landing_site_file import LandingSite
+from groundstation.landing_site.runway import LandingRunway
 from groundstation.messages import Kinematics, StepReport, TrackEvent, TrackStatus
 from groundstation.rig.rig import Rig
 from groundstation.sinks.udp_json import UdpJsonSender
@@ -106,6 +107,11 @@ class ApproachOutputs:
         self._step: LandingStep | None = None
         self._told: AdviceLevel | None = None
         self._gnss_us: int | None = None
+
+    @property
+    def runway(self) -> LandingRunway:
+        """The site's runway."""
+        return self._runway
 
     @property
     def state(self) -> ApproachState:

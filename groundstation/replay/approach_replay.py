@@ -11,6 +11,8 @@ from groundstation.replay.replay_request import ReplayRequest
 from groundstation.session import Session
 from groundstation.sinks.sink import Sink
 from groundstation.tracking.pipeline import Pipeline
+from groundstation.viewer.approach_channel import ApproachRow
+from groundstation.viewer.rerun_sink import RerunSink
 
 # a stream of 50 Hz wants to be looked after more often than that
 _LOOK_EVERY_S = 0.004
@@ -25,6 +27,7 @@ class ApproachReplay:
     session, pipeline : of the replay.
     from_s : session time of its first event.
     sinks : get the events that the outputs have for the log.
+    view : gets what is known of the approach after each report; None without one.
     clock, sleep : the host's monotonic clock, s, and its waiting.
     """
 
@@ -37,12 +40,13 @@ class ApproachReplay:
         sinks: Sequence[Sink],
         *,
         realtime: bool,
+        view: RerunSink | None = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._clock, self._sleep, self._realtime, self._sinks = clock, sleep, realtime, sinks
         self._link_s = clock() - from_s
-        self._newest_s = from_s
+        self._newest_s, self._view = from_s, view
         self.outputs: ApproachOutputs = open_approach(
             options,
             session.rig,
@@ -66,7 +70,17 @@ class ApproachReplay:
 
     def write(self, report: StepReport) -> None:
         """Take a report of the pipeline."""
-        self._emit(self.outputs.note(report, self._now_s()))
+        now_s = self._now_s()
+        self._emit(self.outputs.note(report, now_s))
+        if self._view is not None and report.estimates:
+            state = self.outputs.state
+            row = ApproachRow(
+                t_s=report.estimates[-1].t_s,
+                advice=state.advice,
+                deviations=state.deviations,
+                touchdown=state.touchdown,
+            )
+            self._view.write_approach(row, self.outputs.runway)
 
     def close(self) -> None:
         """Nothing is open."""
@@ -96,10 +110,12 @@ def approach_replay(
     from_s: float,
     sinks: Sequence[Sink],
     opened: ExitStack,
+    *,
+    view: RerunSink | None = None,
 ) -> ApproachReplay | None:
     """Return the outputs that a replay asks for, closed with ``opened``; None if it asks for none."""
     if not request.approach.wanted and not request.realtime:
         return None
-    found = ApproachReplay(request.approach, session, pipeline, from_s, sinks, realtime=request.realtime)
+    found = ApproachReplay(request.approach, session, pipeline, from_s, sinks, realtime=request.realtime, view=view)
     opened.callback(found.outputs.close)
     return found

@@ -17,7 +17,6 @@ from groundstation.evaluation.evaluate import Evaluation, evaluate_run
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.files.folder_lock import locked_folder
 from groundstation.messages import Event, ReferenceFix
-from groundstation.replay.approach_replay import approach_replay
 from groundstation.replay.initial_state import initial_state
 from groundstation.replay.provenance import provenance
 from groundstation.replay.recording_replay import (
@@ -100,7 +99,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
             outputs.smoothed.want = pipeline.smooth(outputs.smoothed.found)
         prepared_s = time.perf_counter() - began_s
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
-        outputs.approach = approach_replay(request, session, pipeline, source.span_s[0], outputs.sinks(), opened)
+        outputs.open_approach(session, pipeline, source.span_s[0], opened)
         events = outputs.taken(_events(source, session, fixes))
         outcome = run_pipeline(events, pipeline, outputs.sinks(), lambda done: progress(done, total))
         outputs.finish_approach()

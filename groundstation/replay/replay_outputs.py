@@ -15,7 +15,7 @@ from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, 
 from groundstation.evaluation.html_report import write_report
 from groundstation.evaluation.silhouettes import SilhouetteCollector
 from groundstation.messages import Event, StepReport
-from groundstation.replay.approach_replay import ApproachReplay
+from groundstation.replay.approach_replay import ApproachReplay, approach_replay
 from groundstation.replay.input_checks import InputChecks
 from groundstation.replay.recording_replay import ReplayRecorder
 from groundstation.replay.replay_maps import write_replay_maps
@@ -25,6 +25,7 @@ from groundstation.sinks.output_comparison import OutputComparisonSink
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
+from groundstation.tracking.pipeline import Pipeline
 from groundstation.viewer.rerun_sink import RerunSink
 from groundstation.viewer.session_view import reference_tracks, session_view
 
@@ -70,6 +71,10 @@ class ReplayOutputs:
         """Return the events by way of the recorder, if there is one, the input checks, and what paces them."""
         events = self.checks.watched(events if self.recorder is None else self.recorder.taken(events))
         return events if self.approach is None else self.approach.paced(events)
+
+    def open_approach(self, session: Session, pipeline: Pipeline, from_s: float, opened: ExitStack) -> None:
+        """Open the outputs of an approach that the request asks for, closed with ``opened``; before the replay."""
+        self.approach = approach_replay(self._request, session, pipeline, from_s, self.sinks(), opened, view=self._view)
 
     def finish_approach(self) -> None:
         """End the outputs of an approach, before the sinks are closed."""

@@ -42,9 +42,14 @@ def eye_before(rig: Rig) -> Viewpoint:
     return eye_over(rig, positions.min(axis=0), positions.max(axis=0) + np.array([0.0, EXPECTED_LENGTH_M, 0.0]))
 
 
-def blueprint(rig: Rig, *, eye: Viewpoint, loop_s: tuple[float, float] | None, errors_against: str) -> rrb.Blueprint:
-    """Return the layout; ``loop_s`` is the part of the session that plays on opening, or None for all of it."""
-    left = rrb.Vertical(_scene(eye), _plots(rig, errors_against), row_shares=[6, 5])
+def blueprint(
+    rig: Rig, *, eye: Viewpoint, loop_s: tuple[float, float] | None, errors_against: str, approach: bool = False
+) -> rrb.Blueprint:
+    """Return the layout; ``loop_s`` is the part of the session that plays on opening, or None for all of it.
+
+    With an ``approach`` its needles and height are among the plots.
+    """
+    left = rrb.Vertical(_scene(eye), _plots(rig, errors_against, approach=approach), row_shares=[6, 5])
     right = rrb.Vertical(_images(rig), _states(), row_shares=[4, 1])
     selection = None
     if loop_s is not None:
@@ -155,8 +160,8 @@ def _plot(origin: str, name: str, contents: Sequence[str] = (), top: float | Non
     )
 
 
-def _plots(rig: Rig, errors_against: str) -> rrb.Container:
-    """Errors, consistency with latency, and pointing, side by side."""
+def _plots(rig: Rig, errors_against: str, *, approach: bool) -> rrb.Container:
+    """Errors, consistency with latency, pointing, and the approach if there is one, side by side."""
     against = {"": "reference", "dgps": "DGPS"}.get(errors_against, errors_against)
     errors = rrb.Vertical(*(_plot(f"{entity_paths.ERROR}/{a}", f"{a} − {against}, ±2σ [m]") for a in entity_paths.AXES))
     consistency = rrb.Vertical(
@@ -171,4 +176,10 @@ def _plots(rig: Rig, errors_against: str) -> rrb.Container:
         _plot(entity_paths.PTU, "Tilt [°]", ptu["tilt"]),
         _plot(entity_paths.PTU, "Pan and tilt rates [°/s]", ptu["pan_rate"] + ptu["tilt_rate"]),
     )
-    return rrb.Horizontal(errors, consistency, pointing)
+    if not approach:
+        return rrb.Horizontal(errors, consistency, pointing)
+    landing = rrb.Vertical(
+        _plot(entity_paths.NEEDLES, "Needles: fly right, fly up [full scale]"),
+        _plot(entity_paths.THRESHOLD_HEIGHT, "Height above threshold, ±2σ [m]"),
+    )
+    return rrb.Horizontal(errors, consistency, pointing, landing)

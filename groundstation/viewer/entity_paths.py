@@ -33,6 +33,7 @@ TRIANGULATION = f"{AIRCRAFT}/triangulation"
 LOG = "log"
 STATUS = "status"
 TRACK_STATUS = f"{STATUS}/track"
+ADVICE = f"{STATUS}/advice"
 WORDS = "station/words"
 PLOTS = "plots"
 ERROR = f"{PLOTS}/error"
@@ -41,6 +42,12 @@ NIS_BOUNDS = f"{NIS}/bounds"
 LATENCY = f"{PLOTS}/latency"
 PAIR_LATENCY = f"{LATENCY}/pair"
 PTU = f"{PLOTS}/ptu"
+APPROACH = f"{PLOTS}/approach"
+NEEDLES = f"{APPROACH}/needle"
+CENTRE_LINE_NEEDLE = f"{NEEDLES}/centre_line"
+GLIDE_PATH_NEEDLE = f"{NEEDLES}/glide_path"
+THRESHOLD_HEIGHT = f"{APPROACH}/height"
+TOUCHDOWN = f"{RUNWAY}/touchdown"
 
 AXES = ("x", "y", "z")
 
@@ -64,6 +71,7 @@ REFUSED_COLOUR = Colour((255, 90, 80))
 ROI_COLOUR = Colour((255, 225, 90))
 CONTOUR_COLOUR = Colour((120, 230, 120))
 TARGET_COLOUR = Colour((255, 60, 60))
+TOUCHDOWN_COLOUR = Colour((120, 230, 120))
 PREDICTION_COLOUR = EKF_COLOUR
 STATION_COLOURS = (Colour((160, 145, 255)), Colour((255, 160, 90)), Colour((110, 215, 190)), Colour((225, 130, 150)))
 

@@ -7,10 +7,12 @@ import numpy as np
 import rerun as rr
 
 from groundstation.errors import InputError, SessionError
+from groundstation.landing_site.runway import LandingRunway
 from groundstation.messages import CameraReport, StepReport, TrackEvent
 from groundstation.rig.rig import Rig
 from groundstation.sources.video_file import VideoFile
 from groundstation.viewer import entity_paths
+from groundstation.viewer.approach_channel import ApproachChannel, ApproachRow
 from groundstation.viewer.blueprint import Viewpoint, blueprint, eye_before, eye_over, live_blueprint
 from groundstation.viewer.camera_channel import CameraChannel
 from groundstation.viewer.columns import ColumnBatch
@@ -77,6 +79,7 @@ class RerunSink:
         self._errors_against = ""
         self._notices: list[str] = []
         self._track = TrackChannel()
+        self._approach: ApproachChannel | None = None
         self._file: RecordingFile | None = None
         if isinstance(path, Path):
             self._stream, self._file = _file_stream(path, session_name)
@@ -133,6 +136,14 @@ class RerunSink:
         if len(self._track) >= most or any(len(c) >= 2 * most for c in self._cameras.values()):
             self._flush()
 
+    def write_approach(self, row: ApproachRow, runway: LandingRunway) -> None:
+        """Take what is known of an approach to a runway."""
+        if self.fault is not None:
+            return
+        if self._approach is None:
+            self._approach = ApproachChannel(runway)
+        self._approach.add(row)
+
     def write_reference(self, reference: ReferenceTracks) -> None:
         """Add the results of the evaluation; call it after the last `write` and before `close`."""
         for line in reference.lines:
@@ -185,6 +196,8 @@ class RerunSink:
         self._send([batch for camera in self._cameras.values() for batch in camera.take()])
         self._send([batch for channel in self._pictures.values() for batch in channel.take()])
         self._send(self._track.take())
+        if self._approach is not None:
+            self._send(self._approach.take())
 
     def _send(self, batches: Iterable[ColumnBatch]) -> None:
         for batch in batches:
@@ -195,7 +208,13 @@ class RerunSink:
         layout = (
             live_blueprint(self._rig, eye)
             if self._live
-            else blueprint(self._rig, eye=eye, loop_s=loop_s, errors_against=self._errors_against)
+            else blueprint(
+                self._rig,
+                eye=eye,
+                loop_s=loop_s,
+                errors_against=self._errors_against,
+                approach=self._approach is not None,
+            )
         )
         self._stream.send_blueprint(layout)
 

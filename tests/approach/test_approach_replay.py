@@ -5,6 +5,7 @@ import math
 import socket
 import threading
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from groundstation.autopilot.local_frame import LocalFrame
 from groundstation.cli.main import main
 from groundstation.session.folder import GeoOrigin
 from tests.approach.sessions import ORIGIN, pixel_session
+from tests.viewer.recording import Recording
 
 _FRAME = LocalFrame(GeoOrigin(lat_deg=47.3, lon_deg=8.5, height_m=460.0, y_axis_azimuth_deg=30.0), 0.0)
 _SETTINGS = """format = "groundstation-autopilot/1"
@@ -72,7 +74,7 @@ def landed(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The results of its replay with a site."""
     out = tmp_path_factory.mktemp("out") / "results"
     site = session.parent / "landing-site.toml"
-    assert main(["replay", str(session), "--out", str(out), "--no-rerun", "--site", str(site)]) == 0
+    assert main(["replay", str(session), "--out", str(out), "--site", str(site)]) == 0
     return out
 
 
@@ -88,6 +90,30 @@ def test_a_replay_with_a_site_reports_the_landing(landed: Path) -> None:
     assert abs(down["right_m"]) < 0.5
     texts = [event["text"] for event in approach["events"]]
     assert any(text.startswith("approach: ") for text in texts)
+
+
+def test_its_recording_shows_needles_advice_and_the_touchdown_foretold(landed: Path) -> None:
+    recording = Recording(landed / "session.rrd")
+    truth_m = 0.28
+    heights = np.array(recording.column("/plots/approach/height", "Scalars:scalars"))
+    assert heights.shape[1] == 3
+    assert np.all((heights[:, 1] < heights[:, 0]) & (heights[:, 0] < heights[:, 2]))
+    # the nose ends on the wheels
+    assert heights[-1, 0] == pytest.approx(truth_m, abs=0.3)
+    for needle in ("centre_line", "glide_path"):
+        values = np.array(recording.column(f"/plots/approach/needle/{needle}", "Scalars:scalars"))
+        assert np.all(np.abs(values) <= 1.0)
+    # on the centre line
+    assert np.median(np.abs(recording.column("/plots/approach/needle/centre_line", "Scalars:scalars"))) < 0.3
+    levels = [row[0] for row in recording.column("/status/advice", "StateChange:state")]
+    assert set(levels) <= {"GO", "CAUTION", "WAVE-OFF"}
+    assert all(one != other for one, other in pairwise(levels))
+    outlines = [row for row in recording.column("/world/runway/touchdown", "LineStrips3D:strips") if row]
+    down_m = json.loads((landed / "landings.json").read_text())["approaches"][0]["touchdown"]["past_threshold_m"]
+    # the site lands towards the stations, from its threshold on: past it y falls
+    along_m = 150.0 - np.array([np.mean([p[1] for p in row[0]]) for row in outlines])
+    assert len(outlines) > 50
+    assert abs(along_m[-1] - down_m) < 10.0
 
 
 @pytest.mark.parametrize(

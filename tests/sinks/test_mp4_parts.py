@@ -17,7 +17,7 @@ from groundstation.viewer import media as rerun_media
 from groundstation.viewer.merge_recordings import RunAlignment
 from groundstation.viewer.session_recording import write_session_recording
 from tests.session.folder import write_video
-from tests.viewer.test_rerun_sink import Recording
+from tests.viewer.recording import Recording
 
 LANDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
 # a decoder can begin at two frames of it; it has frames that are shown in another order than decoded

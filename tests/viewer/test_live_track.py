@@ -12,7 +12,7 @@ from groundstation.messages import Detection, Miss, MissReason, TrackStatus
 from groundstation.viewer import viewer_process as rerun_viewer
 from groundstation.viewer.live_track import APPLICATION, PICTURE, STATUS, LiveTrackView
 from groundstation.viewer.viewer_process import ViewerError, live_viewer_command, open_live_stream
-from tests.viewer.test_rerun_sink import Recording
+from tests.viewer.recording import Recording
 
 SEEN = Detection(
     u_px=20.0,

@@ -15,7 +15,7 @@ from groundstation.viewer import picture_channel as rerun_pictures
 from groundstation.viewer.session_recording import write_session_recording
 from groundstation.viewer.session_view import session_view
 from tests.session.folder import Tiny, number_of, picture, write_pictures, write_video
-from tests.viewer.test_rerun_sink import Recording
+from tests.viewer.recording import Recording
 
 IMAGE = "/cameras/left/image"
 ROWS = 12

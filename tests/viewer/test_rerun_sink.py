@@ -12,10 +12,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-import pyarrow as pa
 import pytest
 import rerun as rr
-from rerun.chunk import RrdReader
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import SessionError
@@ -34,37 +32,11 @@ from groundstation.viewer.rerun_sink import (
     RerunSink,
     VideoAsset,
 )
+from tests.viewer.recording import Recording
 from tests.viewer.synthetic import LOST_BY_BOTH, SEARCHING_PAIRS, STATIONS, Landing
 
 ROOT = Path(__file__).resolve().parents[2]
 PAIRS = 332
-
-
-class Recording:
-    """A recording read back: the moving and the static columns of each entity, in file order."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.moving: dict[str, list[pa.RecordBatch]] = {}
-        self.static: dict[str, list[pa.RecordBatch]] = {}
-        reader = RrdReader(path)
-        self.blueprints = len(reader.blueprints())
-        for chunk in reader.store(store=reader.recordings()[0]).stream():
-            kind = self.static if chunk.is_static else self.moving
-            kind.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
-
-    def column(self, entity: str, component: str) -> list[object]:
-        """All rows of one component in order of session time, as plain lists."""
-        table = pa.Table.from_batches([b.select(["session_time", component]) for b in self.moving[entity]])
-        return table.sort_by("session_time").column(component).to_pylist()
-
-    def times_ns(self, entity: str) -> list[int]:
-        """The session time of all rows, sorted."""
-        return sorted(t for b in self.moving[entity] for t in b.column("session_time").cast(pa.int64()).to_pylist())
-
-    def text(self, entity: str) -> list[str]:
-        """The lines of a log."""
-        return [row[0] for row in self.column(entity, "TextLog:text")]  # type: ignore[index]
 
 
 @pytest.fixture(scope="module")
