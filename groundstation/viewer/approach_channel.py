@@ -15,7 +15,6 @@ from groundstation.viewer.columns import ColumnBatch, scalars
 
 # the outline lies so far above the strip that is drawn
 _ABOVE_M = 0.05
-NEEDLE_ENDS = (-1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,9 +95,7 @@ class ApproachChannel:
         drawn = [outline for outline in outlines if outline is not None]
         lengths = [0 if outline is None else 1 for outline in outlines]
         strips = np.array(drawn, dtype=np.float32).reshape(-1, drawn[0].shape[0] if drawn else 2, 3)
-        columns = rr.LineStrips3D.columns(
-            strips=strips, colors=np.full((len(drawn), 3), entity_paths.TOUCHDOWN_COLOUR, dtype=np.uint8)
-        )
+        columns = rr.LineStrips3D.columns(strips=strips)
         t_s = np.array([row.t_s for row in rows])
         return ColumnBatch(entity=entity_paths.TOUCHDOWN, t_s=t_s, columns=columns.partition(np.array(lengths)))
 

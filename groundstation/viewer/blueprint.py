@@ -179,7 +179,7 @@ def _plots(rig: Rig, errors_against: str, *, approach: bool) -> rrb.Container:
     if not approach:
         return rrb.Horizontal(errors, consistency, pointing)
     landing = rrb.Vertical(
-        _plot(entity_paths.NEEDLES, "Needles: fly right, fly up [full scale]"),
-        _plot(entity_paths.THRESHOLD_HEIGHT, "Height above threshold, ±2σ [m]"),
+        _plot(entity_paths.NEEDLES, "Needles: right, up"),
+        _plot(entity_paths.THRESHOLD_HEIGHT, "Height, ±2σ [m]"),
     )
     return rrb.Horizontal(errors, consistency, pointing, landing)

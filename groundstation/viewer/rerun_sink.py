@@ -29,6 +29,7 @@ from groundstation.viewer.reference_lines import (
 from groundstation.viewer.scene import (
     RunwayOutline,
     fit_frustum,
+    log_approach_styles,
     log_camera_styles,
     log_runway,
     log_station,
@@ -142,6 +143,7 @@ class RerunSink:
             return
         if self._approach is None:
             self._approach = ApproachChannel(runway)
+            log_approach_styles(self._stream)
         self._approach.add(row)
 
     def write_reference(self, reference: ReferenceTracks) -> None:

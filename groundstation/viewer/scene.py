@@ -2,14 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeVar
 
 import numpy as np
 import rerun as rr
 
 from groundstation.arrays import FloatArray
+from groundstation.integrity.approach_advice import AdviceLevel
 from groundstation.messages import DetectionStatus, TrackStatus
 from groundstation.rig.rig import Rig, Station
 from groundstation.viewer import entity_paths
+
+_State = TypeVar("_State", bound=StrEnum)
 
 DEFAULT_RUNWAY_LENGTH_M = 600.0
 RUNWAY_MARGIN_M = 50.0
@@ -30,6 +35,7 @@ TRACK_STATES = {
     TrackStatus.COASTING: DOUBTFUL,
     TrackStatus.LOST: BAD,
 }
+ADVICE_LEVELS = {AdviceLevel.GO: GOOD, AdviceLevel.CAUTION: DOUBTFUL, AdviceLevel.WAVE_OFF: BAD}
 DETECTION_STATES = {
     DetectionStatus.OK: GOOD,
     DetectionStatus.MISS: BAD,
@@ -226,6 +232,30 @@ def log_styles(stream: rr.RecordingStream) -> None:
         stream.log(entity, style, static=True)
 
 
+def log_approach_styles(stream: rr.RecordingStream) -> None:
+    """Log the styles of an approach's plots, its lane of advice and the touchdown foretold."""
+    height = entity_paths.EKF_COLOUR
+    styles: dict[str, rr.AsComponents] = {
+        entity_paths.ADVICE: _states(ADVICE_LEVELS),
+        entity_paths.CENTRE_LINE_NEEDLE: rr.SeriesLines(
+            colors=entity_paths.CENTRE_LINE_COLOUR, names="fly right", widths=1.5
+        ),
+        entity_paths.GLIDE_PATH_NEEDLE: rr.SeriesLines(
+            colors=entity_paths.GLIDE_PATH_COLOUR, names="fly up", widths=1.5
+        ),
+        entity_paths.THRESHOLD_HEIGHT: rr.SeriesLines(
+            colors=[height, *[entity_paths.dimmed(height)] * 2],
+            names=["height", "−2σ", "+2σ"],
+            widths=[1.5, 1.0, 1.0],
+        ),
+        entity_paths.TOUCHDOWN: rr.LineStrips3D.from_fields(
+            colors=entity_paths.TOUCHDOWN_COLOUR, radii=rr.Radius.ui_points(1.5)
+        ),
+    }
+    for entity, style in styles.items():
+        stream.log(entity, style, static=True)
+
+
 def log_camera_styles(stream: rr.RecordingStream, rigged: Station, number: int) -> None:
     """Log the styles of a camera's overlay and plots, and the border of its picture."""
     station, (width, height) = rigged.name, rigged.lens.image_size_px
@@ -268,9 +298,7 @@ def log_camera_styles(stream: rr.RecordingStream, rigged: Station, number: int) 
         stream.log(entity, style, static=True)
 
 
-def _states(
-    colours: Mapping[TrackStatus, tuple[int, int, int]] | Mapping[DetectionStatus, tuple[int, int, int]],
-) -> rr.StateConfiguration:
+def _states(colours: Mapping[_State, tuple[int, int, int]]) -> rr.StateConfiguration:
     """Return the colours of the lanes of a status."""
     return rr.StateConfiguration(
         values=[str(state) for state in colours], colors=np.array(list(colours.values()), dtype=np.uint8)

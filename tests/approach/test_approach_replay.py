@@ -17,7 +17,7 @@ from groundstation.autopilot.local_frame import LocalFrame
 from groundstation.cli.main import main
 from groundstation.session.folder import GeoOrigin
 from tests.approach.sessions import ORIGIN, pixel_session
-from tests.viewer.recording import Recording
+from tests.viewer.recording import Recording, documented_entities
 
 _FRAME = LocalFrame(GeoOrigin(lat_deg=47.3, lon_deg=8.5, height_m=460.0, y_axis_azimuth_deg=30.0), 0.0)
 _SETTINGS = """format = "groundstation-autopilot/1"
@@ -94,6 +94,7 @@ def test_a_replay_with_a_site_reports_the_landing(landed: Path) -> None:
 
 def test_its_recording_shows_needles_advice_and_the_touchdown_foretold(landed: Path) -> None:
     recording = Recording(landed / "session.rrd")
+    assert documented_entities(with_site=True) <= recording.moving.keys()
     truth_m = 0.28
     heights = np.array(recording.column("/plots/approach/height", "Scalars:scalars"))
     assert heights.shape[1] == 3

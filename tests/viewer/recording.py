@@ -1,5 +1,6 @@
 """Rerun recordings read back with Rerun's own reader, row by row."""
 
+import re
 from pathlib import Path
 
 import pyarrow as pa
@@ -31,3 +32,10 @@ class Recording:
     def text(self, entity: str) -> list[str]:
         """The lines of a log."""
         return [row[0] for row in self.column(entity, "TextLog:text")]  # type: ignore[index]
+
+
+def documented_entities(*, with_site: bool = False) -> set[str]:
+    """Return the entities of docs/rerun.md, or those that a replay with a site has besides."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "rerun.md").read_text(encoding="utf-8")
+    usual, of_site = page.split("A replay with `--site` has these, too:")
+    return set(re.findall(r"^\| `(/[^`]*)` \|", of_site if with_site else usual, flags=re.MULTILINE))

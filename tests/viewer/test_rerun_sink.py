@@ -1,7 +1,6 @@
 """The Rerun recording: what it holds, row by row, read back with Rerun's own reader."""
 
 import os
-import re
 import subprocess
 import sys
 import weakref
@@ -32,7 +31,7 @@ from groundstation.viewer.rerun_sink import (
     RerunSink,
     VideoAsset,
 )
-from tests.viewer.recording import Recording
+from tests.viewer.recording import Recording, documented_entities
 from tests.viewer.synthetic import LOST_BY_BOTH, SEARCHING_PAIRS, STATIONS, Landing
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -90,9 +89,8 @@ def test_rerun_itself_finds_no_fault(recording: Recording) -> None:
 
 
 def test_the_entities_are_those_of_the_documentation(recording: Recording) -> None:
-    page = (ROOT / "docs" / "rerun.md").read_text(encoding="utf-8")
     documented = set()
-    for entity in re.findall(r"^\| `(/[^`]*)` \|", page, flags=re.MULTILINE):
+    for entity in documented_entities():
         documented |= {entity.replace("<station>", s) for s in STATIONS} if "<station>" in entity else {entity}
     found = {e for e in (*recording.moving, *recording.static) if not e.startswith("/__properties")}
     assert found == documented
