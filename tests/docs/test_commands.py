@@ -46,6 +46,7 @@ NOT_RUN = {
         "wants cameras and units; tests/calibration/landmarks/test_sightings_command.py"
     ),
     ("cameras.md", "groundstation cameras show"): "wants a camera at an address; the page runs it on a video",
+    ("detection.md", "groundstation train --out out/echoed"): "wants a GPU and sixteen cores; tests/cli/test_train.py",
     ("first-flight.md", ". .venv/bin/activate"): "changes the shell that it is typed into",
     ("learned-channel.md", "groundstation replay recordings/landing-1 --out out/classic --config classic.toml"): (
         "wants the file of the block above it; tests/replay/test_learned_replay.py"
