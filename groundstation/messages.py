@@ -33,7 +33,7 @@ class PtuSample:
 class Frame:
     """One camera image; ``t_s`` is its mid-exposure, ``epoch`` the number of its stereo pair.
 
-    ``image`` is as the camera gave it, distorted.
+    ``image`` is as the camera gave it, distorted; `Tracker.step` also takes an array, (h, w, 3) uint8 BGR or (h, w).
     """
 
     t_s: float

@@ -1,7 +1,9 @@
 """A tracker for scripts: events in, estimates out."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,9 +93,11 @@ class Tracker:
     def step(self, event: Event) -> StepReport:
         """Process one event; return all reports that are due.
 
-        Raises `InputError` for a station that the rig does not have, a picture of another size than the rig states, or
-        a value that is not finite.
+        The ``image`` of a frame may also be an array, (h, w, 3) uint8 BGR or (h, w) grey. Raises `InputError` for
+        what is no event, a station that the rig does not have, a picture of another size than the rig states, or a
+        value that is not finite.
         """
+        event = _as_event(event)
         self._check(event)
         if isinstance(event, (Frame, PixelMeasurement, Epoch)):
             self._next_epoch = max(self._next_epoch, event.epoch + 1)
@@ -157,6 +161,20 @@ class Tracker:
             raise InputError(
                 f"picture of {event.station} at {event.t_s:g} s", got=got, wanted=f"{wanted}, as in the rig"
             )
+
+
+def _as_event(event: Any) -> Event:
+    """Return an event, its picture as one where it is an array. Raises `InputError` for anything else."""
+    if not isinstance(event, get_args(Event)):
+        wanted = ", ".join(kind.__name__ for kind in get_args(Event))
+        raise InputError("event", got=type(event).__name__, wanted=f"one of {wanted}")
+    image: Any = event.image if isinstance(event, Frame) else None
+    if not isinstance(event, Frame) or isinstance(image, Picture):
+        return event
+    if not isinstance(image, np.ndarray):
+        where = f"picture of {event.station} at {event.t_s:g} s"
+        raise InputError(where, got=type(image).__name__, wanted="an array (h, w, 3) or (h, w) of uint8")
+    return replace(event, image=picture_of(image))
 
 
 def _event(t_s: float, station: str, epoch: int, observed: Observation) -> Frame | PixelMeasurement:

@@ -22,7 +22,7 @@ from groundstation.detection.roi import place_roi
 from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.guided_search import GuidedPlace
 from groundstation.messages import Detection, Frame, Miss, MissReason
-from groundstation.picture import Picture, as_picture
+from groundstation.picture import Picture, PictureError, as_picture
 from groundstation.rig.rig import Station
 from groundstation.tracking.config import Config
 from groundstation.tracking.flight_direction import FlightDirection
@@ -172,14 +172,18 @@ class CameraTracker:
         roi = place_roi(centre_px, covariance_px2, extent.size_px, self._config.detection, size_px, extent.middle_px)
         if roi is None:
             return None
-        recorded = _recorded(as_picture(frame.image), roi, centre_px)
+        picture = as_picture(frame.image)
+        recorded = _recorded(picture, roi, centre_px)
         if recorded is None:
-            detail = "the window is not within the part of this picture that the recording kept"
-            return SearchResult(
-                roi=roi, result=Miss(reason=MissReason.NOT_RECORDED, detail=detail), channel_contrast=None
-            )
+            return _not_recorded(roi)
         roi = recorded
-        result = self._detector.detect(frame.image, roi, hint)
+        try:
+            result = self._detector.detect(frame.image, roi, hint)
+        except PictureError:
+            if picture.has_all:
+                raise
+            # another window than that of the run that was recorded
+            return _not_recorded(roi)
         contrast = None
         if isinstance(result, Detection):
             if self._detections % _CONTRAST_EVERY == 0 and len(result.contour_px) > 0:
@@ -222,6 +226,12 @@ class CameraTracker:
             px_per_m=px_per_m,
             height_m=height_m,
         )
+
+
+def _not_recorded(roi: Box[int]) -> SearchResult:
+    """Return that pixels of a region were wanted that the recording did not keep."""
+    detail = "the window is not within the part of this picture that the recording kept"
+    return SearchResult(roi=roi, result=Miss(reason=MissReason.NOT_RECORDED, detail=detail), channel_contrast=None)
 
 
 def _recorded(picture: Picture, roi: Box[int], centre_px: FloatArray) -> Box[int] | None:

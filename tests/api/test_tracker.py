@@ -11,6 +11,7 @@ import pytest
 import groundstation
 from groundstation import (
     Box,
+    Detection,
     DetectionHint,
     Epoch,
     Frame,
@@ -227,6 +228,37 @@ def test_what_does_not_fit_the_rig_is_refused(tmp_path: Path) -> None:
         Tracker(make_rig(), span_m=-1.0)
     with pytest.raises(InputError, match=r"none\.toml"):
         Tracker(tmp_path / "none.toml")
+
+
+def test_a_frame_of_an_array_is_one_of_a_picture(landing_from_20_s: Path) -> None:
+    found = []
+    for arrays in (False, True):
+        tracker = Tracker(landing_from_20_s / "rig.toml", span_m=2.3)
+        reports = []
+        for event in groundstation.session_events(landing_from_20_s, from_s=20.0, to_s=20.8):
+            given = event
+            if arrays and isinstance(event, Frame):
+                given = replace(event, image=event.image.whole())  # type: ignore[arg-type]
+            reports.append(tracker.step(given))
+        reports.append(tracker.finish())
+        found.append([c.result for report in reports for c in report.cameras])
+    assert len(found[0]) == len(found[1]) > 8
+    for one, other in zip(*found, strict=True):
+        assert type(one) is type(other)
+        if isinstance(one, Detection) and isinstance(other, Detection):
+            assert (one.u_px, one.v_px) == (other.u_px, other.v_px)
+
+
+@pytest.mark.parametrize("event", ["x", None, 3.0])
+def test_what_is_no_event_is_refused(event: object) -> None:
+    with pytest.raises(InputError, match=rf"event: got {type(event).__name__}; wanted one of PtuSample, Frame, "):
+        Tracker(make_rig(fixed=True)).step(event)  # type: ignore[arg-type]
+
+
+def test_a_frame_without_a_picture_is_refused() -> None:
+    frame = Frame(t_s=1.0, station="left", epoch=0, image=[[0]])  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"picture of left at 1 s: got list; wanted an array"):
+        Tracker(make_rig(fixed=True)).step(frame)
 
 
 def test_turning_heads_and_pixels_are_tracked_within_the_covariance() -> None:

@@ -295,14 +295,19 @@ def test_mavsdk_decodes_every_mode_with_the_values_sent(tmp_path: Path) -> None:
 
 
 def test_node_mavlink_decodes_every_mode_with_the_values_sent(vehicle: Vehicle, tmp_path: Path) -> None:
-    """Expected: each message that it knows; GLOBAL_POSITION_SENSOR is newer than its definitions."""
+    """Expected: each message that it knows; GLOBAL_POSITION_SENSOR is newer than its definitions.
+
+    It is not given that one: after a message that it does not know it looks for the next start byte, which is in one
+    signature of some twenty by chance, and leaves out what follows.
+    """
     if shutil.which("node") is None or not (_NODE_PEERS / "node_modules" / "node-mavlink").is_dir():
         absent("node-mavlink", "make peers-node (needs node and npm)")
     link = _link(vehicle.url, _KEY)
     sent, data = _all_messages(), b""
     for message in sent:
         link.send([message])
-        data += vehicle.datagram()
+        datagram = vehicle.datagram()
+        data += b"" if message.name == "GLOBAL_POSITION_SENSOR" else datagram
     link.close()
     (tmp_path / "bytes").write_bytes(data)
     run = subprocess.run(

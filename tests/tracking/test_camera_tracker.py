@@ -7,8 +7,8 @@ import pytest
 
 from groundstation.box import Box
 from groundstation.detection.detector import DetectionHint
-from groundstation.messages import Detection, Frame
-from groundstation.picture import BgrPicture
+from groundstation.messages import Detection, Frame, Miss, MissReason
+from groundstation.picture import BgrPicture, PartialPicture, PicturePart
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel, silhouette_mask
 from groundstation.tracking.config import Config
 from tests.stereo_rig import make_station
@@ -89,3 +89,24 @@ def test_a_detection_reports_the_contrast_of_every_channel(picture: np.ndarray) 
     assert look.channel_contrast is not None
     assert look.channel_contrast["grey"] > 5 * look.channel_contrast["saturation"]
     assert tracker.detect(frame, np.array([-900.0, 480.0]), np.eye(2), hint) is None
+
+
+def test_a_window_beyond_what_was_recorded_is_a_miss_with_that_reason(picture: np.ndarray) -> None:
+    """Expected: the part around the prediction was recorded, the detector's own window was not; no error."""
+    tracker = CameraTracker(make_station("left", 0.0), Config())
+    hint = DetectionHint(
+        predicted_px=np.array([640.0, 480.0]),
+        predicted_covariance_px2=np.eye(2) * 9.0,
+        expected_span_px=80.0,
+        span_sigma_ratio=0.15,
+        forward_px_per_m=None,
+        up_px_per_m=np.array([0.0, -35.0]),
+        px_per_m=35.0,
+    )
+    part = PicturePart(x=605, y=460, pixels=picture[460:500, 605:675])
+    frame = Frame(t_s=0.0, station="left", epoch=0, image=PartialPicture((1280, 960), [part], None))
+    look = tracker.detect(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
+    assert look is not None
+    assert isinstance(look.result, Miss)
+    assert look.result.reason is MissReason.NOT_RECORDED
+    assert "recording kept" in (look.result.detail or "")
