@@ -77,6 +77,8 @@ class AcquisitionConfig:
             raise ValueError("memory_s and alignment_px must be > 0, spacing_s ≥ 0")
         if not 0 < self.max_size <= 1 or self.max_elongation < 1 or not 0 <= self.ground_weight <= 1:
             raise ValueError("max_size in (0, 1], max_elongation ≥ 1 and ground_weight in [0, 1] are needed")
+        if min(self.join_reach, self.motion_join_reach) < 0:
+            raise ValueError("join_reach and motion_join_reach must be ≥ 0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

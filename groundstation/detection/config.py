@@ -79,6 +79,8 @@ class LevelSetConfig:
             raise ValueError("local_share must lie in [0, 1], local_sigma_px in [0.5, 100]")
         if self.iterations < 1 or self.stop_after < 1:
             raise ValueError("iterations and stop_after must be ≥ 1")
+        if not 0 <= self.stop_fraction < 1:
+            raise ValueError("stop_fraction must lie in [0, 1)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,3 +179,8 @@ class DetectionConfig:
             raise ValueError("ambiguity_ratio and appearance_rate must lie in (0, 1]")
         if self.max_working_span_px < 20:
             raise ValueError("max_working_span_px must be ≥ 20")
+        for name in ("roi_max_sigma_px", "min_span_px", "gate_sigmas", "size_gate_sigmas", "appearance_gate"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} {getattr(self, name):g} not > 0")
+        if self.min_contrast_to_noise < 0:
+            raise ValueError(f"min_contrast_to_noise {self.min_contrast_to_noise:g} < 0")

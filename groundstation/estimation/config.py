@@ -240,5 +240,7 @@ class InitiationConfig:
         for name in ("hits", "recognised_hits"):
             if getattr(self, name) < 2:
                 raise ValueError(f"{name} {getattr(self, name)} < 2")
+        if min(self.min_age_s, self.start_share) < 0:
+            raise ValueError("min_age_s and start_share must be ≥ 0")
         if not 0 <= self.min_speed_m_s < self.max_speed_m_s:
             raise ValueError("min_speed_m_s not below max_speed_m_s")

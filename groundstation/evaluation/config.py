@@ -12,6 +12,19 @@ class OffsetSource(StrEnum):
     TRIANGULATION = "triangulation"
 
 
+_ABOVE_ZERO = (
+    "huber_sigma",
+    "glitch_sigma",
+    "glitch_min_m",
+    "frozen_sigma",
+    "lag_sigma",
+    "lag_min_s",
+    "lag_unprompted_min_s",
+    "prior_position_sigma_m",
+    "prior_velocity_sigma_m_s",
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvaluationConfig:
     """Tuning of the evaluation.
@@ -59,3 +72,8 @@ class EvaluationConfig:
             raise ValueError(f"range_bins_m {list(edges)} not rising")
         if min(self.max_interpolation_gap_s, self.lag_window_s, self.max_offset_s) <= 0:
             raise ValueError("a gap, window or offset limit that is not > 0")
+        for name in _ABOVE_ZERO:
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} {getattr(self, name):g} not > 0")
+        if min(self.frozen_tolerance_m, self.glitch_max_s) < 0:
+            raise ValueError("frozen_tolerance_m and glitch_max_s must be ≥ 0")

@@ -2,11 +2,12 @@
 
 import tomllib
 from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
 
 import pytest
 
 from groundstation.errors import ConfigError
-from groundstation.tracking.config import Config, config_from_mapping, config_to_mapping
+from groundstation.tracking.config import Config, config_from_mapping, config_to_mapping, load_config
 from groundstation.tracking.config_comments import commented_toml, meanings_of, unit_of
 
 
@@ -103,3 +104,45 @@ def test_stated_bounds_are_those_of_the_tuning(table: str, key: str, good: float
 @pytest.mark.parametrize(("name", "unit"), [("lost_sigma_m", "in m"), ("max_rate_deg_s", "in deg/s"), ("levels", "")])
 def test_units_follow_the_names(name: str, unit: str) -> None:
     assert unit_of(name) == unit
+
+
+# a coordinate, a logarithm and a balloon force, whose sign is free
+UNBOUNDED = {"min_height_m", "unlikely_odds", "nu"}
+
+
+def test_every_number_has_a_bound() -> None:
+    """Expected: what a key may not be is refused, so that the comment above it says so."""
+    comment, without = "", set()
+    for line in commented_toml(Config()).splitlines():
+        key, equals, value = line.partition(" = ")
+        if line.startswith("#"):
+            comment += line
+            continue
+        is_number = equals and isinstance(tomllib.loads(f"value = {value}")["value"], int | float)
+        if (
+            is_number
+            and value not in ("true", "false")
+            and not any(w in comment for w in ("at least", "above", "at most"))
+        ):
+            without.add(key)
+        comment = ""
+    assert without <= UNBOUNDED
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "[evaluation]\nhuber_sigma = -2",
+        "[evaluation]\nprior_position_sigma_m = -1",
+        "[detection]\nmin_span_px = -5",
+        "[detection]\nappearance_gate = -1.5",
+        "[detection]\nmin_contrast_to_noise = -3",
+        "[initiation]\nstart_share = -4",
+        "[acquisition]\njoin_reach = -1",
+    ],
+)
+def test_a_number_without_a_meaning_is_refused(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "tuning.toml"
+    path.write_text(line + "\n")
+    with pytest.raises(ConfigError, match=line.partition("\n")[2].split()[0]):
+        load_config(path)
