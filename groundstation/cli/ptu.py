@@ -10,7 +10,7 @@ from groundstation.cli.command_arguments import Commands, Run, add_command
 from groundstation.cli.number_arguments import finite_number, port_or_any, positive_number
 from groundstation.cli.path_arguments import WRITTEN_FILE
 from groundstation.cli.ptu_open import open_unit, warn_unguarded
-from groundstation.errors import GroundstationError
+from groundstation.errors import GroundstationError, UsageError
 
 _PROBE = """Ask a pan-tilt unit what it is and how fast it answers: model, range, step, speeds,
 what it can do, a histogram of the round trips, failures. Nothing moves."""
@@ -172,7 +172,7 @@ def _jog(options: argparse.Namespace) -> int:
 
     wanted = {axis: math.radians(v) for axis, v in zip(Axis, (options.pan, options.tilt), strict=True) if v is not None}
     if not wanted:
-        raise GroundstationError("jog: got no angle; wanted --pan, --tilt or both")
+        raise UsageError("jog", got="no angle", wanted="--pan, --tilt or both")
     reports: list[MoveResult] = []
     with open_unit(options) as unit:
         reported = unit.describe()

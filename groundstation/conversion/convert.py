@@ -51,6 +51,8 @@ def convert(
         raise UsageError(str(out), got=f"a name that ends in {out.suffix}", wanted=wanted)
     session = load_session(source)
     packs = out.suffix == ".mcap"
+    if not packs and session.recorded is None and out.suffix and not out.is_dir():
+        raise InputError(str(out), got=f"a name that ends in {out.suffix}", wanted="a file that ends in .mcap")
     if packs is (session.recorded is not None):
         got = f"{source.name} and {out.name}, both {'recordings' if packs else 'folders'}"
         raise InputError(str(out), got=got, wanted="a folder and a file that ends in .mcap")

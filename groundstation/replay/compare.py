@@ -78,7 +78,11 @@ def compare(
     if request.baseline is not None and request.baseline not in {run.name for run in runs}:
         names = ", ".join(run.name for run in runs)
         if not Path(request.baseline).exists():
-            raise InputError(request.baseline, got="no such run or folder", wanted=f"one of {names}, or a folder")
+            raise InputError(
+                request.baseline,
+                got="no such run or folder",
+                wanted=f"{names if len(runs) == 1 else f'one of {names}'}, or a folder",
+            )
         # a results folder that is not among the runs is inserted before them
         before = Path(request.baseline)
     notes: list[str] = []

@@ -66,7 +66,6 @@ def test_jog(url: str, capsys: pytest.CaptureFixture[str]) -> None:
         (["--pan", "1000"], "pan: got 1000.0000 deg; the upper limit is 174.0021 deg (unit)"),
         (["--pan", "5", "--pan-limits=-1,1"], "pan: got 5.0000 deg; the upper limit is 1.0000 deg (settings)"),
         (["--tilt", "5", "--rate", "99"], "tilt: got 99.0000 deg/s; the maximum speed is 51.4286 deg/s (unit)"),
-        ([], "jog: got no angle; wanted --pan, --tilt or both"),
     ],
 )
 def test_refused_with_the_limits_name(
@@ -75,6 +74,11 @@ def test_refused_with_the_limits_name(
     assert main(["ptu", "jog", url, *more]) == 1
     # before the first move it is reported that the Sun is unknown
     assert capsys.readouterr().err.splitlines()[-1] == f"groundstation: {message}"
+
+
+def test_without_an_angle_it_is_wrong_usage(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["ptu", "jog", url]) == 2
+    assert capsys.readouterr().err == "groundstation: jog: got no angle; wanted --pan, --tilt or both\n"
 
 
 def test_no_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -153,6 +153,10 @@ def test_the_commands_report_errors_in_one_line(tmp_path: Path, capsys: pytest.C
     (tmp_path / "text.mcap").write_text("hello")
     for arguments, words in (
         (["convert", str(folder), str(tmp_path / "other")], "both folders"),
+        (
+            ["convert", str(folder), str(tmp_path / "y.mpac")],
+            "a name that ends in .mpac; wanted a file that ends in .mcap",
+        ),
         (["convert", str(folder), str(folder / "none" / "x.mcap")], "No such file"),
         (["convert", str(tmp_path / "text.mcap"), str(tmp_path / "other")], "no MCAP"),
         (["convert", str(tmp_path / "none.mcap"), str(tmp_path / "other")], "no such file"),
