@@ -56,7 +56,7 @@ The station file: docs/live.md
 exit code: 0 done; 1 a device or a file is at fault, nothing at all could be
 recorded, a process that drives the heads was lost, even if it was begun again,
 or a simulated flight was hardly tracked; 2 wrong usage; 130 interrupted
-before it had begun"""
+before a pair of pictures had come"""
 
 
 def add_live(commands: Commands) -> None:
@@ -128,6 +128,9 @@ def run_live(options: argparse.Namespace) -> int:
             (None, 0) if simulator is None else (simulator.score(result.begin_s), simulator.missing_pictures)
         )
         print_line(_result_text(result, score, missing), sys.stdout)
+    if stop() and not result.operation.epochs and not result.losses:
+        print_line("groundstation: interrupted; no pair of pictures had come", sys.stderr)
+        return INTERRUPTED
     if result.lost:
         print_line("groundstation: nothing could be recorded", sys.stderr)
     for line in result.losses:

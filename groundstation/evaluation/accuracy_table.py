@@ -43,7 +43,7 @@ def format_accuracy_table(summary: dict[str, Any]) -> str:
     blocks.append(
         "\n".join(
             [
-                *_reference_lines(summary["reference"]),
+                *_reference_lines(summary["reference"], tracked=not summary.get("no_track")),
                 *_calibration_lines(summary["calibration"]),
                 *_consistency_lines(summary),
             ]
@@ -135,13 +135,13 @@ def _row(name: str, group: dict[str, Any]) -> str:
     )
 
 
-def _reference_lines(reference: dict[str, Any]) -> list[str]:
+def _reference_lines(reference: dict[str, Any], *, tracked: bool) -> list[str]:
     """Return what is known of the DGPS: its clock offset and what was left out."""
     if not reference["fixes"]:
         return []
     offset = reference["time_offset"]
     if offset is None:
-        return [f"DGPS: {reference['fixes']} fixes, not usable"]
+        return [f"DGPS: {reference['fixes']} fixes, {'not usable' if tracked else 'not compared without a track'}"]
     if offset["offset_s"] is None:
         lines = [f"DGPS clock: offset not found: {offset['reason']}"]
     else:

@@ -32,3 +32,13 @@ def test_nees_and_nis_are_explained_once() -> None:
     assert text.index("ANEES") < text.index(meaning)
     assert f"NIS {nis['mean']:.2f}: squared distance of the pixels from their prediction" in text
     assert max(len(line) for line in format_accuracy_table(summary).splitlines()) <= 98
+
+
+def test_without_a_track_nothing_is_held_against_the_reference() -> None:
+    summary = json.loads((ROOT / "tests" / "session" / "data" / "summary.json").read_text(encoding="utf-8"))
+    summary["reference"] = {**summary["reference"], "fixes": 261, "time_offset": None}
+    assert "DGPS: 261 fixes, not usable" in format_accuracy_table(summary)
+    summary["no_track"] = "no track: in none of 40 pairs"
+    text = format_accuracy_table(summary)
+    assert "DGPS: 261 fixes, not compared without a track" in text
+    assert "not usable" not in text

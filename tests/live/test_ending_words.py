@@ -1,5 +1,6 @@
 """The messages of `live` at its end, its exit code, and the advice where its display cannot be shown."""
 
+import signal
 import sys
 from contextlib import ExitStack
 from dataclasses import replace
@@ -128,3 +129,17 @@ def test_a_file_of_no_bytes_is_not_listed(tmp_path: Path) -> None:
     (tmp_path / "track.csv").write_text("t_s\n", encoding="utf-8")
     (tmp_path / "ptu-left").symlink_to("/dev/pts/none")
     assert written_files(tmp_path) == (tmp_path / "track.csv",)
+
+
+def test_interrupted_before_a_pair_has_come_is_told_as_that(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: not that there was no track, which the user did not wait for."""
+
+    def interrupted(*_: object, **__: object) -> LiveResult:
+        signal.raise_signal(signal.SIGINT)
+        return ended(epochs=0, tracked=0)
+
+    monkeypatch.setattr("groundstation.live.command.live", interrupted)
+    assert main(["live", "--simulate", "--out", "x"]) == 130
+    assert capsys.readouterr().err == "groundstation: interrupted; no pair of pictures had come\n"
