@@ -24,6 +24,8 @@ LAST = "groundstation: interrupted; nothing was written to out\n"
         (2, "", ["exit code 2"]),
     ],
 )
-def test_what_is_wrong(tmp_path: Path, code: int, err: str, faults: list[str]) -> None:
+def test_what_is_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int, err: str, faults: list[str]) -> None:
+    # where the folder that the line names is not there
+    monkeypatch.chdir(tmp_path)
     ended = Ended(code=code, out="", err=err, late_s=0.1)
     assert list(faults_of(LIVE, ended, tmp_path)) == faults
