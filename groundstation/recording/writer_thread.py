@@ -10,6 +10,9 @@ from groundstation.recording.mcap_writer import McapWriter
 from groundstation.recording.recorder_status import RecorderConfig, RecorderState, left_to_recover
 from groundstation.recording.write_queue import OutputItem, WriteQueue
 
+# between measurements of the disk's free space
+_MEASURE_S = 1.0
+
 
 class WriterThread:
     """Runs in the recorder's thread; ``set_state`` is called with each new state and its reason."""
@@ -95,7 +98,7 @@ class WriterThread:
     def _may_write(self) -> bool:
         """Return whether the disk accepts data; measures its free space once a second."""
         now_s = self._clock()
-        if now_s - self._looked_s >= 1.0 or self._output.waiting_bytes:
+        if now_s - self._looked_s >= _MEASURE_S or self._output.waiting_bytes:
             self._looked_s = now_s
             try:
                 free = self._free_bytes()

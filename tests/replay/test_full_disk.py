@@ -81,6 +81,8 @@ def test_a_recording_without_room_ends_and_the_replay_does_not(
     """Expected: the disk of --record is full from the start or from some moment on; all pairs are tracked."""
     free = itertools.chain(itertools.repeat(10**12, measurements_with_room), itertools.repeat(0))
     monkeypatch.setattr("groundstation.recording.recorder._free_bytes", lambda _: next(free))
+    # at each write, however fast the machine is
+    monkeypatch.setattr("groundstation.recording.writer_thread._MEASURE_S", 0.0)
     out, recorded = tmp_path / "out", tmp_path / "flight.mcap"
     words = ["replay", str(LANDING), "--out", str(out), "--from", "20", "--to", "21.5", "--no-rerun"]
     assert main([*words, "--record", str(recorded)]) == 1
