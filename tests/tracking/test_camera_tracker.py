@@ -71,9 +71,9 @@ def picture(rng: np.random.Generator) -> np.ndarray:
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def test_a_detection_reports_the_contrast_of_every_channel(picture: np.ndarray) -> None:
-    tracker = CameraTracker(make_station("left", 0.0), Config())
-    hint = DetectionHint(
+def hint_in_the_middle() -> DetectionHint:
+    """The aircraft of the picture is expected where it is, as wide as it is."""
+    return DetectionHint(
         predicted_px=np.array([640.0, 480.0]),
         predicted_covariance_px2=np.eye(2) * 9.0,
         expected_span_px=80.0,
@@ -82,6 +82,11 @@ def test_a_detection_reports_the_contrast_of_every_channel(picture: np.ndarray) 
         up_px_per_m=np.array([0.0, -35.0]),
         px_per_m=35.0,
     )
+
+
+def test_a_detection_reports_the_contrast_of_every_channel(picture: np.ndarray) -> None:
+    tracker = CameraTracker(make_station("left", 0.0), Config())
+    hint = hint_in_the_middle()
     frame = Frame(t_s=0.0, station="left", epoch=0, image=BgrPicture(picture))
     look = tracker.detect(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
     assert look is not None
@@ -94,15 +99,7 @@ def test_a_detection_reports_the_contrast_of_every_channel(picture: np.ndarray) 
 def test_a_window_beyond_what_was_recorded_is_a_miss_with_that_reason(picture: np.ndarray) -> None:
     """Expected: the part around the prediction was recorded, the detector's own window was not; no error."""
     tracker = CameraTracker(make_station("left", 0.0), Config())
-    hint = DetectionHint(
-        predicted_px=np.array([640.0, 480.0]),
-        predicted_covariance_px2=np.eye(2) * 9.0,
-        expected_span_px=80.0,
-        span_sigma_ratio=0.15,
-        forward_px_per_m=None,
-        up_px_per_m=np.array([0.0, -35.0]),
-        px_per_m=35.0,
-    )
+    hint = hint_in_the_middle()
     part = PicturePart(x=605, y=460, pixels=picture[460:500, 605:675])
     frame = Frame(t_s=0.0, station="left", epoch=0, image=PartialPicture((1280, 960), [part], None))
     look = tracker.detect(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
