@@ -16,7 +16,7 @@ from pathlib import Path
 
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.head_motion import HeadMotionMonitor
-from groundstation.integrity.reading_hypothesis import ReadingHypothesis
+from groundstation.integrity.reading_hypothesis import GRADIAN_DEG, ReadingHypothesis
 from groundstation.messages import Frame, PtuSample
 from groundstation.rig.rig import Station
 from groundstation.session import load_session
@@ -31,10 +31,12 @@ RADIANS = math.pi / 180.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fault:
-    """A fault: the reading that is stored instead of time, pan and tilt, and whether a hypothesis names it."""
+    """A fault: the reading that is stored instead of time, pan and tilt, the factor on the focal lengths of the rig, and
+    whether a hypothesis names it."""
 
     stored: Callable[[float, float, float], tuple[float, float, float]]
     named: Callable[[ReadingHypothesis], bool]
+    focal_factor: float = 1.0
 
 
 def only(**values: object) -> Callable[[ReadingHypothesis], bool]:
@@ -55,7 +57,14 @@ FAULTS = {
         stored=lambda t, p, q: (t, p, q), named=lambda h: h.source is not None and not h.exchanged and h.pan_sign == 1
     ),
     "a tenth of the focal length": Fault(
-        stored=lambda t, p, q: (t, p, q), named=lambda h: abs(h.focal_factor * TENTH - 1.0) <= 0.1
+        stored=lambda t, p, q: (t, p, q), named=lambda h: abs(h.focal_factor * TENTH - 1.0) <= 0.1, focal_factor=TENTH
+    ),
+    "1.3 times the focal length": Fault(
+        stored=lambda t, p, q: (t, p, q), named=lambda h: abs(h.focal_factor * 1.3 - 1.0) <= 0.05, focal_factor=1.3
+    ),
+    "gradians": Fault(
+        stored=lambda t, p, q: (t, p / GRADIAN_DEG, q / GRADIAN_DEG),
+        named=lambda h: abs(h.focal_factor / GRADIAN_DEG - 1.0) <= 0.04,
     ),
 }
 
@@ -85,7 +94,7 @@ def watched(path: Path, stations: list[Station]) -> tuple[HeadMotionMonitor, lis
 def verdicts(seen: HeadMotionMonitor, readings: list[PtuSample], stations: list[Station], name: str) -> Counter[str]:
     """Return the verdicts on all stations under one fault."""
     fault = FAULTS[name]
-    monitor = monitor_of(stations, TENTH if "focal" in name else 1.0)
+    monitor = monitor_of(stations, fault.focal_factor)
     monitor.take_pictures_of(seen)
     names = [station.name for station in stations]
     exchanged = dict(zip(names[:2], names[1::-1], strict=True)) if name == "stations exchanged" else {}

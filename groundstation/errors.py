@@ -1,5 +1,7 @@
 """Every error that Groundstation raises on purpose: one root, and what was got against what was wanted."""
 
+from collections.abc import Callable
+
 
 def printable(text: str) -> str:
     """Return a text with what cannot be printed, line ends too, written as Python's escapes."""
@@ -25,6 +27,15 @@ class InputError(GroundstationError):
         self.wanted = wanted
         # it may contain text of a damaged file or a strange file name; an error is one line all the same
         super().__init__(printable(f"{where}: got {got}; wanted {wanted}"))
+
+    def __reduce__(self) -> tuple[Callable[..., "InputError"], tuple[type["InputError"], str, str, str]]:
+        # arguments by name are not what pickle calls a class with
+        return _input_error, (type(self), self.where, self.got, self.wanted)
+
+
+def _input_error(kind: type[InputError], where: str, got: str, wanted: str) -> InputError:
+    """Return an error as another process raised it."""
+    return kind(where, got=got, wanted=wanted)
 
 
 class UsageError(InputError):

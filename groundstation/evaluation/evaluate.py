@@ -1,8 +1,8 @@
 """Evaluation of a finished run: comparison with the references and with the accuracy bounds."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,12 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.evaluation.bounds import BoundSeries, StationView, fix_covariance, fix_information, posterior_bounds
 from groundstation.evaluation.checked_reference import CheckedReference, check_reference
-from groundstation.evaluation.collector import DETECTION_STATUSES, TRIANGULATION_STATUSES, ResultCollector
+from groundstation.evaluation.collector import (
+    DETECTION_STATUSES,
+    TRACK_STATUSES,
+    TRIANGULATION_STATUSES,
+    ResultCollector,
+)
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.metrics import Comparison
 from groundstation.evaluation.position_series import (
@@ -23,11 +28,12 @@ from groundstation.evaluation.position_series import (
     ReferenceSeries,
     interpolate,
 )
+from groundstation.evaluation.reference_hypotheses import reference_contradiction
 from groundstation.evaluation.run_description import RunDescription, TruthLike
 from groundstation.evaluation.summary import build_summary, smoothed_table
 from groundstation.files.output_names import below
 from groundstation.files.whole_file import whole_file, write_whole
-from groundstation.messages import DgpsFix, TriangulationStatus
+from groundstation.messages import DgpsFix, TrackStatus, TriangulationStatus
 from groundstation.rig.rig import Rig
 
 # the least variance in any direction: as a share of the largest, and in m²
@@ -85,6 +91,7 @@ def evaluate_run(
     epochs, cameras = collector.epochs(), collector.cameras()
     after = None if smoothed is None else smoothed.epochs()
     found = _compare_with_references(epochs, after, run, config, dgps, truth)
+    run = replace(run, contradictions=(*run.contradictions, *_contradictions(epochs, found, config)))
     bounds = _bounds(epochs, cameras, collector.stations, rig, run, config, found.comparisons.get("truth"))
     summary = build_summary(
         epochs=epochs,
@@ -151,6 +158,20 @@ def _compare_with_references(
         checked=checked,
         truth=exact,
     )
+
+
+def _contradictions(epochs: NDArray[Any], found: _ReferenceComparisons, config: EvaluationConfig) -> Iterator[str]:
+    """Yield why the track and a reference cannot both be right, by the epochs *tracking*."""
+    track = track_series(epochs[epochs["status"] == TRACK_STATUSES.index(TrackStatus.TRACKING)])
+    references = {
+        "the DGPS log": None if found.checked is None else found.checked.fixes,
+        "truth.csv": found.truth,
+    }
+    for name, reference in references.items():
+        if reference is not None:
+            line = reference_contradiction(track, reference, config.max_offset_s, name, config.max_interpolation_gap_s)
+            if line is not None:
+                yield line
 
 
 def write_summary(path: Path, evaluation: Evaluation) -> None:

@@ -5,7 +5,8 @@ predict. For pairs of frames a fraction of a second apart, s is the measured shi
 the readings predict under a hypothesis h of how they were stored: those of another station, pan and tilt exchanged, a
 sign reversed, radians taken for degrees, late or early by a constant time, a focal length that is wrong by a factor. A
 pair agrees with h if |s − p(h)| is at most a share of the motion. Readings that are right agree in nearly all pairs.
-If few agree, the hypothesis with which most agree names the fault; with none, only the disagreement is reported.
+If few agree, the hypothesis with which most agree names the fault; with none, only the disagreement is reported. If
+most agree and are all off by one factor, it is the focal length's or the angles' (`motion_scale`).
 
 The scene is what most corners of the picture belong to; an even sky gives no shift and no evidence. A scene that does
 not move at all (a target that fills the picture, dirt on the lens) is no evidence for another hypothesis either, nor is
@@ -24,7 +25,8 @@ from groundstation.detection.picture_shift import is_cut, picture_shift, small_c
 from groundstation.geometry.ray_kernels import fill_centre_shifts
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.angle_series import AngleSeries
-from groundstation.integrity.reading_hypothesis import RIGHT, ReadingHypothesis, station_hypotheses
+from groundstation.integrity.motion_scale import MotionScale, motion_scale
+from groundstation.integrity.reading_hypothesis import GRADIAN_DEG, RIGHT, ReadingHypothesis, station_hypotheses
 from groundstation.messages import Event, Frame, PtuSample
 
 # between the two frames of a pair: long against the exposure, short against the time a head takes across the picture
@@ -45,6 +47,8 @@ _RIGHT_SHARE, _WRONG_SHARE, _NAMED_SHARE = 0.5, 0.3, 0.6
 # squared normalised difference beyond which a pair counts alike
 _OUTLIER = 4.0
 _FAR_M = 1e7
+# a factor so close to a gradian's is named as it
+_SAME_UNIT, _IN_GRADIANS = 0.03, ". Are the angles in gradians?"
 _NO_BOX = Box(0.0, 0.0, 0.0, 0.0)
 
 
@@ -53,7 +57,7 @@ class HeadMotionFault:
     """Readings of a station that contradict the motion of its pictures.
 
     ``hypothesis`` agrees with ``agreeing`` of ``pairs`` pairs, and is None if none does; the readings as they are agree
-    with ``agreeing_as_stored`` of ``pairs_as_stored``.
+    with ``agreeing_as_stored`` of ``pairs_as_stored``. ``scale`` is by what all motions are off where most pairs agree.
     """
 
     station: str
@@ -62,9 +66,17 @@ class HeadMotionFault:
     agreeing: int
     agreeing_as_stored: int
     pairs_as_stored: int
+    scale: MotionScale | None = None
 
     def line(self) -> str:
         """Return the fault as a line for people."""
+        if self.scale is not None:
+            times = f"{self.scale.ratio:.3f} ± {self.scale.sigma:.3f} times"
+            unit = abs(self.scale.ratio / GRADIAN_DEG - 1.0) <= _SAME_UNIT
+            return (
+                f"station {self.station}: its pictures move {times} as far as its head's angles and its focal length "
+                f"say ({self.scale.pairs} pairs of pictures): one of these is wrong{_IN_GRADIANS if unit else ''}"
+            )
         text = (
             f"station {self.station}: its pictures do not move as its head's angles say "
             f"({self.agreeing_as_stored} of {self.pairs_as_stored} pairs of pictures agree)"
@@ -200,8 +212,10 @@ class HeadMotionMonitor:
         stored = self._agreement(name, RIGHT)
         # drifting clouds move by the same in each pair
         drifting = self._agreement(name, RIGHT, drift=True)
-        if stored.deciding < _MIN_DECIDING or max(stored.share, drifting.share) >= _RIGHT_SHARE:
+        if stored.deciding < _MIN_DECIDING:
             return None
+        if max(stored.share, drifting.share) >= _RIGHT_SHARE:
+            return self._scale_fault(name, stored)
         hypotheses = [(h, self._agreement(name, h)) for h in self._hypotheses(name)]
         judged = [(h, found) for h, found in hypotheses if found.deciding >= _MIN_DECIDING]
         best, agreement = min(judged, key=lambda pair: pair[1].cost)
@@ -211,6 +225,17 @@ class HeadMotionMonitor:
         if turning.deciding < _MIN_TURNING or turning.share > _WRONG_SHARE or not self._moves(name):
             return None
         return _fault_of(name, None, turning, turning)
+
+    def _scale_fault(self, name: str, stored: _Agreement) -> HeadMotionFault | None:
+        """Return a fault that leaves most pairs within their tolerance: a factor on all motions."""
+        measured, predicted = self._shifts(name, RIGHT)
+        lengths = np.maximum(np.linalg.norm(measured, axis=1), np.linalg.norm(predicted, axis=1))
+        decides = lengths >= max(_MOVED_PX, _MOVED_SIGMAS * self._noise_px(name))
+        scale = motion_scale(measured, predicted, decides)
+        if scale is None:
+            return None
+        hypothesis = ReadingHypothesis(focal_factor=scale.ratio)
+        return _fault_of(name, hypothesis, self._agreement(name, hypothesis), stored, scale)
 
     def _hypotheses(self, name: str) -> Iterator[ReadingHypothesis]:
         """Yield the hypotheses on a station."""
@@ -279,7 +304,11 @@ class HeadMotionMonitor:
 
 
 def _fault_of(
-    station: str, hypothesis: ReadingHypothesis | None, found: _Agreement, stored: _Agreement
+    station: str,
+    hypothesis: ReadingHypothesis | None,
+    found: _Agreement,
+    stored: _Agreement,
+    scale: MotionScale | None = None,
 ) -> HeadMotionFault:
     """Return a fault with the pairs that agree under the hypothesis and with the readings as they are stored."""
     return HeadMotionFault(
@@ -289,4 +318,5 @@ def _fault_of(
         agreeing=found.agreeing,
         agreeing_as_stored=stored.agreeing,
         pairs_as_stored=stored.deciding,
+        scale=scale,
     )

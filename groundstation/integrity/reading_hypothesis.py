@@ -10,6 +10,8 @@ import numpy as np
 from groundstation.arrays import FloatArray
 
 _RADIANS = 180.0 / math.pi
+# a gradian in degrees
+GRADIAN_DEG = 0.9
 _LAGS_S = np.arange(-5.0, 5.01, 0.05)
 _LEAST_LAG_S = 0.15
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
+from groundstation.integrity.apparent_span import ApparentSpanMonitor
 from groundstation.integrity.head_motion import HeadMotionMonitor, fault_lines
 from groundstation.integrity.ray_agreement import RayAgreementMonitor
 from groundstation.messages import Detection, Event, StepReport
@@ -9,21 +10,26 @@ from groundstation.rig.rig import Rig
 
 
 class InputChecks:
-    """Compares a session's inputs with each other; a sink, for the pixels that are found in pictures."""
+    """Compares a session's inputs with each other; a sink, for the pixels that are found in pictures.
 
-    def __init__(self, rig: Rig) -> None:
+    ``span_m`` is the aircraft's wing span as it was given, None where it was not.
+    """
+
+    def __init__(self, rig: Rig, span_m: float | None = None) -> None:
         geometries = {station.name: station.geometry() for station in rig.stations}
         turning = [station.name for station in rig.stations if not station.fixed]
         sigmas_rad = {station.name: station.angle_sigma_rad for station in rig.stations}
         self._heads = HeadMotionMonitor({name: geometries[name] for name in turning}, sigmas_rad)
         self._rays = RayAgreementMonitor(geometries, turning)
+        self._size = ApparentSpanMonitor(geometries, span_m)
 
     def watched(self, events: Iterable[Event]) -> Iterator[Event]:
         """Yield the events, and take from them what the checks need."""
         return self._rays.watched(self._heads.watched(events))
 
     def write(self, report: StepReport) -> None:
-        """Take the pixels that were found."""
+        """Take the pixels and silhouettes that were found."""
+        self._size.add(report)
         for camera in report.cameras:
             if isinstance(camera.result, Detection):
                 self._rays.add_pixel(camera.epoch, camera.station, camera.t_s, (camera.result.u_px, camera.result.v_px))
@@ -41,4 +47,7 @@ class InputChecks:
         if faults:
             return fault_lines(faults)
         rays = self._rays.fault()
-        return () if rays is None or (tracked and not rays.hypotheses) else (rays.line(),)
+        if rays is not None and (rays.hypotheses or not tracked):
+            return (rays.line(),)
+        size = self._size.fault()
+        return () if size is None else (size.line(),)

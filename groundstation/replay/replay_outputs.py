@@ -44,7 +44,7 @@ class ReplayOutputs:
         self, request: ReplayRequest, session: Session, comparison: OutputComparisonSink | None, opened: ExitStack
     ) -> None:
         self.collector = ResultCollector()
-        self.checks = InputChecks(session.rig)
+        self.checks = InputChecks(session.rig, session.target.span_m)
         self.recorder: ReplayRecorder | None = None
         self.approach: ApproachReplay | None = None
         self.approach_summary: ApproachSummary | None = None

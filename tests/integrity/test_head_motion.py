@@ -13,6 +13,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.angle_series import AngleSeries
 from groundstation.integrity.head_motion import HeadMotionMonitor
+from groundstation.integrity.reading_hypothesis import GRADIAN_DEG
 from groundstation.messages import Frame, PtuSample
 from groundstation.picture import BgrPicture
 from tests.stereo_rig import make_station
@@ -64,19 +65,21 @@ def watched(
     focal_px: float = FOCAL_PX,
     scene: NDArray[np.uint8] | None = None,
     resting: bool = False,
+    angles: Callable[[str, float], tuple[float, float]] = angles_at,
+    duration_s: float = DURATION_S,
 ) -> HeadMotionMonitor:
     """A monitor that has watched both stations for some seconds, with readings ``stored`` so."""
     scene = panorama(rng) if scene is None else scene
     monitor = HeadMotionMonitor({n: geometry(focal_px) for n in NAMES}, dict.fromkeys(NAMES, math.radians(0.01)))
     sigma_rad = math.radians(0.01)
-    for t_s in np.arange(-3.0, DURATION_S + 3.0, 0.02):
+    for t_s in np.arange(-3.0, duration_s + 3.0, 0.02):
         for name in NAMES:
-            pan, tilt = angles_at(name, t_s) + rng.normal(0.0, sigma_rad, 2)
+            pan, tilt = angles(name, t_s) + rng.normal(0.0, sigma_rad, 2)
             of, at_s, pan, tilt = stored(name, t_s, pan, tilt)
             monitor.add_reading(PtuSample(t_s=at_s, station=of, pan_rad=pan, tilt_rad=tilt))
-    for epoch, t_s in enumerate(np.arange(0.0, DURATION_S, 0.2)):
+    for epoch, t_s in enumerate(np.arange(0.0, duration_s, 0.2)):
         for name in NAMES:
-            seen = picture(scene, *angles_at(name, 0.0 if resting else t_s))
+            seen = picture(scene, *angles(name, 0.0 if resting else t_s))
             monitor.add_frame(Frame(t_s=t_s, station=name, epoch=epoch, image=seen))
     return monitor
 
@@ -203,3 +206,32 @@ def test_readings_are_interpolated_inside_of_their_time_only() -> None:
     found = series.at(np.array([-0.1, 0.05, 0.2, 1.0, 2.0, 2.1]))
     assert np.allclose(found[[1, 2]], [[1.05, -0.05], [1.2, -0.2]])
     assert np.isnan(found[[0, 3, 5]]).all()
+
+
+def swinging(name: str, t_s: float) -> tuple[float, float]:
+    """Pan and tilt in rad of a head that swings by a degree: it tells a factor from a scene that drifts."""
+    phase = 0.0 if name == "left" else 1.0
+    return math.radians(1.0 * math.sin(1.1 * t_s + phase)), math.radians(4.0 + 0.7 * math.sin(0.8 * t_s - phase))
+
+
+def test_all_motions_off_by_a_factor_within_each_pairs_tolerance(rng: np.random.Generator) -> None:
+    """Expected: a focal length 15 % too long, and gradians, are reported with the factor and its sigma."""
+
+    def in_gradians(name: str, t_s: float, pan: float, tilt: float) -> tuple[str, float, float, float]:
+        return (name, t_s, pan / GRADIAN_DEG, tilt / GRADIAN_DEG)
+
+    for monitor, ratio in (
+        (watched(rng, focal_px=1.15 * FOCAL_PX, angles=swinging, duration_s=24.0), 1.0 / 1.15),
+        (watched(rng, in_gradians, angles=swinging, duration_s=24.0), GRADIAN_DEG),
+    ):
+        faults = monitor.faults()
+        assert [f.station for f in faults] == list(NAMES)
+        for each in faults:
+            assert each.scale is not None
+            assert abs(each.scale.ratio - ratio) <= max(4.0 * each.scale.sigma, 0.01)
+            assert "times as far as its head's angles and its focal length say" in each.line()
+            assert ("gradians" in each.line()) == (ratio == GRADIAN_DEG)
+
+
+def test_two_per_cent_are_no_fault(rng: np.random.Generator) -> None:
+    assert watched(rng, focal_px=1.02 * FOCAL_PX, angles=swinging, duration_s=24.0).faults() == ()

@@ -42,7 +42,7 @@ class HullSpec:
         require_within(
             self,
             {
-                "length_per_span": (0.15, 2.0),
+                "length_per_span": (0.1, 2.0),
                 "width_per_span": (0.01, 0.4),
                 "height_per_span": (0.01, 0.4),
                 "bluntness": (0.0, 1.0),

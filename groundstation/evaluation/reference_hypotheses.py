@@ -1,0 +1,147 @@
+"""Whether track and reference can be of one flight in one frame, and if not, which usual fault would make them agree.
+
+A reference in feet, with x and y exchanged or an axis reversed, and a track that is too far away by one factor, as a
+wrong baseline or focal length makes it, leave distances between both that no error of a filter explains. The distance
+is the median over the epochs, at the offset of the clocks with which it is least. Hypotheses are tried only where it is
+large as they are stored.
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.evaluation.position_series import PositionSeries, ReferenceSeries
+
+_MOST_EPOCHS, _LEAST_EPOCHS = 200, 30
+_OFFSET_STEP_S = 0.1
+# distances are large from this share of the range and so many stated sigmas on; a filter that is 6 % off in range and
+# says so is none of these faults
+_LEAST_SHARE, _LEAST_SIGMAS, _LEAST_M = 0.1, 5.0, 3.0
+# a hypothesis explains what leaves at most this share of the distance
+_LEFT_SHARE = 0.2
+_FOOT_M = 0.3048
+# factors so close to a unit's are named as it
+_SAME_FACTOR = 0.03
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _ReferenceHypothesis:
+    """A reference's axes: ``order`` (3,) of them and ``signs`` (3,), and whether a factor is fitted."""
+
+    words: str
+    order: tuple[int, ...] = (0, 1, 2)
+    signs: tuple[float, ...] = (1.0, 1.0, 1.0)
+    scaled: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _DistanceFit:
+    """The median distance, m, and the factor on the reference with which it is reached."""
+
+    distance_m: float
+    factor: float
+
+
+def reference_contradiction(
+    track: PositionSeries, reference: ReferenceSeries, most_offset_s: float, name: str, most_gap_s: float = 0.5
+) -> str | None:
+    """Return why a track and a reference (called ``name``) cannot both be right, None where they can.
+
+    ``most_offset_s`` is by how much their clocks may differ, either way; 0 where they are one. Fixes further apart
+    than ``most_gap_s`` are not interpolated.
+    """
+    step = max(len(track) // _MOST_EPOCHS, 1)
+    t_s, position = track.t_s[::step], track.position_m[::step]
+    if len(t_s) < _LEAST_EPOCHS or len(reference) < 2:
+        return None
+    limits = (most_offset_s, most_gap_s)
+    stored = _agreement(_ReferenceHypothesis(words=""), t_s, position, reference, limits)
+    if stored is None:
+        return None
+    range_m = float(np.median(np.linalg.norm(position, axis=1)))
+    variances = np.trace(track.covariance_m2[::step], axis1=1, axis2=2)
+    sigma_m = float(np.sqrt(np.median(variances) + np.median(np.sum(reference.sigma_m**2, axis=1))))
+    if stored.distance_m < max(_LEAST_SHARE * range_m, _LEAST_SIGMAS * sigma_m, _LEAST_M):
+        return None
+    tried = [(h, _agreement(h, t_s, position, reference, limits)) for h in _hypotheses()]
+    known = [(h, found) for h, found in tried if found is not None]
+    text = f"track and {name} are {stored.distance_m:.0f} m apart in the median, at ranges around {range_m:.0f} m"
+    # the simplest that explains nearly as much as the best one
+    best = min((found.distance_m for _, found in known), default=np.inf)
+    for hypothesis, found in known:
+        if found.distance_m <= min(_LEFT_SHARE * stored.distance_m, 1.5 * best + _LEAST_M):
+            return f"{text}; {found.distance_m:.1f} m with {_words(hypothesis, found, name)}"
+    return text
+
+
+def _hypotheses() -> Iterator[_ReferenceHypothesis]:
+    """Yield the hypotheses, the simplest first."""
+    axes = "xyz"
+    yield _ReferenceHypothesis(words="", scaled=True)
+    for scaled in (False, True):
+        for a, b in itertools.combinations(range(3), 2):
+            order = [0, 1, 2]
+            order[a], order[b] = b, a
+            words = f"{axes[a]} and {axes[b]} exchanged"
+            yield _ReferenceHypothesis(words=words, order=tuple(order), scaled=scaled)
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            reversed_ = [axes[k] for k in range(3) if signs[k] < 0.0]
+            if reversed_:
+                yield _ReferenceHypothesis(words=f"{' and '.join(reversed_)} reversed", signs=signs, scaled=scaled)
+    for signs in itertools.product((1.0, -1.0), repeat=2):
+        if min(signs) < 0.0:
+            words = f"x and y exchanged and {'both' if max(signs) < 0.0 else 'one of them'} reversed"
+            yield _ReferenceHypothesis(words=words, order=(1, 0, 2), signs=(*signs, 1.0))
+
+
+def _agreement(
+    hypothesis: _ReferenceHypothesis,
+    t_s: FloatArray,
+    position: FloatArray,
+    reference: ReferenceSeries,
+    limits: tuple[float, float],
+) -> _DistanceFit | None:
+    """Return how close positions (n, 3) at ``t_s`` (n,) are to a reference under a hypothesis, at the best offset.
+
+    ``limits`` are the largest offset and the largest gap between fixes, s.
+    """
+    most_offset_s, most_gap_s = limits
+    gap_s = np.diff(reference.t_s)
+    path = reference.position_m[:, hypothesis.order] * np.array(hypothesis.signs)
+    steps = int(np.floor(most_offset_s / _OFFSET_STEP_S))
+    best: _DistanceFit | None = None
+    # without enough common epochs at no offset, those at another one are of other parts of the flight
+    for offset_s in _OFFSET_STEP_S * np.array(sorted(range(-steps, steps + 1), key=abs)):
+        at_s = t_s + offset_s
+        after = np.searchsorted(reference.t_s, at_s, side="right")
+        inside = (after > 0) & (after < len(reference.t_s))
+        inside[inside] = gap_s[after[inside] - 1] <= most_gap_s
+        if np.count_nonzero(inside) < max(_LEAST_EPOCHS, 0.5 * len(t_s)):
+            if offset_s == 0.0:
+                return None
+            continue
+        there = np.stack([np.interp(at_s[inside], reference.t_s, column) for column in path.T], axis=1)
+        mine = position[inside]
+        factor = float(np.sum(there * mine) / max(np.sum(there**2), 1e-9)) if hypothesis.scaled else 1.0
+        distance_m = float(np.median(np.linalg.norm(mine - factor * there, axis=1)))
+        if factor > 0.0 and (best is None or distance_m < best.distance_m):
+            best = _DistanceFit(distance_m=distance_m, factor=factor)
+    return best
+
+
+def _words(hypothesis: _ReferenceHypothesis, found: _DistanceFit, name: str) -> str:
+    changed = [f"{hypothesis.words} in {name}"] if hypothesis.words else []
+    if hypothesis.scaled:
+        if abs(found.factor / _FOOT_M - 1.0) <= _SAME_FACTOR:
+            changed.append(f"{name} taken as feet")
+        elif abs(found.factor * _FOOT_M - 1.0) <= _SAME_FACTOR:
+            changed.append("the track taken as feet: are the rig's positions?")
+        else:
+            changed.append(
+                f"the track {found.factor:.3g} times as far away as {name} has it: "
+                "is the rig's baseline, a focal length or a unit wrong?"
+            )
+    return " and ".join(changed)

@@ -1,0 +1,97 @@
+"""A track and a reference that cannot both be right, and the fault that is named."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from groundstation.arrays import FloatArray
+from groundstation.evaluation.position_series import PositionSeries, ReferenceSeries
+from groundstation.evaluation.reference_hypotheses import reference_contradiction
+
+TIMES_S = np.arange(0.0, 12.0, 0.1)
+REFERENCE_S = np.arange(-4.0, 16.0, 0.2)
+
+
+def path(t_s: FloatArray) -> FloatArray:
+    """Return an approach (n, 3) that drifts across the centre line."""
+    x = 6.0 * np.sin(0.25 * t_s) + 3.0
+    return np.stack([x, 420.0 - 22.0 * t_s, 30.0 - 1.9 * t_s + 0.02 * t_s**2], axis=1)
+
+
+def track(position: FloatArray, sigma_m: float = 0.3) -> PositionSeries:
+    covariance = np.tile(sigma_m**2 * np.eye(3), (len(TIMES_S), 1, 1))
+    return PositionSeries(t_s=TIMES_S, position_m=position, covariance_m2=covariance)
+
+
+def reference(position: FloatArray) -> ReferenceSeries:
+    return ReferenceSeries(t_s=REFERENCE_S, position_m=position, sigma_m=np.full((len(REFERENCE_S), 3), 0.05))
+
+
+@pytest.mark.parametrize(
+    ("stored", "words"),
+    [
+        (lambda p: p / 0.3048, "the DGPS log taken as feet"),
+        (lambda p: p[:, [1, 0, 2]], "x and y exchanged in the DGPS log"),
+        (lambda p: p * np.array([-1.0, -1.0, 1.0]), "x and y reversed in the DGPS log"),
+        (lambda p: p[:, [1, 0, 2]] * np.array([-1.0, 1.0, 1.0]), "x and y exchanged and one of them reversed"),
+        (lambda p: 0.5 * p, "the track 2 times as far away as the DGPS log has it"),
+        (lambda p: 0.3048 * p, "the track taken as feet"),
+    ],
+)
+def test_a_usual_fault_is_named(stored, words):
+    line = reference_contradiction(track(path(TIMES_S)), reference(stored(path(REFERENCE_S))), 3.0, "the DGPS log")
+    assert line is not None
+    assert words in line
+
+
+def test_a_fault_of_no_known_kind_is_reported_without_a_name():
+    wrong = path(REFERENCE_S) + np.array([150.0, 0.0, 0.0])
+    line = reference_contradiction(track(path(TIMES_S)), reference(wrong), 3.0, "truth.csv")
+    assert line is not None
+    assert line.startswith("track and truth.csv are ")
+    assert line.endswith(" m")
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    offset_s=st.floats(-2.9, 2.9),
+    bias_m=st.floats(0.0, 3.0),
+    range_error=st.floats(-0.06, 0.06),
+    seed=st.integers(0, 1000),
+)
+def test_what_a_filter_may_be_off_by_is_no_contradiction(offset_s, bias_m, range_error, seed):
+    noise = np.random.default_rng(seed).normal(0.0, 0.3, (len(TIMES_S), 3))
+    position = (1.0 + range_error) * path(TIMES_S) + noise + bias_m * np.array([0.6, 0.0, 0.8])
+    fixes = reference(path(REFERENCE_S + offset_s))
+    assert reference_contradiction(track(position), fixes, 3.0, "the DGPS log") is None
+
+
+def test_a_track_that_states_its_large_error_is_no_contradiction():
+    position = path(TIMES_S) + np.array([90.0, 0.0, 0.0])
+    assert reference_contradiction(track(position, sigma_m=20.0), reference(path(REFERENCE_S)), 3.0, "it") is None
+    assert reference_contradiction(track(position, sigma_m=1.0), reference(path(REFERENCE_S)), 3.0, "it") is not None
+
+
+def test_too_little_of_a_reference_says_nothing():
+    fixes = reference(path(REFERENCE_S) / 0.3048)
+    few = fixes.keep(REFERENCE_S < 2.0)
+    assert reference_contradiction(track(path(TIMES_S)), few, 3.0, "it") is None
+
+
+def test_a_gap_of_the_reference_is_not_interpolated():
+    """Expected: fixes that end while the track goes on, and one much later, say nothing of the time between."""
+    fixes = reference(path(REFERENCE_S))
+    before = fixes.keep(REFERENCE_S < 3.0)
+    with_late_one = ReferenceSeries(
+        t_s=np.append(before.t_s, 15.0),
+        position_m=np.vstack([before.position_m, [[300.0, 0.0, 0.0]]]),
+        sigma_m=np.full((len(before) + 1, 3), 0.05),
+    )
+    assert reference_contradiction(track(path(TIMES_S)), with_late_one, 3.0, "it") is None
+
+
+def test_a_reference_that_ends_early_is_not_compared_at_another_offset():
+    """Expected: what has too few epochs in common at no offset is not judged by those that it has at three seconds."""
+    early = reference(path(REFERENCE_S)).keep(REFERENCE_S < 4.5)
+    assert reference_contradiction(track(path(TIMES_S)), early, 3.0, "it") is None
