@@ -31,7 +31,7 @@ RADIANS = math.pi / 180.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fault:
-    """A fault: the reading that is stored instead of time, pan and tilt, the factor on the focal lengths of the rig, and
+    """A fault: the reading that is stored instead of time, pan and tilt, what focal lengths are multiplied by, and
     whether a hypothesis names it."""
 
     stored: Callable[[float, float, float], tuple[float, float, float]]

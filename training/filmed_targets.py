@@ -7,49 +7,26 @@ a plain sky teaches little.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from enum import StrEnum
 
-import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.bank.session_truth import LEAST_SHARE_SEEN, LEAST_SNR, LEAST_WIDTH_PX
-from groundstation.box import Box
+from groundstation.bank.session_truth import LEAST_WIDTH_PX
 from groundstation.detection.learned_channel import LearnedChannel
-from groundstation.geometry.aim import aim_at
-from groundstation.simulation.body_raster import BodyWindow
 from groundstation.simulation.drawn_flights import build_flight
-from groundstation.simulation.render_primitives import overlap
-from groundstation.simulation.rendered_camera import RenderedCamera, Shot
-from groundstation.simulation.scene_body import Body
-from groundstation.simulation.traffic.bird_body import BirdBody
-from groundstation.simulation.trajectory import Trajectory
 from groundstation.simulation.world.render_world import built_stations, rendered_cameras
 from groundstation.simulation.world.world import World
 from groundstation.sources.true_silhouettes import TrueSilhouette
+from training.filming import LabelledShot, as_coded, film_badly_aimed, filming_moment, is_visible
 from training.kinds import world_kinds
 from training.mined_places import false_place
 from training.recorded_windows import LabelledPicture, RecordedTarget, target_in
 
-# of half the picture: where in it the target is
-_MOST_OFF_AXIS = 0.8
-_RATE_SIGMA_RAD_S = math.radians(1.5)
-_CODED_SHARE = 0.6
-# of so many drawn moments the one nearest to the ground is filmed, now and then, and of so many places the busiest
-_MOMENTS, _LOW_SHARE, _PLACES = 4, 0.6, 6
-# height from which traffic is in the air: cars are below
-_IN_THE_AIR_M = 15.0
+# of so many places the busiest is a window, too
+_PLACES = 6
 # logarithm of the width that is expected of an aircraft where a bird is, over the bird's; and the largest such width
 _BIRD_LOG_RATIO = (-0.3, 2.0)
 _MOST_WIDTH_PX = 260.0
-
-
-class BodyLabel(StrEnum):
-    """Classes of the network besides the background."""
-
-    AIRCRAFT = "aircraft"
-    OTHER = "other"
 
 
 def filmed_targets(
@@ -64,95 +41,17 @@ def filmed_targets(
     kinds = world_kinds(world)
     for _ in range(pictures):
         camera = cameras[int(generator.integers(len(cameras)))]
-        t_s = _moment(flown, camera, generator)
-        filmed = _filmed(camera, t_s, flown.position(np.array([t_s]))[0], generator)
-        if filmed is not None and _visible(filmed.shot):
+        t_s = filming_moment(flown, camera, generator)
+        filmed = film_badly_aimed(camera, t_s, flown.position(np.array([t_s]))[0], generator)
+        if filmed is not None and is_visible(filmed.shot):
             yield from _targets(filmed, kinds, generator, channel)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _LabelledShot:
-    """A shot, and what is in it that moves.
-
-    ``cover``, of the target and other aircraft in the air, and ``other``, of birds, are (h, w) uint8, the share of each
-    pixel up to 255 that is covered where nothing hides it. ``bird_boxes`` has a box, px, for each bird that covers a
-    pixel by half or more.
-    """
-
-    shot: Shot
-    cover: ImageArray
-    other: ImageArray
-    bird_boxes: tuple[Box[int], ...]
-
-
-def _moment(flown: Trajectory, camera: RenderedCamera, generator: np.random.Generator) -> float:
-    """Return a time of the flight, s; ground and horizon are behind the aircraft in more of them than by chance."""
-    t_s = generator.uniform(*flown.span_s, _MOMENTS)
-    if float(generator.uniform()) >= _LOW_SHARE:
-        return float(t_s[0])
-    eye = camera.station.geometry().camera_pose(0.0, 0.0).position_runway_m
-    line = flown.position(t_s) - eye
-    return float(t_s[np.argmin(line[:, 2] / np.hypot(line[:, 0], line[:, 1]))])
-
-
-def _filmed(
-    camera: RenderedCamera, t_s: float, nose_runway_m: FloatArray, generator: np.random.Generator
-) -> _LabelledShot | None:
-    """Return the picture of a head that follows the nose (3,) badly."""
-    lens = camera.station.lens
-    aim = aim_at(camera.station.geometry(), nose_runway_m)
-    if aim is None:
-        return None
-    half = 0.5 * np.array(lens.image_size_px) / lens.focal_px
-    off = generator.uniform(-_MOST_OFF_AXIS, _MOST_OFF_AXIS, 2) * half
-    rates = generator.normal(0.0, _RATE_SIGMA_RAD_S, 2)
-    head = (aim.pan_rad + float(off[0]), aim.tilt_rad + float(off[1]), float(rates[0]), float(rates[1]))
-    shot = camera.film(t_s, *head)
-    cover, other = (np.zeros(lens.image_size_px[::-1], np.uint8) for _ in range(2))
-    birds = []
-    for body, window in camera.bodies(t_s, *head):
-        label = BodyLabel.AIRCRAFT if body is camera.target else label_of(body, t_s)
-        if label is BodyLabel.AIRCRAFT:
-            _laid_into(cover, window)
-        elif label is BodyLabel.OTHER and (box := _laid_into(other, window)) is not None:
-            birds.append(box)
-    return _LabelledShot(shot=shot, cover=cover, other=other, bird_boxes=tuple(birds))
-
-
-def label_of(body: Body, t_s: float) -> BodyLabel | None:
-    """Return what a body of the traffic is learned as; None as background, as cars are."""
-    if isinstance(body, BirdBody):
-        return BodyLabel.OTHER
-    return BodyLabel.AIRCRAFT if body.place(t_s)[2] > _IN_THE_AIR_M else None
-
-
-def _laid_into(plane: ImageArray, window: BodyWindow) -> Box[int] | None:
-    """Lay the cover of a body into a plane (h, w); return the box of what is seen of it, None for nothing."""
-    both = overlap(plane, (0, 0), window.cover, window.corner)
-    if both is None:
-        return None
-    share = window.cover[:, :, 3][both[1]]
-    part = plane[both[0]]
-    np.maximum(part, np.rint(255.0 * share.clip(0.0, 1.0)).astype(np.uint8), out=part)
-    rows, columns = np.nonzero(share >= 0.5)
-    if rows.size == 0:
-        return None
-    y, x = both[0][0].start, both[0][1].start
-    return Box(x + int(columns.min()), y + int(rows.min()), x + int(columns.max()) + 1, y + int(rows.max()) + 1)
-
-
-def _visible(shot: Shot) -> bool:
-    truth = shot.truth
-    seen = truth.silhouette.any() and truth.share_in_view * truth.visible_share >= LEAST_SHARE_SEEN
-    return bool(seen) and truth.width_px >= LEAST_WIDTH_PX and shot.snr >= LEAST_SNR
-
-
 def _targets(
-    filmed: _LabelledShot, kinds: tuple[str, ...], generator: np.random.Generator, channel: LearnedChannel | None
+    filmed: LabelledShot, kinds: tuple[str, ...], generator: np.random.Generator, channel: LearnedChannel | None
 ) -> Iterator[RecordedTarget]:
     truth, image = filmed.shot.truth, filmed.shot.picture.whole()
-    if float(generator.uniform()) < _CODED_SHARE:
-        image = _coded(image, int(generator.integers(40, 96)))
+    image = as_coded(image, generator)
     picture = LabelledPicture(image=image, cover=filmed.cover, other=filmed.other)
     silhouette = TrueSilhouette(x=truth.corner_px[0], y=truth.corner_px[1], mask=truth.silhouette)
     unknown = np.full(2, np.nan)
@@ -185,8 +84,3 @@ def _busiest(image: ImageArray, width_px: float, generator: np.random.Generator)
         return float(image[y0:y1, x0:x1].std())
 
     return np.asarray(max(places, key=contrast))
-
-
-def _coded(image: ImageArray, quality: int) -> ImageArray:
-    coded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
-    return np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)

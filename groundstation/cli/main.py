@@ -33,6 +33,7 @@ from groundstation.cli.terminal import print_line
 from groundstation.cli.terminated import TERMINATED, Terminated
 from groundstation.cli.track import add_track
 from groundstation.cli.train import add_train
+from groundstation.cli.train_proposals import add_train_proposals
 from groundstation.cli.view import add_view
 from groundstation.errors import GroundstationError, UsageError
 
@@ -47,6 +48,7 @@ _COMMANDS: tuple[Callable[[Commands], None], ...] = (
         add_simulate,
         add_bank,
         add_train,
+        add_train_proposals,
         add_view,
         add_evaluate,
         add_reproduce,

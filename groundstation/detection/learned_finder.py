@@ -3,8 +3,9 @@
 A window of the learned channel says how likely something in it is an aircraft, where its nose is and how wide it is. A
 frame has room for some hundred windows, and time for a few. They go, in this order, to where the channel has seen an
 aircraft in the frame before; to the proposals of the classic finder that stand out most; to some of its others, in
-turns; to places where what other cameras show may be; and to a grid over the frame, at several target sizes, from the
-middle outwards, in turns as well: an aircraft on the ground stands out no more than a car does.
+turns; to places where what other cameras show may be; to those that the proposal network gives, which looks at a part
+of the frame in each, and at all of it where frames are searched seldom; and to a grid over the frame, at several target
+sizes, from the middle outwards, in turns as well: neither has to know what the proposal network was trained on.
 
 A proposal that the channel does not know keeps a small share of its score: what was not in its training can still start
 a track, but not against something that is known.
@@ -24,7 +25,8 @@ from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX, channel
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.detection.learned_detector import ChannelCandidate, candidates_of, nose_in
-from groundstation.files.channel_weights import channel_weights
+from groundstation.detection.proposal_finder import ProposalFinder
+from groundstation.files.channel_weights import channel_weights, proposal_weights
 from groundstation.geometry.camera import Lens
 from groundstation.picture import Picture, as_picture
 
@@ -35,6 +37,9 @@ _REACH = 1.0
 # windows of a frame: where an aircraft was, the first proposals, others in turns, the grid in turns. On twenty train
 # worlds the first 12 proposals had 80 % of the aircraft in them and the first 24 86 %, the channel knows 93 % of them
 _KEPT, _FIRST, _OTHERS, _GRID = 3, 5, 2, 4
+# of the proposal network: its parts of a frame are gone through in this time, and so many proposals of each, or of all,
+# are looked at
+_WHOLE_S, _OF_PART, _OF_WHOLE = 0.15, 4, 8
 _PROPOSALS = 24
 # neighbouring windows of the grid overlap so far that a place is within a target of the middle of one
 _STEP = 0.54
@@ -82,7 +87,9 @@ class LearnedFinder:
         self._detection, self._most = detection, acquisition.max_candidates
         self._lens = lens
         self._grid = grid_of(image_size_px)
-        self._next = self._next_other = 0
+        self._proposer = ProposalFinder(proposal_weights(), image_size_px)
+        self._next = self._next_other = self._next_part = 0
+        self._last_s = -math.inf
         self._kept: list[Candidate] = []
         self._camera_from_runway: FloatArray | None = None
 
@@ -90,6 +97,7 @@ class LearnedFinder:
         """Discard the earlier frames."""
         self._proposals.reset()
         # turns go on: a false target every few seconds must not keep them in the middle
+        self._last_s = -math.inf
         self._kept, self._camera_from_runway = [], None
 
     def find(
@@ -108,8 +116,12 @@ class LearnedFinder:
             seen += self._seen_at(picture, _Look(centre_px=place, span_px=kept.box.w), brightest)
         chosen, others = self._chosen(proposals)
         weighed = [self._weighed(picture, p) for p in chosen]
+        proposed = self._proposed(picture, t_s, [c for c in seen if _odds(c) > 0.0])
+        for look in proposed:
+            seen += self._seen_at(picture, look, brightest)
         guided = [_Look(centre_px=centre, span_px=width) for centre, width in places]
-        for look in (*guided, *self._turn_of_grid(max(_GRID - len(guided), 2))):
+        left = max(_GRID - len(guided) - len(proposed), 1 if proposed else 2)
+        for look in (*guided, *self._turn_of_grid(left)):
             seen += self._seen_at(picture, look, brightest, _FLAT)
         unknown = [replace(p, score=_LEAST_SHARE * p.score) for p in others]
         found = distinct([*weighed, *seen, *unknown])
@@ -145,6 +157,23 @@ class LearnedFinder:
         self._next_other += count
         others = [*others[start:], *others[:start]]
         return [*first, *others[:count]], others[count:]
+
+    def _proposed(self, picture: Picture, t_s: float, seen: Sequence[Candidate]) -> list[_Look]:
+        """Return what the proposal network gives of the next part of a frame, but what has been ``seen`` there."""
+        count, elapsed_s = self._proposer.count, t_s - self._last_s
+        due = min(math.ceil(count * elapsed_s / _WHOLE_S), count) if 0.0 < elapsed_s < _WHOLE_S else count
+        parts = range(self._next_part, self._next_part + due)
+        self._next_part, self._last_s = parts.stop % count, t_s
+        proposals = self._proposer.proposals(picture.whole(), parts, min(_OF_PART * due, _OF_WHOLE))
+        return [
+            _Look(centre_px=p.centre_px, span_px=p.width_px)
+            for p in proposals
+            if not any(
+                math.dist(p.centre_px, _middle(c.box)) <= _SAME * p.width_px
+                and max(p.width_px, c.box.w) <= _WIDER * min(p.width_px, c.box.w)
+                for c in seen
+            )
+        ]
 
     def _turn_of_grid(self, count: int) -> Iterator[_Look]:
         """Yield the next places of the grid."""

@@ -19,8 +19,9 @@ from groundstation.geometry.station import LensError, Ray, StationGeometry
 
 # candidates of the learned channel that guide the others: less likely an aircraft than not is no guide
 _LEAST_ODDS = 0.0
-# guides of a frame, of so many candidates: the line of each takes half a millisecond
-_GUIDES, _MOST_CANDIDATES = 2, 6
+# guides of a frame, of so many candidates: the line of each takes half a millisecond. Next to a guide whose log odds
+# are larger by so much another one only takes its windows
+_GUIDES, _MOST_CANDIDATES, _FAR_LIKELIER = 2, 6, 2.0
 # older candidates say little on where the aircraft is now: two frames of the slowest cameras in use
 _NEWEST_S = 0.25
 # spans, m: the widths of the bank's airframes, 1.2 to 6 m, and a fuselage alone, which is seen a third as wide
@@ -92,10 +93,14 @@ class GuidedSearch:
         recent = [c for c in self._likely.get(station, []) if abs(t_s - c.t_s) <= _NEWEST_S]
         own = [now for c in recent if (now := _at_angles(c, view)) is not None]
         lines: list[list[tuple[float, GuidedPlace]]] = []
+        least = -math.inf
         for guide in self._guides_of(station, t_s)[:_MOST_CANDIDATES]:
+            if (guide.odds or 0.0) < least:
+                break
             line = list(self._along(guide, view))
             if line and not any(_is_known(guide, place, own) for _, place in line):
                 lines.append(line)
+                least = max(least, (guide.odds or 0.0) - _FAR_LIKELIER)
             if len(lines) == _GUIDES:
                 break
         found = [

@@ -19,7 +19,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.config import InitiationConfig
 from groundstation.estimation.initial_fix import Fix, without_false_pairs, without_lesser
-from groundstation.estimation.tentative_track import InitiatedTarget, TentativeTrack, initiated
+from groundstation.estimation.tentative_track import InitiatedTarget, TentativeTrack, initiated, without_copies
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.station import LensError, StationGeometry
 from groundstation.messages import InitialPixel, Kinematics
@@ -31,6 +31,8 @@ _LINK_GATE = 16.27
 # log odds of aircraft beyond which a fix is no more likely to be that of a track: those of the channel are no true
 # probabilities, and a young track, whose velocity is unknown, would reach out for them (train world 493, limit of 12)
 _LINK_ODDS = 1.0
+# a fix that is likelier an aircraft by more than this, up to what is sure, starts a track of its own
+_LESS_LIKELY, _SURE_ODDS = 1.5, 3.0
 _MAX_TRACKS = 40
 # an age of three frame intervals is one of three frames, whatever their stamps' last digit
 _ROUNDING_S = 1e-3
@@ -268,25 +270,31 @@ class TrackInitiator:
         return F, np.kron(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), np.eye(3)) * q
 
     def _link(self, fixes: list[Fix], t_s: float) -> None:
-        """Associate each track with its most likely fix, most hits first; the other fixes start new tracks.
+        """Associate each track with its most likely fix; fixes that are of no likely track start new ones.
+
+        Several tracks may have one fix: a false track that reaches out for it takes it from none. Those that come to
+        the same state are one.
 
         Of fixes that are about as near the one counts that the channel takes for an aircraft: features of the ground
         next to an aircraft are as near to its track as the aircraft.
         """
-        free = list(fixes)
-        for track in sorted(self._tracks, key=lambda t: -t.hits):
-            squares = np.array([track.distance(f.position_m, f.covariance_m2) for f in free])
-            costs = squares - 2.0 * np.clip([f.odds or 0.0 for f in free], -_LINK_ODDS, _LINK_ODDS)
+        chosen_by: dict[int, list[TentativeTrack]] = {}
+        for track in self._tracks:
+            squares = np.array([track.distance(f.position_m, f.covariance_m2) for f in fixes])
+            costs = squares - 2.0 * np.clip([f.odds or 0.0 for f in fixes], -_LINK_ODDS, _LINK_ODDS)
             costs = np.where(squares < _LINK_GATE, costs, np.inf)
             if np.isfinite(costs).any():
                 best = int(np.argmin(costs))
                 track.squares += float(squares[best])
-                fix = free.pop(best)
+                fix = fixes[best]
                 track.update(fix.position_m, fix.covariance_m2, fix.score, labelled=fix.labelled)
                 track.add_odds(fix.odds, self._config.hits)
                 track.pixels.extend(fix.pixels)
+                chosen_by.setdefault(best, []).append(track)
             else:
                 track.misses += 1
+        self._tracks = without_copies(self._tracks)
+        free = [f for k, f in enumerate(fixes) if not _is_explained(f, chosen_by.get(k, ()))]
         for fix in free[: _MAX_TRACKS - len(self._tracks)]:
             P = np.zeros((6, 6))
             P[:3, :3] = fix.covariance_m2
@@ -336,6 +344,12 @@ class TrackInitiator:
         noise_scale = max(mean_square / 3.0, c.min_noise_scale if track.hits >= c.scale_hits else 1.0)
         significance = float(np.sqrt(track.x[3:] @ np.linalg.solve(track.P[3:, 3:], track.x[3:]) / noise_scale))
         return float(np.linalg.norm(track.x[3:])) >= c.min_speed_m_s and significance >= c.motion_sigma
+
+
+def _is_explained(fix: Fix, tracks: Sequence[TentativeTrack]) -> bool:
+    """Return whether one of the tracks that have taken a fix is about as likely an aircraft as the fix is."""
+    odds = min(fix.odds or 0.0, _SURE_ODDS)
+    return any(odds - (track.mean_odds or 0.0) <= _LESS_LIKELY for track in tracks)
 
 
 def _is_at(track: TentativeTrack, known: Kinematics) -> bool:

@@ -1,5 +1,6 @@
 """A tentative track of the track initiation: a constant-velocity filter and what is known of its fixes; its target."""
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -11,6 +12,10 @@ from groundstation.messages import InitialPixel, Kinematics
 
 # log odds beyond which a single fix has no more weight
 _MOST_ODDS = 12.0
+# median of chi-square with 6 degrees of freedom: two tracks that are no further apart are one
+_SAME_STATE = 5.35
+# of a step's normalised square, and log odds beyond which a track is no surer to be an aircraft
+_EXPECTED_SQUARE, _SURE_ODDS = 3.0, 3.0
 # pixels that are kept: five seconds of three cameras at 30 Hz
 _MOST_PIXELS = 450
 
@@ -109,3 +114,28 @@ def initiated(track: TentativeTrack, config: InitiationConfig, *, moving: bool, 
         age_s=track.t_s - track.born_s,
         pixels=tuple(track.pixels),
     )
+
+
+def without_copies(tracks: list[TentativeTrack]) -> list[TentativeTrack]:
+    """Return tracks without those that a better one has come to the same state as.
+
+    A better one has steps as its filter expects them, or is likelier an aircraft; then it has more fixes.
+    """
+
+    def rank(track: TentativeTrack) -> tuple[float, int, float]:
+        if track.squares <= _EXPECTED_SQUARE * max(track.hits - 1, 1):
+            return -math.inf, -track.hits, track.squares
+        return -min(track.mean_odds or 0.0, _SURE_ODDS), -track.hits, track.squares
+
+    kept: list[TentativeTrack] = []
+    for track in sorted(tracks, key=rank):
+        if track.misses > 0 or not any(_are_one(track, other) for other in kept):
+            kept.append(track)
+    return kept
+
+
+def _are_one(a: TentativeTrack, b: TentativeTrack) -> bool:
+    if b.misses > 0 or a.t_s != b.t_s:
+        return False
+    apart = a.x - b.x
+    return float(apart @ np.linalg.solve(a.P + b.P, apart)) < _SAME_STATE

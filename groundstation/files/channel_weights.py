@@ -1,4 +1,4 @@
-"""The weights of the learned channel: a file of the program, as fixed as its code."""
+"""The weights of the learned channel and of the proposal network: files of the program, as fixed as its code."""
 
 import hashlib
 from functools import cache
@@ -7,9 +7,11 @@ from pathlib import Path
 from groundstation.errors import InputError
 from groundstation.files.toml_table import shown
 
-WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights" / "aircraft.onnx"
+_FOLDER = Path(__file__).resolve().parents[1] / "detection" / "weights"
+WEIGHTS, PROPOSAL_WEIGHTS = _FOLDER / "aircraft.onnx", _FOLDER / "proposals.onnx"
 # of the file that docs/learned-channel.md describes
 SHA256 = "21adfa2cd975fde18c741c75333dea2e45367bcde1079174a552f154fe80e6a6"
+PROPOSAL_SHA256 = "5a57dff4ffdf68d528d267abbd2a9feb0c290ea5909d5eef6ebe85fafa3d4e6f"
 MOST_BYTES = 2_000_000
 
 
@@ -47,12 +49,18 @@ def _weights_of_the_program() -> bytes:
     return read_weights(WEIGHTS, SHA256)
 
 
+@cache
+def proposal_weights() -> bytes:
+    """Return the program's weights of the proposal network; raises `InputError` where they are missing or others."""
+    return read_weights(PROPOSAL_WEIGHTS, PROPOSAL_SHA256)
+
+
 def read_weights(path: Path, sha256: str | None) -> bytes:
     """Return an ONNX file's content; ``sha256`` is what its hash has to be, None accepts any.
 
     Raises `InputError` for a file that cannot be read, is too large, or has another hash.
     """
-    wanted = "weights of the learned channel" if sha256 is None else f"weights with SHA-256 {sha256[:16]}…"
+    wanted = "weights of a network" if sha256 is None else f"weights with SHA-256 {sha256[:16]}…"
     try:
         size = path.stat().st_size
         content = path.read_bytes() if size <= MOST_BYTES else b""

@@ -3,9 +3,14 @@
 After a time with one camera, or with wrong pixels, the filter may be so far off that its gate rejects every correct
 pixel. The pixels of an epoch in which no two were accepted are therefore linked as those of a search are
 (`TrackInitiator`), and the target is restarted where they are confirmed. Until then the hypothesis is carried along.
+
+With three cameras and more the pixels of most of them outweigh what the filter accepts: one wrong pixel that was
+accepted while the range was uncertain must not have it reject all others. The largest set of cameras whose rays meet is
+linked where it has a rejected pixel and more cameras than were accepted.
 """
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +18,8 @@ import numpy as np
 from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.config import InitiationConfig
 from groundstation.estimation.initialise import TrackInitiator
+from groundstation.estimation.triangulation import triangulate
+from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Kinematics
 from groundstation.tracking.epoch_buffer import EpochView, EpochViews
@@ -21,6 +28,9 @@ from groundstation.tracking.epoch_buffer import EpochView, EpochViews
 _LOOKS = 3
 # chance agreements of pixels of two detectors: they must move on for so long, as a target found by searching does
 _LEAST_AGE_S = 0.2
+# cameras are a majority from three on: any two horizontal rays meet somewhere. Their rays miss each other by more with
+# this probability; of many cameras at most so many are left out
+_MAJORITY, _TAIL, _MOST_OUT = 3, 1e-3, 2
 
 
 class AlternativeTrack:
@@ -50,16 +60,39 @@ class AlternativeTrack:
         pixel that the filter accepts then outweighs one that it rejects: with a horizontal baseline the ray of a wrong
         pixel at the target's height meets the right one somewhere.
         """
-        if len(views.accepted) >= 2 or (views.accepted and known_lately):
+        trusted = [v for v in views.views if v.trusted]
+        majority = rejected_majority(trusted)
+        if majority:
+            trusted = majority
+        elif len(views.accepted) >= 2 or (views.accepted and known_lately):
             self.reset()
             return None
-        trusted = [v for v in views.views if v.trusted]
         labelled = all(v.labelled for v in trusted)
         initiator = self._labelled if labelled else self._by_detector
         seen = [_candidate(v, labelled=labelled) for v in trusted]
         # an epoch without two pixels counts as a miss
         found = initiator.step(t_s, seen if len({v.station for v in trusted}) >= 2 else [])
         return found[0].kinematics if found else None
+
+
+def rejected_majority(views: Sequence[EpochView]) -> list[EpochView]:
+    """Return the largest set of cameras whose rays meet, if it has a rejected pixel and is larger than the accepted.
+
+    Empty where there is none; sets that are as large are told apart by how closely the rays meet.
+    """
+    accepted = sum(v.accepted for v in views)
+    if accepted == len(views):
+        return []
+    for size in range(len(views), max(accepted, _MAJORITY - 1, len(views) - _MOST_OUT - 1), -1):
+        meeting = []
+        for chosen in itertools.combinations(views, size):
+            point = triangulate([v.view for v in chosen])
+            if point is not None and point.residual_sigma**2 <= chi_square_limit(_TAIL, 2 * size - 3):
+                meeting.append((point.residual_sigma, chosen))
+        if meeting:
+            _, best = min(meeting, key=lambda pair: pair[0])
+            return [] if all(v.accepted for v in best) else list(best)
+    return []
 
 
 def _candidate(view: EpochView, *, labelled: bool) -> CameraCandidate:

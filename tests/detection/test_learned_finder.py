@@ -4,6 +4,7 @@ import math
 
 import cv2
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,6 +12,7 @@ from groundstation.box import Box
 from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
 from groundstation.detection.config import DetectionConfig, DetectorKind
 from groundstation.detection.learned_finder import LearnedFinder, distinct, grid_of, likeliest_places
+from groundstation.detection.proposal_finder import ProposalFinder
 from groundstation.geometry.camera import Lens
 from tests.detection.test_learned_detector import SIZE_PX, drawn, picture
 
@@ -74,8 +76,20 @@ def ground(image: np.ndarray, sprite_box: tuple[slice, slice], rng: np.random.Ge
     return spotted
 
 
-def test_an_aircraft_that_is_not_proposed_is_found_in_turns_and_then_kept(rng: np.random.Generator) -> None:
+def test_an_aircraft_that_the_proposal_network_proposes_is_found_at_once_and_kept(rng: np.random.Generator) -> None:
+    """Expected: among 30 discs that stand out more, in the first frame, and in each one from then on."""
+    plain, nose = picture(drawn(13), (280, 200), 44.0, rng)
+    image = ground(plain, (slice(180, 240), slice(262, 342)), rng)
+    finder = LearnedFinder(AcquisitionConfig(), LEARNED, SIZE_PX)
+    assert all(_is_found(finder.find(image, k / 30.0), nose) for k in range(8))
+
+
+def test_an_aircraft_that_is_not_proposed_is_found_in_turns_and_then_kept(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Expected: found within so many frames as the grid needs, and in each one from then on."""
+    # of a kind that the proposal network does not know
+    monkeypatch.setattr(ProposalFinder, "proposals", lambda *arguments: [])
     plain, nose = picture(drawn(13), (280, 200), 44.0, rng)
     box = (slice(180, 240), slice(262, 342))
     image = ground(plain, box, rng)
@@ -88,8 +102,12 @@ def test_an_aircraft_that_is_not_proposed_is_found_in_turns_and_then_kept(rng: n
     assert all(seen[first:])
 
 
-def test_a_place_that_another_camera_suggests_is_looked_at_at_once(rng: np.random.Generator) -> None:
+def test_a_place_that_another_camera_suggests_is_looked_at_at_once(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Expected: found in the first frame, of about the width that was expected, where it is not without the place."""
+    # the proposal network would find it by itself
+    monkeypatch.setattr(ProposalFinder, "proposals", lambda *arguments: [])
     plain, nose = picture(drawn(13), (450, 330), 44.0, rng)
     image = ground(plain, (slice(310, 370), slice(432, 512)), rng)
     for width_px in (30.0, 44.0, 60.0):

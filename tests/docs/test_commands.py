@@ -52,6 +52,7 @@ NOT_RUN = {
         "wants the file of the block above it; tests/replay/test_learned_replay.py"
     ),
     ("learned-channel.md", "groundstation train"): "trains for half an hour; tests/cli/test_train.py",
+    ("learned-channel.md", "groundstation train-proposals --out"): "trains for an hour; tests/cli/test_train.py",
     (
         "learned-channel.md",
         "groundstation replay flights/one --weights",

@@ -14,7 +14,8 @@ from groundstation.simulation.traffic import TrafficSpec, traffic_bodies
 from groundstation.simulation.world.draw_world import draw_world
 from groundstation.sources.true_silhouettes import TrueSilhouette
 from training.backgrounds import Background, world_background
-from training.filmed_targets import BodyLabel, filmed_targets, label_of
+from training.filmed_targets import filmed_targets
+from training.filming import BodyLabel, label_of
 from training.kinds import world_kinds
 from training.material import (
     Material,
