@@ -36,10 +36,10 @@ _LEAST_SHARE = 0.05
 _REACH = 1.0
 # windows of a frame: where an aircraft was, the first proposals, others in turns, the grid in turns. On twenty train
 # worlds the first 12 proposals had 80 % of the aircraft in them and the first 24 86 %, the channel knows 93 % of them
-_KEPT, _FIRST, _OTHERS, _GRID = 3, 5, 2, 4
-# of the proposal network: its parts of a frame are gone through in this time, and so many proposals of each, or of all,
-# are looked at
-_WHOLE_S, _OF_PART, _OF_WHOLE = 0.15, 4, 8
+_KEPT, _FIRST, _OTHERS, _GRID = 3, 4, 1, 4
+# of the proposal network: its parts of a frame are gone through in this time, but at most so many of one frame; of each
+# so many proposals are looked at
+_WHOLE_S, _PARTS, _OF_PART = 0.25, 2, 3
 _PROPOSALS = 24
 # neighbouring windows of the grid overlap so far that a place is within a target of the middle of one
 _STEP = 0.54
@@ -161,10 +161,10 @@ class LearnedFinder:
     def _proposed(self, picture: Picture, t_s: float, seen: Sequence[Candidate]) -> list[_Look]:
         """Return what the proposal network gives of the next part of a frame, but what has been ``seen`` there."""
         count, elapsed_s = self._proposer.count, t_s - self._last_s
-        due = min(math.ceil(count * elapsed_s / _WHOLE_S), count) if 0.0 < elapsed_s < _WHOLE_S else count
-        parts = range(self._next_part, self._next_part + due)
+        due = math.ceil(count * elapsed_s / _WHOLE_S) if 0.0 < elapsed_s < _WHOLE_S else count
+        parts = range(self._next_part, self._next_part + min(due, _PARTS, count))
         self._next_part, self._last_s = parts.stop % count, t_s
-        proposals = self._proposer.proposals(picture.whole(), parts, min(_OF_PART * due, _OF_WHOLE))
+        proposals = self._proposer.proposals(picture.whole(), parts, _OF_PART * len(parts))
         return [
             _Look(centre_px=p.centre_px, span_px=p.width_px)
             for p in proposals

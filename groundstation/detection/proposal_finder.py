@@ -33,7 +33,7 @@ _MULTIPLE_PX = 16
 _LEAST_SIDE_PX = 48
 # a part of the pyramid has at most so many pixels, and parts of a picture overlap by so many rows to each side: what
 # the network's cells see
-_PART_PIXELS, _OVERLAP_PX = 420_000, 64
+_PART_PIXELS, _OVERLAP_PX = 420_000, 40
 # what stands out is measured against the mean and the spread of so many px around it
 _AROUND_PX, _REDUCTION = 36, 4
 _LEAST_SPREAD = 2.0
@@ -107,23 +107,24 @@ class ProposalFinder:
         maps = _run(self._network, network_input(rows))
         odds = maps[0]
         peaks = (odds >= cv2.dilate(odds, np.ones((3, 3), np.uint8))) & (odds > _LEAST_ODDS)
-        for row, column in zip(*np.nonzero(peaks), strict=True):
-            place = (np.array([column, row]) + 0.5 + maps[3:, row, column]) * CELL_PX
-            v = float(place[1]) + low
-            inside = part.from_row <= v < part.to_row
-            if not inside or not 0.0 <= place[0] < size[0]:
-                continue
-            width = MIDDLE_WIDTH_PX * 2.0 ** min(max(float(maps[2, row, column]), _LOG_WIDTHS[0]), _LOG_WIDTHS[1])
+        cells_y, cells_x = np.nonzero(peaks)
+        places = (np.stack([cells_x, cells_y]) + 0.5 + maps[3:, cells_y, cells_x]) * CELL_PX
+        rows_v = places[1] + low
+        inside = (part.from_row <= rows_v) & (rows_v < part.to_row) & (places[0] >= 0.0) & (places[0] < size[0])
+        order = np.flatnonzero(inside)
+        order = order[np.argsort(-odds[cells_y[order], cells_x[order]], kind="stable")][:_MOST_PEAKS]
+        widths = MIDDLE_WIDTH_PX * 2.0 ** np.clip(maps[2, cells_y, cells_x], *_LOG_WIDTHS)
+        for k in order:
             yield Proposal(
-                centre_px=ratio * np.array([place[0], v]) - 0.5,
-                width_px=width * float(ratio[0]),
-                odds=float(odds[row, column]),
+                centre_px=ratio * np.array([places[0, k], rows_v[k]]) - 0.5,
+                width_px=float(widths[k] * ratio[0]),
+                odds=float(odds[cells_y[k], cells_x[k]]),
             )
 
 
-# below, a cell is not worth a look; a picture of nothing has some ten cells above
-_LEAST_ODDS = -6.0
-_LOG_WIDTHS = tuple(math.log2(width / MIDDLE_WIDTH_PX) for width in WIDTHS_PX)
+# below, a cell is not worth a look; and so many of a part are
+_LEAST_ODDS, _MOST_PEAKS = -6.0, 32
+_LOG_WIDTHS = math.log2(WIDTHS_PX[0] / MIDDLE_WIDTH_PX), math.log2(WIDTHS_PX[1] / MIDDLE_WIDTH_PX)
 
 
 def parts_of(image_size_px: tuple[int, int]) -> list[list[_PyramidPart]]:

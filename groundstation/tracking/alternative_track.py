@@ -69,7 +69,8 @@ class AlternativeTrack:
             return None
         labelled = all(v.labelled for v in trusted)
         initiator = self._labelled if labelled else self._by_detector
-        seen = [_candidate(v, labelled=labelled) for v in trusted]
+        # what three cameras agree on is there, and need not be seen to move
+        seen = [_candidate(v, labelled=labelled or bool(majority)) for v in trusted]
         # an epoch without two pixels counts as a miss
         found = initiator.step(t_s, seen if len({v.station for v in trusted}) >= 2 else [])
         return found[0].kinematics if found else None
@@ -96,7 +97,7 @@ def rejected_majority(views: Sequence[EpochView]) -> list[EpochView]:
 
 
 def _candidate(view: EpochView, *, labelled: bool) -> CameraCandidate:
-    """Return a pixel as a candidate of track initiation."""
+    """Return a pixel as a candidate of track initiation; one that is as sure as a label is confirmed without motion."""
     seen = view.view
     return CameraCandidate(
         t_s=view.t_s,

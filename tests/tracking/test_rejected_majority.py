@@ -6,9 +6,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from groundstation.estimation.config import InitiationConfig
 from groundstation.estimation.triangulation import TriangulationView
-from groundstation.tracking.alternative_track import rejected_majority
-from groundstation.tracking.epoch_buffer import EpochView
+from groundstation.tracking.alternative_track import AlternativeTrack, rejected_majority
+from groundstation.tracking.epoch_buffer import EpochView, EpochViews
 from tests.stereo_rig import make_station
 
 PLACES = {"left": (-20.0, 0.0), "right": (20.0, 0.0), "third": (-10.0, 15.0), "fourth": (12.0, -8.0)}
@@ -78,3 +79,25 @@ def test_all_that_agree_against_the_filter_are_a_majority(rng: np.random.Generat
     assert names_of(rejected_majority([replace(view, accepted=view.station == "left") for view in agreeing])) == set(
         PLACES
     )
+
+
+def test_the_target_is_restarted_where_three_agree_for_three_looks(rng: np.random.Generator) -> None:
+    """Expected: at the third look, though nothing moves and the filter accepts the wrong pixel and one of the right."""
+    stations = {}
+    for name, place in PLACES.items():
+        station = make_station(name, *place, fixed=True)
+        object.__setattr__(station.lens, "focal_px", np.array([900.0, 900.0]))
+        stations[name] = station.geometry()
+    track = AlternativeTrack(stations, InitiationConfig(), None)
+    found = []
+    for k in range(4):
+        at = [
+            replace(view, t_s=0.1 * k) for view in views(np.random.default_rng(5), {"third", "fourth"}, {"third": 60.0})
+        ]
+        both = EpochViews(views=tuple(at), accepted=frozenset(("third", "fourth")), arrived_s=None)
+        found.append(track.step(0.1 * k, both, known_lately=True))
+    assert found[:2] == [None, None]
+    assert found[2] is not None
+    target = np.random.default_rng(5).uniform([-15.0, 90.0, 6.0], [15.0, 260.0, 30.0])
+    sigma_m = np.sqrt(np.diag(found[2].covariance)[:3])
+    assert np.all(np.abs(found[2].position_runway_m - target) < 4.0 * sigma_m)
