@@ -11,7 +11,7 @@ _FOLDER = Path(__file__).resolve().parents[1] / "detection" / "weights"
 WEIGHTS, PROPOSAL_WEIGHTS = _FOLDER / "aircraft.onnx", _FOLDER / "proposals.onnx"
 # of the file that docs/learned-channel.md describes
 SHA256 = "21adfa2cd975fde18c741c75333dea2e45367bcde1079174a552f154fe80e6a6"
-PROPOSAL_SHA256 = "5a57dff4ffdf68d528d267abbd2a9feb0c290ea5909d5eef6ebe85fafa3d4e6f"
+PROPOSAL_SHA256 = "5df657221ff94c51f99caadc11a43e786a5004525616d055ba6b5101aefe663e"
 MOST_BYTES = 2_000_000
 
 
