@@ -57,12 +57,16 @@ def test_an_interrupted_run_ends_as_one_that_was_not(tmp_path: Path) -> None:
         fit_proposals(PICTURES[:1], (), SETTINGS, tmp_path / "a")
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_it_learns_where_aircraft_are(tmp_path: Path) -> None:
     """Expected: after some seconds the middle of a dark box comes first, in the program as it runs."""
     fitted = fit_proposals(PICTURES, (), replace(SETTINGS, steps=60, batch=32), tmp_path)
     path = tmp_path / "proposals.onnx"
     export_proposals(fitted, path)
-    assert _same(load_proposals(path), fitted.cpu())
+    read = load_proposals(path).state_dict()
+    for name, value in fitted.cpu().state_dict().items():
+        # how many batches a norm has seen is in no file
+        assert name.endswith("num_batches_tracked") or torch.equal(value, read[name])
     finder = ProposalFinder(path.read_bytes(), (640, 480))
     first = finder.proposals(PICTURES[0].image(), range(finder.count), 4)[0]
     assert np.hypot(*(first.centre_px - [329.5, 211.5])) < 20.0
