@@ -7,6 +7,7 @@ import onnx
 import torch
 from google.protobuf.message import DecodeError
 from onnx import numpy_helper
+from torch import nn
 
 from groundstation.detection.channel_window import WINDOW_PX
 from groundstation.errors import InputError
@@ -39,12 +40,20 @@ def export_onnx(network: ChannelNetwork, path: Path) -> str:
 
 def load_onnx(path: Path) -> ChannelNetwork:
     """Read a network that `export_onnx` wrote. Raises `InputError` for any other file."""
-    wanted = "weights that `groundstation train` wrote"
+    network = ChannelNetwork()
+    load_parameters(network, path, "weights that `groundstation train` wrote")
+    return network
+
+
+def load_parameters(network: nn.Module, path: Path, wanted: str) -> None:
+    """Read an ONNX file's parameters into a network with the same names and shapes.
+
+    Raises `InputError`, with what was ``wanted``, for a file that has others.
+    """
     try:
         model = onnx.load_model_from_string(read_weights(path, None))
     except DecodeError as fault:
         raise InputError(str(path), got=str(fault), wanted=wanted) from fault
-    network = ChannelNetwork()
     state = network.state_dict()
     found = {one.name: torch.from_numpy(numpy_helper.to_array(one).copy()) for one in model.graph.initializer}
     # how many batches a norm has seen is in no file, and used by none of them
@@ -56,4 +65,3 @@ def load_onnx(path: Path) -> ChannelNetwork:
     if missing:
         raise InputError(str(path), got=f"no {missing[0]} of shape {tuple(state[missing[0]].shape)}", wanted=wanted)
     network.load_state_dict({name: found[name] for name in state if name in found}, strict=False)
-    return network

@@ -3,15 +3,11 @@
 import hashlib
 from pathlib import Path
 
-import onnx
 import torch
-from google.protobuf.message import DecodeError
-from onnx import numpy_helper
 from torch import Tensor, nn
 
 from groundstation.detection.proposal_finder import OUTPUTS
-from groundstation.errors import InputError
-from groundstation.files.channel_weights import read_weights
+from training.export import load_parameters
 
 # channels after 4, 8 and 16 px, and before the last layer; multiples of eight, which ONNX Runtime computes in blocks
 _STEM, _EIGHTH, _SIXTEENTH, _MIXED = 16, 32, 64, 32
@@ -84,18 +80,6 @@ def export_proposals(network: ProposalNetwork, path: Path) -> str:
 
 def load_proposals(path: Path) -> ProposalNetwork:
     """Read a network that `export_proposals` wrote. Raises `InputError` for any other file."""
-    wanted = "weights of the proposal network"
-    try:
-        model = onnx.load_model_from_string(read_weights(path, None))
-    except DecodeError as fault:
-        raise InputError(str(path), got=str(fault), wanted=wanted) from fault
     network = ProposalNetwork()
-    state = network.state_dict()
-    found = {one.name: torch.from_numpy(numpy_helper.to_array(one).copy()) for one in model.graph.initializer}
-    # how many batches a norm has seen is in no file, and used by none of them
-    named = [name for name in state if not name.endswith("num_batches_tracked")]
-    missing = [name for name in named if name not in found or found[name].shape != state[name].shape]
-    if missing:
-        raise InputError(str(path), got=f"no {missing[0]} of shape {tuple(state[missing[0]].shape)}", wanted=wanted)
-    network.load_state_dict({name: found[name] for name in named}, strict=False)
+    load_parameters(network, path, "weights of the proposal network")
     return network
