@@ -3,9 +3,9 @@
 A window of the learned channel says how likely something in it is an aircraft, where its nose is and how wide it is. A
 frame has room for some hundred windows, and time for a few. They go, in this order, to where the channel has seen an
 aircraft in the frame before; to the proposals of the classic finder that stand out most; to some of its others, in
-turns; to places where what other cameras show may be; to those that the proposal network gives, which looks at a part
-of the frame in each, and at all of it where frames are searched seldom; and to a grid over the frame, at several target
-sizes, from the middle outwards, in turns as well: neither has to know what the proposal network was trained on.
+turns; to what the proposal network gives of a part or two of the frame, in turns; to places where what other cameras
+show may be; and to a grid over the frame, at several target sizes, from the middle outwards, in turns as well, which
+need not look like what the proposal network was trained on.
 
 A proposal that the channel does not know keeps a small share of its score: what was not in its training can still start
 a track, but not against something that is known.

@@ -3,7 +3,7 @@
 It is a small fully convolutional network in the manner of a region proposal network: for each cell of 8 px it gives how
 likely the middle of an aircraft of 8 to 26 px is there, where in the cell, and how wide it is. Wider aircraft are found
 in the picture reduced to a half, a quarter, and so on. It is made for recall: what it proposes is confirmed or dropped
-by the learned channel, which looks at each place in finer detail. Its training is `training/proposals/`.
+by the learned channel, which looks at each place in finer detail. It is trained by `training/proposal_fit.py`.
 """
 
 import itertools
