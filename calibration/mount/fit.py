@@ -102,10 +102,13 @@ class MountFit:
         return float(np.sqrt(np.mean(self.residual_px[self.kept] ** 2)))
 
 
-def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
-    """Find the parameters from a start (p,); raises `MountFitError` where the sightings cannot."""
+def solve_mount(problem: MountProblem, start: FloatArray, *, hold: bool = True) -> MountFit:
+    """Find the parameters from a start (p,); raises `MountFitError` where the sightings cannot.
+
+    ``hold`` fixes what the sightings hardly determine at its prior value; without it, all are found with their priors.
+    """
     change, kept = _robust(problem, start)
-    held = undetermined(problem, change, kept)
+    held = undetermined(problem, change, kept) if hold else {}
     if missing := [name for name in (*BORESIGHT, *BASE) if held.get(name) == np.inf]:
         wanted = "known marks or directions far apart in pan, and some 20 deg or more apart in tilt"
         raise MountFitError(f"station {problem.station.name}: no sighting determines {missing[0]}; wanted {wanted}")

@@ -25,18 +25,27 @@ from groundstation.rig.ptu_axes import PtuAxes
 from groundstation.rig.rig import Station
 
 AXES = ("pan_zero", "tilt_zero", "pan_scale", "tilt_scale", "lean", "pan_backlash", "tilt_backlash")
+# errors that only sightings all over the range tell apart from the others
+PERIODIC_AXES = ("pan_sine", "pan_cosine", "tilt_sag")
 _FAR_M = 1e8
+# sidereal rate of rotation (IERS conventions)
+EARTH_RATE_RAD_S = 7.292115e-5
+_LEAST_ALTITUDE_DEG = -1.0
 # m, rad
-_STEP_SCALES = {"mark": 0.01, "camera_in_head": 0.01, "ptu_position": 0.01, "scale": 1e-4}
+_STEP_SCALES = {
+    **{"mark": 0.01, "camera_in_head": 0.01, "ptu_position": 0.01, "scale": 1e-4},
+    **{"focal": 10.0, "principal_point": 1.0, "distortion": 0.01},
+}
 _OTHER_STEP = 1e-3
 _TURNS = (slice(0, 3), slice(6, 9))
 
 
 class MarkKind(Enum):
-    """Kinds of marks: known position; known direction; unknown point, direction or board."""
+    """Kinds of marks: known position; known direction; the stars; unknown point, direction or board."""
 
     POINT = "point"
     DIRECTION = "direction"
+    SKY = "stars"
     UNKNOWN_POINT = "point of unknown place"
     UNKNOWN_DIRECTION = "direction, unknown"
     BOARD = "board of unknown place"
@@ -44,12 +53,13 @@ class MarkKind(Enum):
     @property
     def known(self) -> bool:
         """Whether it ties the station to the runway frame."""
-        return self in (MarkKind.POINT, MarkKind.DIRECTION)
+        return self in (MarkKind.POINT, MarkKind.DIRECTION, MarkKind.SKY)
 
 
 _PARTS = {
     MarkKind.POINT: ("x", "y", "z"),
     MarkKind.DIRECTION: ("across", "up"),
+    MarkKind.SKY: ("clock", "refraction"),
     MarkKind.UNKNOWN_POINT: ("across", "up", "log_distance"),
     MarkKind.UNKNOWN_DIRECTION: ("across", "up"),
     MarkKind.BOARD: ("turn.x", "turn.y", "turn.z", "x", "y", "z"),
@@ -62,8 +72,9 @@ class Mark:
 
     Attributes
     ----------
-    place_m : (3,) runway frame; of a direction a unit vector; of a board its origin.
-    sigma : (3,) one sigma of each component of a known place (m) or direction (rad).
+    place_m : (3,) runway frame; of a direction a unit vector; of a board its origin; of the sky the celestial pole.
+    sigma : (3,) one sigma of each component of a known place (m) or direction (rad); of the sky, of the clock (s), of
+        the refraction (share of it), and zero.
     runway_from_board : (3, 3), a board's only.
     """
 
@@ -81,9 +92,13 @@ class Mark:
     def points(self, change: FloatArray, station_m: FloatArray, body_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return points (n, 3), runway frame, and their derivatives (n, 3, k) for a change (k,) of its parameters.
 
-        ``station_m`` (3,) is where the axes meet, ``body_m`` (n, 3) which points of a board.
+        ``station_m`` (3,) is where the axes meet, ``body_m`` (n, 3) which points of a board; of the sky, the
+        directions to the stars.
         """
         n = len(body_m)
+        if self.kind is MarkKind.SKY:
+            units, derivative = changed_sky(body_m, self.place_m, change)
+            return station_m + _FAR_M * units, _FAR_M * derivative
         if self.kind is MarkKind.POINT:
             return _repeated(self.place_m + change, n), _repeated(np.eye(3), n)
         if self.kind is MarkKind.BOARD:
@@ -102,6 +117,28 @@ class Mark:
             return _repeated(station_m + scale * unit, n), _repeated(derivative, n)
         unit, across = _direction(self.place_m, change[:2])
         return _repeated(station_m + _FAR_M * unit, n), _repeated(_FAR_M * across, n)
+
+
+def changed_sky(units: FloatArray, pole: FloatArray, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return directions to stars (n, 3), and derivatives (n, 3, 2), for a later clock, s, and more refraction, share.
+
+    ``pole`` (3,) is the direction of the celestial north pole, which the sky turns about clockwise.
+    """
+    lifted = lift_by_refraction(units)
+    derivative = np.stack([-EARTH_RATE_RAD_S * np.cross(pole, units), lifted], axis=2)
+    changed = units + derivative @ change
+    return changed / np.linalg.norm(changed, axis=1, keepdims=True), derivative
+
+
+def lift_by_refraction(units: FloatArray) -> FloatArray:
+    """Return by how much (n, 3) refraction of a standard atmosphere moves directions (n, 3), z up (Bennett 1982)."""
+    up = np.clip(units[:, 2], -1.0, 1.0)
+    altitude_deg = np.degrees(np.arcsin(up))
+    seen_deg = np.maximum(altitude_deg, _LEAST_ALTITUDE_DEG)
+    angle = np.radians(1.0 / 60.0) / np.tan(np.radians(seen_deg + 7.31 / (seen_deg + 4.4)))
+    level = np.maximum(np.sqrt(1.0 - up**2), 1e-9)
+    towards_zenith = np.column_stack([-units[:, 0] * up / level, -units[:, 1] * up / level, level])
+    return np.asarray(angle[:, None] * towards_zenith)
 
 
 def _repeated(one: FloatArray, n: int) -> FloatArray:
@@ -144,7 +181,7 @@ class MountSightings:
     reading_rad : (n, 2) pan and tilt as read; ``sense`` (n, 2) the last direction of motion of each axis, +1, −1 or 0.
     pixel_px : (n, 2); ``sigma_px`` (n,) of u and of v.
     pointing : (n,) number of the reading: sightings of one share all of its errors.
-    mark : (n,) number of the mark; ``body_m`` (n, 3) the point of a board, otherwise zero.
+    mark : (n,) number of the mark; ``body_m`` (n, 3) the point of a board, the direction to a star, otherwise zero.
     label : (n,) its origin, for the user.
     """
 
@@ -229,7 +266,7 @@ class MountProblem:
     def axes(self, change: FloatArray) -> PtuAxes:
         """Return the changed axes."""
         before = self.station.ptu_axes
-        fields = {name: name if name.endswith("scale") else f"{name}_rad" for name in AXES}
+        fields = {name: name if name.endswith("scale") else f"{name}_rad" for name in (*AXES, *PERIODIC_AXES)}
         return PtuAxes(**{f: float(getattr(before, f)) + self.value(change, n) for n, f in fields.items()})
 
     def station_at(self, change: FloatArray) -> Station:
@@ -292,6 +329,9 @@ class MountProblem:
             "lean": lean,
             "pan_backlash": -0.5 * by_pan * sense[:, :1],
             "tilt_backlash": -0.5 * by_tilt * sense[:, 1:],
+            "pan_sine": by_pan * np.sin(reading[:, :1]),
+            "pan_cosine": by_pan * (np.cos(reading[:, :1]) - 1.0),
+            "tilt_sag": by_tilt * (1.0 - np.cos(reading[:, 1:])),
         }
 
     def _left(self, change: FloatArray, by_rig: FloatArray) -> None:

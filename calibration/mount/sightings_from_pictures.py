@@ -11,16 +11,12 @@ from calibration.lens.boards import CalibrationBoard
 from calibration.lens.corners import CornerFinder
 from calibration.mount.parameters import UNKNOWN_DISTANCE_M
 from calibration.mount.problem import Mark, MarkKind, MountSightings
-from calibration.sightings import MAX_PAN_DEG, MAX_TILT_DEG, STANDING_DEG
+from calibration.picture_table import ListedPicture, read_picture_table
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.errors import InputError, SessionError
-from groundstation.files.csv_table import CsvTable, Row
-from groundstation.files.toml_table import quoted
+from groundstation.errors import InputError
 from groundstation.rig.rig import Rig
 from groundstation.session.media import read_image
 
-PICTURE_COLUMNS = ("file", "station", "pan_deg", "tilt_deg")
-MAX_PICTURES = 10_000
 # corners of a sharp board, and a lamp's centroid, per axis
 CORNER_SIGMA_PX = 0.1
 LAMP_SIGMA_PX = 0.15
@@ -32,15 +28,6 @@ _LAMP_SHARE_OF_PEAK = 0.3
 _LARGEST_LAMP = 0.04
 _LEAST_FILL = 0.4
 _RIVAL = 0.7
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ListedPicture:
-    file: str
-    station: str
-    reading_deg: tuple[float, float]
-    sense: tuple[int, int]
-    line: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,9 +46,9 @@ def sightings_of_pictures(
 
     Raises `InputError` for a faulty table or picture, or if nothing is found.
     """
-    listed = _read_table(folder, rig)
+    listed = read_picture_table(folder, rig)
     finder = CornerFinder(board) if board is not None else None
-    rows: dict[str, list[tuple[_ListedPicture, FloatArray, FloatArray]]] = {}
+    rows: dict[str, list[tuple[ListedPicture, FloatArray, FloatArray]]] = {}
     without = []
     for number, item in enumerate(listed):
         progress(number + 1)
@@ -96,7 +83,7 @@ def sightings_of_pictures(
     )
 
 
-def _sightings(rows: Sequence[tuple[_ListedPicture, FloatArray, FloatArray]], sigma_px: float) -> MountSightings:
+def _sightings(rows: Sequence[tuple[ListedPicture, FloatArray, FloatArray]], sigma_px: float) -> MountSightings:
     counts = [len(pixel) for _, _, pixel in rows]
     total = sum(counts)
     return MountSightings(
@@ -142,7 +129,7 @@ def find_lamp(grey: ImageArray) -> FloatArray | str:
     return np.array([float((weight * u).sum()), float((weight * v).sum())]) / weight.sum()
 
 
-def _grey(folder: Path, item: _ListedPicture, rig: Rig) -> ImageArray:
+def _grey(folder: Path, item: ListedPicture, rig: Rig) -> ImageArray:
     decoded = read_image(folder / item.file)
     where = f"{folder.name}/{item.file}"
     if not isinstance(decoded, np.ndarray):
@@ -152,42 +139,3 @@ def _grey(folder: Path, item: _ListedPicture, rig: Rig) -> ImageArray:
         got = f"{decoded.shape[1]}x{decoded.shape[0]} px"
         raise InputError(where, got=got, wanted=f"{w}x{h} px, as stated in the rig for {item.station}")
     return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-
-
-def _read_table(folder: Path, rig: Rig) -> list[_ListedPicture]:
-    if not folder.is_dir():
-        raise InputError(str(folder), got="no such folder", wanted="a folder of pictures with pictures.csv")
-    table = CsvTable(folder / "pictures.csv", PICTURE_COLUMNS)
-    listed: list[_ListedPicture] = []
-    last: dict[str, _ListedPicture] = {}
-    for row in table:
-        if len(listed) == MAX_PICTURES:
-            raise table.fault(row.line, got="one more row", wanted=f"at most {MAX_PICTURES} pictures")
-        item = _item(table, row, rig, last)
-        last[item.station] = item
-        listed.append(item)
-    if not listed:
-        raise SessionError("pictures.csv", got="no row", wanted="a row for each picture")
-    return listed
-
-
-def _item(table: CsvTable, row: Row, rig: Rig, last: dict[str, _ListedPicture]) -> _ListedPicture:
-    file, station = row.text["file"].strip(), row.text["station"].strip()
-    if not file or Path(file).is_absolute() or ".." in Path(file).parts:
-        raise table.fault(row.line, got=f"file = {quoted(file)}", wanted="a picture inside the folder")
-    if station not in rig.names:
-        raise table.fault(row.line, got=f"station {quoted(station)}", wanted="one of " + ", ".join(rig.names))
-    reading = (table.number(row, "pan_deg"), table.number(row, "tilt_deg"))
-    for value, name, most in zip(reading, ("pan_deg", "tilt_deg"), (MAX_PAN_DEG, MAX_TILT_DEG), strict=True):
-        if abs(value) > most:
-            raise table.fault(row.line, got=f"{name} = {value:g}", wanted=f"a number from {-most:g} to {most:g}")
-    before = last.get(station)
-    senses = []
-    for axis, column in enumerate(("pan_from", "tilt_from")):
-        reported = table.optional_number(row, column) if column in table.columns else None
-        if reported is not None and reported not in (1.0, -1.0):
-            raise table.fault(row.line, got=f"{column} = {reported:g}", wanted="1 or -1, or an empty cell")
-        step = 0.0 if before is None else reading[axis] - before.reading_deg[axis]
-        moved = int(np.sign(step)) if abs(step) >= STANDING_DEG else (0 if before is None else before.sense[axis])
-        senses.append(int(reported) if reported is not None else moved)
-    return _ListedPicture(file=file, station=station, reading_deg=reading, sense=(senses[0], senses[1]), line=row.line)

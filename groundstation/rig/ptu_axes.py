@@ -1,9 +1,15 @@
-"""Errors of a pan-tilt head's axes: zero, scale, gear backlash, and lean of the tilt axis.
+"""Errors of a pan-tilt head's axes: zero, scale, gear backlash, periodic error, sag, and lean of the tilt axis.
 
-The angle of an axis is reading · (1 + scale) + zero − sense · backlash / 2, sense +1 or −1 as the axis moved last: the
-head lags behind its motor. The lean belongs to the geometry: base_from_head = Rz(pan) · Ry(lean) · Rx(tilt).
+    pan  = reading · (1 + scale) + zero − sense · backlash / 2 + sine · sin(reading) + cosine · (cos(reading) − 1)
+    tilt = reading · (1 + scale) + zero − sense · backlash / 2 + sag · (1 − cos(reading))
+
+The sense is +1 or −1 as the axis moved last: the head lags behind its motor. Sine and cosine are the error once per
+turn of an encoder that is mounted off centre; the sag is how much the load's weight bends the head down when it is
+level, of which cos(tilt) is left. Both vanish at reading zero, where the zeros have them. The lean belongs to the
+geometry: base_from_head = Rz(pan) · Ry(lean) · Rx(tilt).
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +22,10 @@ MAX_ZERO_DEG = 360.0
 MAX_SCALE_PPM = 100_000.0
 MAX_LEAN_DEG = 10.0
 MAX_BACKLASH_DEG = 5.0
+MAX_PERIODIC_DEG = 2.0
+MAX_SAG_DEG = 2.0
+# the periodic terms change by less than 4 % of a change of the angle: 1e-13 rad after so many rounds
+_INVERSE_ROUNDS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +39,9 @@ class PtuAxes:
     lean_rad: float = 0.0
     pan_backlash_rad: float = 0.0
     tilt_backlash_rad: float = 0.0
+    pan_sine_rad: float = 0.0
+    pan_cosine_rad: float = 0.0
+    tilt_sag_rad: float = 0.0
 
     @property
     def is_ideal_apart_from_lean(self) -> bool:
@@ -37,9 +50,11 @@ class PtuAxes:
 
     def angles(self, pan_rad: float, tilt_rad: float, pan_from: float, tilt_from: float) -> tuple[float, float]:
         """Return pan and tilt, rad, of two readings, rad; the senses are +1, −1 or between (0: not known)."""
+        periodic = self.pan_sine_rad * math.sin(pan_rad) + self.pan_cosine_rad * (math.cos(pan_rad) - 1.0)
+        sag = self.tilt_sag_rad * (1.0 - math.cos(tilt_rad))
         return (
-            pan_rad * (1.0 + self.pan_scale) + self.pan_zero_rad - 0.5 * pan_from * self.pan_backlash_rad,
-            tilt_rad * (1.0 + self.tilt_scale) + self.tilt_zero_rad - 0.5 * tilt_from * self.tilt_backlash_rad,
+            pan_rad * (1.0 + self.pan_scale) + self.pan_zero_rad - 0.5 * pan_from * self.pan_backlash_rad + periodic,
+            tilt_rad * (1.0 + self.tilt_scale) + self.tilt_zero_rad - 0.5 * tilt_from * self.tilt_backlash_rad + sag,
         )
 
     def angles_many(self, readings_rad: FloatArray, senses: FloatArray) -> FloatArray:
@@ -47,14 +62,23 @@ class PtuAxes:
         scale = np.array([self.pan_scale, self.tilt_scale])
         zero = np.array([self.pan_zero_rad, self.tilt_zero_rad])
         backlash = np.array([self.pan_backlash_rad, self.tilt_backlash_rad])
-        return np.asarray(readings_rad * (1.0 + scale) + zero - 0.5 * senses * backlash)
+        pan, tilt = readings_rad[:, 0], readings_rad[:, 1]
+        periodic = self.pan_sine_rad * np.sin(pan) + self.pan_cosine_rad * (np.cos(pan) - 1.0)
+        bent = np.column_stack([periodic, self.tilt_sag_rad * (1.0 - np.cos(tilt))])
+        return np.asarray(readings_rad * (1.0 + scale) + zero - 0.5 * senses * backlash + bent)
 
     def readings(self, pan_rad: float, tilt_rad: float, pan_from: float, tilt_from: float) -> tuple[float, float]:
         """Return the readings, rad, at which the head has two angles, rad: the inverse of `angles`."""
-        return (
-            (pan_rad - self.pan_zero_rad + 0.5 * pan_from * self.pan_backlash_rad) / (1.0 + self.pan_scale),
-            (tilt_rad - self.tilt_zero_rad + 0.5 * tilt_from * self.tilt_backlash_rad) / (1.0 + self.tilt_scale),
-        )
+        straight_pan = pan_rad - self.pan_zero_rad + 0.5 * pan_from * self.pan_backlash_rad
+        straight_tilt = tilt_rad - self.tilt_zero_rad + 0.5 * tilt_from * self.tilt_backlash_rad
+        pan, tilt = straight_pan / (1.0 + self.pan_scale), straight_tilt / (1.0 + self.tilt_scale)
+        if self.pan_sine_rad == self.pan_cosine_rad == self.tilt_sag_rad == 0.0:
+            return pan, tilt
+        for _ in range(_INVERSE_ROUNDS):
+            periodic = self.pan_sine_rad * math.sin(pan) + self.pan_cosine_rad * (math.cos(pan) - 1.0)
+            pan = (straight_pan - periodic) / (1.0 + self.pan_scale)
+            tilt = (straight_tilt - self.tilt_sag_rad * (1.0 - math.cos(tilt))) / (1.0 + self.tilt_scale)
+        return pan, tilt
 
 
 IDEAL_AXES = PtuAxes()
@@ -111,6 +135,9 @@ _LIMITS = {
     "lean_deg": MAX_LEAN_DEG,
     "pan_backlash_deg": MAX_BACKLASH_DEG,
     "tilt_backlash_deg": MAX_BACKLASH_DEG,
+    "pan_sine_deg": MAX_PERIODIC_DEG,
+    "pan_cosine_deg": MAX_PERIODIC_DEG,
+    "tilt_sag_deg": MAX_SAG_DEG,
 }
 AXES_KEYS = tuple(_LIMITS)
 
