@@ -21,25 +21,15 @@ def whitened(problem: MountProblem, sought: PredictedSightings, kept: MaskArray)
     """Return residuals and Jacobian of the kept sightings, in sigmas and uncorrelated."""
     seen = problem.sightings
     own = np.flatnonzero(kept)
-    own = own[np.argsort(seen.pointing[own], kind="stable")]
-    _, first, counts = np.unique(seen.pointing[own], return_index=True, return_counts=True)
     lasting, fleeting = reading_variances(problem.station)
-    off = (sought.pixel_px - seen.pixel_px)[:, :, None]
-    both = np.concatenate([off, sought.jacobian, sought.by_angle], axis=2)
-    parts, stands = [], []
-    # readings of as many sightings at once
-    for count in np.unique(counts):
-        rows = own[first[counts == count][:, None] + np.arange(count)]
-        size = 2 * int(count)
-        by_angle = sought.by_angle[rows].reshape(len(rows), size, 2)
-        covariance = fleeting * by_angle @ np.swapaxes(by_angle, 1, 2)
-        covariance[:, np.arange(size), np.arange(size)] += np.repeat(seen.sigma_px[rows] ** 2, 2, axis=1)
-        white = np.linalg.solve(np.linalg.cholesky(covariance), both[rows].reshape(len(rows), size, -1))
-        parts.append(white.reshape(len(rows) * size, -1))
-        stands.append(np.repeat(problem.stand[rows], 2))
-    white = np.concatenate(parts)
-    if lasting > 0.0:
-        white[:, :-2] = with_shared_error(white[:, :-2], white[:, -2:], np.concatenate(stands), lasting)
+    off = (sought.pixel_px - seen.pixel_px)[own, :, None]
+    both = np.concatenate([off, sought.jacobian[own], sought.by_angle[own]], axis=2)
+    white = (both / seen.sigma_px[own, None, None]).reshape(2 * len(own), -1)
+    # errors of a reading, then of a standstill: each of rank two among the rows that share it
+    for number, variance in ((seen.pointing, fleeting), (problem.stand, lasting)):
+        if variance > 0.0:
+            white = with_shared_error(white, white[:, -2:], np.repeat(number[own], 2), variance)
+            own = own[np.argsort(number[own], kind="stable")]
     return Linearisation(residual=white[:, 0], jacobian=white[:, 1:-2])
 
 
