@@ -33,8 +33,13 @@ EARTH_RATE_RAD_S = 7.292115e-5
 _LEAST_ALTITUDE_DEG = -1.0
 # m, rad
 _STEP_SCALES = {
-    **{"mark": 0.01, "camera_in_head": 0.01, "ptu_position": 0.01, "scale": 1e-4},
-    **{"focal": 10.0, "principal_point": 1.0, "distortion": 0.01},
+    "mark": 0.01,
+    "camera_in_head": 0.01,
+    "ptu_position": 0.01,
+    "scale": 1e-4,
+    "focal": 10.0,
+    "principal_point": 1.0,
+    "distortion": 0.01,
 }
 _OTHER_STEP = 1e-3
 _TURNS = (slice(0, 3), slice(6, 9))

@@ -99,9 +99,7 @@ def _shifted(expected_px: FloatArray, known_px: FloatArray, seen_px: FloatArray)
     return np.asarray(expected_px + np.column_stack([expected_px - middle, np.ones(len(expected_px))]) @ linear)
 
 
-def expected_pixels(
-    station: Station, angles: tuple[float, float], towards: FloatArray
-) -> tuple[FloatArray, MaskArray]:
+def expected_pixels(station: Station, angles: tuple[float, float], towards: FloatArray) -> tuple[FloatArray, MaskArray]:
     """Return pixels (n, 2) of directions (n, 3) at pan and tilt, rad, and which are in the picture."""
     n = len(towards)
     pixel, depth = np.zeros((n, 2)), np.zeros(n)
@@ -148,5 +146,3 @@ def sightings_of(
         label=tuple(f"{one.picture.label}: star {n}" for one in found for n in one.stars.number.tolist()),
     )
     return seen, marks
-
-

@@ -63,25 +63,26 @@ def solve_jointly(nights: Sequence[StationNight]) -> JointNight:
         columns.append(tuple(names.index(n) for n in own))
     size = len(names)
     total, right, prior = np.zeros((size, size)), np.zeros(size), np.full(size, np.inf)
-    for night, places in zip(nights, columns, strict=True):
-        fit = night.fit
+    for night, own_columns in zip(nights, columns, strict=True):
+        fit, places = night.fit, list(own_columns)
         known = information(fit.problem, fit.change, fit.kept) / fit.noise_factor**2
         where = np.ix_(places, places)
         total[where] += known
         # at a solution the data's gradient is minus that of the priors
-        right[list(places)] += known @ fit.change + fit.change / fit.problem.prior_sigma**2
-        prior[list(places)] = fit.problem.prior_sigma
+        right[places] += known @ fit.change + fit.change / fit.problem.prior_sigma**2
+        prior[places] = fit.problem.prior_sigma
     total += np.diag(1.0 / prior**2)
     covariance = inverse(total)
     solution = covariance @ right
     turned = np.eye(size)
     change = tuple(solution[list(places)] for places in columns)
-    for night, places, own in zip(nights, columns, change, strict=True):
+    for night, own_columns, at in zip(nights, columns, change, strict=True):
+        problem_names = night.fit.problem.names
         for group in (BORESIGHT, BASE):
-            where = [night.fit.problem.names.index(n) for n in group if n in night.fit.problem.names]
-            if len(where) == len(group):
-                at = [places[k] for k in where]
-                turned[np.ix_(at, at)] = left_jacobian(own[where])
+            rows = [problem_names.index(n) for n in group if n in problem_names]
+            if len(rows) == len(group):
+                block = [own_columns[k] for k in rows]
+                turned[np.ix_(block, block)] = left_jacobian(at[rows])
     return JointNight(
         nights=tuple(nights),
         change=change,

@@ -26,7 +26,11 @@ def work_jacobian(problem: MountProblem, change: FloatArray, aside: float = 0.0)
     angles = station.ptu_axes.angles_many(readings, np.zeros((n, 2)))
     towards = [geometry.ray(float(pixel[0]), float(pixel[1]), *map(float, a)).direction_runway for a in angles]
     sky = Mark(
-        name="work", kind=MarkKind.SKY, place_m=np.array([0.0, 0.0, 1.0]), sigma=np.zeros(3), runway_from_board=np.eye(3)
+        name="work",
+        kind=MarkKind.SKY,
+        place_m=np.array([0.0, 0.0, 1.0]),
+        sigma=np.zeros(3),
+        runway_from_board=np.eye(3),
     )
     seen = MountSightings(
         reading_rad=readings,

@@ -90,7 +90,7 @@ class SkyOverSite:
         return runway_axes(self.site.y_axis_azimuth_deg) @ np.array([0.0, math.cos(lat), math.sin(lat)])
 
     def icrs_from_runway(self, utc_s: float) -> FloatArray:
-        """Return the rotation (3, 3) from the runway frame to ICRS at a Unix time, without aberration and refraction."""
+        """Return the rotation (3, 3) from the runway frame to ICRS at a Unix time; no aberration, no refraction."""
         north_east_up = np.asarray(self._place.rotation_at(self._at(utc_s)))
         east_north_up = north_east_up[[1, 0, 2]]
         return np.asarray(east_north_up.T @ runway_axes(self.site.y_axis_azimuth_deg).T)
@@ -111,6 +111,7 @@ def _load_skyfield() -> tuple[Any, Mapping[str, Any], Any]:
     """Return Skyfield's interface, the bodies of DE421 and the scale of time; from installed files alone."""
     try:
         from skyfield import api
+
         data = files("skyfield_data") / "data"
     except ImportError as fault:
         raise MissingExtraError("the places of stars", "stars") from fault

@@ -63,7 +63,7 @@ def find_stars(grey: FloatArray, hot: MaskArray | None = None) -> StarImages:
     Raises `MissingExtraError` without tetra3rs.
     """
     tetra3rs = load_tetra3rs()
-    picture = np.asarray(grey, dtype=np.float32)
+    picture: FloatArray = np.asarray(grey, dtype=np.float64)
     if hot is not None and hot.any():
         picture = np.where(hot, ndimage.median_filter(picture, size=5), picture)
     found = tetra3rs.extract_centroids(picture, max_centroids=_MOST_STARS, threads=1)
@@ -148,6 +148,17 @@ def _point_spread(picture: FloatArray, place: FloatArray, noise: float) -> Float
     return np.median(shapes, axis=0) if shapes else np.eye(2)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _StarStep:
+    """One step of a star's fit: the shift (2,), px; flux, and its sigma; the place's sigma; the worst residual."""
+
+    shift_px: FloatArray
+    flux: float
+    flux_sigma: float
+    sigma_px: float
+    worst: float
+
+
 def _fit_star(
     picture: FloatArray, start: FloatArray, spread: FloatArray, noise: float, full: float
 ) -> tuple[float, float, float, float] | None:
@@ -156,37 +167,50 @@ def _fit_star(
     Saturated pixels, those at the picture's highest level ``full``, are left out where a star has several.
     """
     half = int(np.clip(np.ceil(_WINDOW_SIGMAS * np.sqrt(np.diag(spread).max())), _LEAST_HALF, _MOST_HALF))
-    inverse, centre = np.linalg.inv(spread), start.copy()
-    norm = 2.0 * np.pi * np.sqrt(np.linalg.det(spread))
-    solved = None
+    inverse, centre = np.asarray(np.linalg.inv(spread), dtype=np.float64), start.copy()
+    step: _StarStep | None = None
     for _ in range(_ROUNDS):
         window = _window(picture, centre, half)
-        if window is None:
+        step = None if window is None else _star_step(window, centre, inverse, noise, full)
+        if step is None:
             return None
-        level, u, v = window
-        off = np.column_stack([u, v]) - centre
-        shape = np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)) / norm
-        used = level < full if np.count_nonzero(level >= full) > 1 else np.ones(len(level), dtype=np.bool_)
-        # flux, flux times the shift, and a level of background
-        columns = np.column_stack([shape, shape[:, None] * (off @ inverse), np.ones(len(shape))])[used]
-        # a bright star's own light is noise, too: its share is what the picture's noise says of the gain at best
-        solved, *_ = np.linalg.lstsq(columns, level[used], rcond=None)
-        if solved[0] <= 0.0:
-            return None
-        shift = solved[1:3] / solved[0]
-        length = float(np.hypot(*shift))
-        centre = centre + shift * min(1.0, 1.0 / max(length, 1e-9))
+        length = float(np.hypot(*step.shift_px))
+        # a pixel at most: the derivative holds no farther
+        centre = centre + step.shift_px * min(1.0, 1.0 / max(length, 1e-9))
         if length < 1e-3:
             break
-    assert solved is not None
+    if step is None:
+        return None
+    peak = step.flux * float(np.sqrt(np.linalg.det(inverse))) / (2.0 * np.pi)
+    misfit = max(_WORST_MISFIT * peak + _MISFIT_SIGMAS * noise, 2.0 * _MISFIT_SIGMAS * noise)
+    if step.flux < _LEAST_SNR * step.flux_sigma or float(np.hypot(*(centre - start))) > half or step.worst > misfit:
+        return None
+    return float(centre[0]), float(centre[1]), float(np.hypot(step.sigma_px, _MODEL_SIGMA_PX)), step.flux
+
+
+def _star_step(
+    window: tuple[FloatArray, FloatArray, FloatArray],
+    centre: FloatArray,
+    inverse: FloatArray,
+    noise: float,
+    full: float,
+) -> _StarStep | None:
+    """Fit flux, flux times the shift, and a level of background; None where there is no light."""
+    level, u, v = window
+    off = np.column_stack([u, v]) - centre
+    shape = np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)) * np.sqrt(np.linalg.det(inverse)) / (2.0 * np.pi)
+    used = level < full if np.count_nonzero(level >= full) > 1 else np.ones(len(level), dtype=np.bool_)
+    columns = np.column_stack([shape, shape[:, None] * (off @ inverse), np.ones(len(shape))])[used]
+    solved, *_ = np.linalg.lstsq(columns, level[used], rcond=None)
+    if solved[0] <= 0.0:
+        return None
     left = level[used] - columns @ solved
     scatter = max(noise, float(np.sqrt(np.mean(left**2))))
     covariance = np.linalg.pinv(columns.T @ columns) * scatter**2
-    sigma = float(np.sqrt(max(np.trace(covariance[1:3, 1:3]) / 2.0, 0.0)) / solved[0])
-    peak = solved[0] / norm
-    moved = float(np.hypot(*(centre - start)))
-    misfit = float(np.abs(left).max())
-    bad = misfit > max(_WORST_MISFIT * peak + _MISFIT_SIGMAS * noise, 2.0 * _MISFIT_SIGMAS * noise)
-    if solved[0] < _LEAST_SNR * np.sqrt(covariance[0, 0]) or moved > half or bad:
-        return None
-    return float(centre[0]), float(centre[1]), float(np.hypot(sigma, _MODEL_SIGMA_PX)), float(solved[0])
+    return _StarStep(
+        shift_px=solved[1:3] / solved[0],
+        flux=float(solved[0]),
+        flux_sigma=float(np.sqrt(covariance[0, 0])),
+        sigma_px=float(np.sqrt(0.5 * (covariance[1, 1] + covariance[2, 2])) / solved[0]),
+        worst=float(np.abs(left).max()),
+    )

@@ -93,6 +93,8 @@ class StarSolver:
             epoch_proper_motion_year=float(year),
         )
         self._catalogue = self._read_catalogue()
+        self._units = icrs_units(self._catalogue.ra_rad, self._catalogue.dec_rad)
+        self._rows = {int(n): k for k, n in enumerate(self._catalogue.number)}
 
     def solve(self, seen: StarImages) -> SolvedPicture | str:
         """Return the attitude of a picture, or why there is none."""
@@ -109,8 +111,7 @@ class StarSolver:
         )
         if not found or found.parity_flip or found.num_matches < _LEAST_MATCHES:
             return f"{len(seen)} bright dots that are no stars of the catalogue"
-        places = {int(n): k for k, n in enumerate(self._catalogue.number)}
-        rows = np.array([places.get(int(n), -1) for n in found.matched_catalog_ids], dtype=np.int64)
+        rows = np.array([self._rows.get(int(n), -1) for n in found.matched_catalog_ids], dtype=np.int64)
         image = np.asarray(found.matched_centroids, dtype=np.int64)[rows >= 0]
         return SolvedPicture(
             camera_from_icrs=np.asarray(found.rotation_matrix_icrs_to_camera),
@@ -121,8 +122,7 @@ class StarSolver:
 
     def near(self, towards_icrs: FloatArray, angle_rad: float) -> CatalogueStars:
         """Return the stars within an angle of a unit vector (3,), ICRS."""
-        units = icrs_units(self._catalogue.ra_rad, self._catalogue.dec_rad)
-        return self._catalogue.of(np.flatnonzero(units @ towards_icrs > np.cos(angle_rad)))
+        return self._catalogue.of(np.flatnonzero(self._units @ towards_icrs > np.cos(angle_rad)))
 
     def _ideal(self, pixel_px: FloatArray) -> FloatArray:
         """Return pixels (n, 2) of a camera without distortion, from its centre."""
