@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from groundstation.cli.command_arguments import Commands, add_command, add_simulated_flight
-from groundstation.cli.number_arguments import parse_number
+from groundstation.cli.number_arguments import count, parse_number
 from groundstation.cli.path_arguments import NEW_FOLDER, READ, READ_TEXT
 from groundstation.cli.progress import ProgressLine
 
@@ -17,6 +17,7 @@ _MORE = """examples:
   groundstation simulate --out flights/two --flight take-off --rate 30 --wind 5 --seed 7
   groundstation simulate --out flights/drawn --world 17
   groundstation replay flights/two --out out/two
+  groundstation simulate --out night --night 24
 
 a world: airframe, scenery, sky, cameras, stations and flight drawn from a seed (0 to
 2999999: the sets train, validate, test of a million each), or read from a world.toml
@@ -66,6 +67,12 @@ def add_simulate(commands: Commands) -> None:
         "--world", type=READ_TEXT, metavar="SEED|FILE", help="draw the whole world from a seed, or read it; see below"
     )
     simulate.add_argument("--grey", action="store_true", help="cameras without colours")
+    simulate.add_argument(
+        "--night",
+        type=count,
+        metavar="N",
+        help="no flight: N pictures of the stars by each of two heads, for calibrate stars; only --seed holds",
+    )
 
 
 def _positive(text: str) -> float:
@@ -74,6 +81,8 @@ def _positive(text: str) -> float:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """Film one flight and print what was written; returns the exit code."""
+    if options.night is not None:
+        return _run_night(options)
     if options.world is not None:
         return _run_world(options)
     from groundstation.simulation.flights import FlightModelKind, FlightName
@@ -116,4 +125,18 @@ def _run_world(options: argparse.Namespace) -> int:
         result = render_world(world, options.out, line.update)
     print(f"filmed {result.pairs} pairs in {result.duration_s:.1f} s of flight")
     print(f"wrote {result.folder}")
+    return 0
+
+
+def _run_night(options: argparse.Namespace) -> int:
+    """Write a drawn night's pictures with the table, the rig as it is known, the site, and the true rig."""
+    from calibration.stars.simulated.night_draw import draw_night
+    from calibration.stars.simulated.night_folder import write_night
+
+    night = draw_night(options.seed, options.night)
+    with ProgressLine(sys.stderr, "night", "picture") as line:
+        write_night(options.out, night, options.seed, line.update)
+    out = options.out
+    print(f"wrote {out}: {sum(len(own) for own in night.pictures.values())} pictures; the true rig is truth.toml")
+    print(f"groundstation calibrate stars --rig {out}/rig.toml --site {out}/site.toml --from {out} --out stars.toml")
     return 0

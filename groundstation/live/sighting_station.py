@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
@@ -26,6 +26,8 @@ _PICTURE_S = 10.0
 _LOOK_S = 0.2
 # a movement smaller than this gives no sense to a backlash
 _SENSE_RAD = math.radians(0.01)
+# of a long exposure, the rest is for reading the sensor
+_SHARE_OF_PERIOD = 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,12 +50,21 @@ class SightingStation:
     ----------
     rate_rad_s : speed of the head's moves, rad/s; None is slow.
     tell : called with the camera's events. report : called with lines about the head.
+    exposure_s, gain : in place of the station file's; None keeps them. Pictures then come as slowly as they have to.
 
     Raises `ConfigError`, `RigError`, `DeviceError`, `CameraError`.
     """
 
     def __init__(
-        self, path: Path, name: str, *, rate_rad_s: float | None, tell: Tell, report: Callable[[str], None]
+        self,
+        path: Path,
+        name: str,
+        *,
+        rate_rad_s: float | None,
+        tell: Tell,
+        report: Callable[[str], None],
+        exposure_s: float | None = None,
+        gain: float | None = None,
     ) -> None:
         self._file: StationFile = load_station(path)
         rig: Rig = load_rig(self._file.rig)
@@ -64,7 +75,12 @@ class SightingStation:
         self.calibrated: Station = rig[name]
         self.senses = (0, 0)
         """The last direction of motion of pan and tilt, 1 or -1; 0 before the first."""
-        self._devices: StationDevices = devices[name]
+        asked = {key: value for key, value in (("exposure_s", exposure_s), ("gain", gain)) if value is not None}
+        self._devices: StationDevices = replace(
+            devices[name], camera_settings={**devices[name].camera_settings, **asked}
+        )
+        slowest = np.inf if exposure_s is None else _SHARE_OF_PERIOD / exposure_s
+        self._rate_hz = float(min(self._file.rate_hz, slowest))
         self._tell = tell
         head = self._devices.head
         self._head = None if head is None else GuardedHead(path, name, head, rate_rad_s=rate_rad_s, report=report)
@@ -170,7 +186,7 @@ class SightingStation:
             )
 
     def _open_camera(self) -> LiveCamera:
-        camera = camera_of(self._devices, time.monotonic, self._tell, rate_hz=self._file.rate_hz)
+        camera = camera_of(self._devices, time.monotonic, self._tell, rate_hz=self._rate_hz)
         try:
             self._opened.enter_context(camera)
         except CameraError as fault:

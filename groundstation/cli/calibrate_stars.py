@@ -1,0 +1,201 @@
+"""`groundstation calibrate stars`: heads, lenses and axes by the night sky."""
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from groundstation.cli.command_arguments import Commands, add_calibrated_rig, add_command, print_files
+from groundstation.cli.number_arguments import count, finite_number, positive_number, take_negative_numbers
+from groundstation.cli.path_arguments import READ, WrittenFolder
+from groundstation.cli.progress import ProgressLine
+from groundstation.cli.terminal import print_line
+from groundstation.errors import UsageError
+
+if TYPE_CHECKING:
+    from calibration.stars.sky import ObservingSite
+    from groundstation.live.station_file import StationFile
+    from groundstation.rig.rig import Rig
+
+_STARS = """Ten minutes of night sky in place of a flight: each head is turned over its range
+and takes pictures of the stars, which tell its lens, how the camera sits on it,
+what is wrong with its axes, and where it looks against the other heads: range
+hangs on that."""
+_MORE = """examples:
+  groundstation calibrate stars field.toml --out stars.toml --report out/stars
+  groundstation calibrate stars field.toml --out stars.toml --from stars.pictures
+  groundstation calibrate stars --rig rig.toml --site site.toml --from night/ \\
+      --out stars.toml
+
+how: with the station file alone, heads are turned, one after the other, and
+pictures are saved first (default: next to --out, .pictures), each with its angles;
+the heads are halted on every way out. With --from nothing moves: DIR has
+pictures.csv with file, station, pan_deg, tilt_deg, t_utc_s (Unix time of the
+mid-exposure) and, where known, pan_from and tilt_from (1 or -1: how each axis moved
+last). Needed are a table [origin] (the station file's, or --site), a lens to 10 %,
+and positions; the orientation need not be known. [air] with pressure_hpa (at the
+site) and air_c makes refraction certain to 1 %.
+
+LIST, with commas, of mount, scale, lean, backlash, periodic, lens (all of these
+unless stated).
+
+exit code: 0 done; 1 pictures or devices are at fault or do not determine it, and no
+rig is written; 2 wrong usage; 130 interrupted"""
+_RANGE = (-60.0, 60.0, 5.0, 55.0)
+
+
+def add_stars(kinds: Commands) -> None:
+    """Add `calibrate stars`."""
+    parser = add_command(kinds, "stars", run_calibrate_stars, "heads and lenses by the night sky", _STARS, _MORE)
+    parser.add_argument(
+        "station_file", type=READ, nargs="?", metavar="STATION.toml", help="the station file, as for live"
+    )
+    parser.add_argument("--from", dest="taken", type=READ, metavar="DIR", help="pictures that are there; nothing moves")
+    parser.add_argument("--rig", type=READ, metavar="FILE", help="the rig file, in place of the station file's")
+    parser.add_argument("--site", type=READ, metavar="FILE", help="a file with [origin], for the station file's")
+    add_calibrated_rig(parser)
+    parser.add_argument("--pictures", type=WrittenFolder(), metavar="DIR", help="where new pictures go")
+    parser.add_argument("--stations", metavar="NAMES", help="only these, with commas")
+    parser.add_argument("--pointings", type=count, default=24, metavar="N", help="of each head (24)")
+    parser.add_argument("--exposure", type=positive_number, default=0.5, metavar="S", help="of each picture, s (0.5)")
+    parser.add_argument("--gain", type=finite_number, metavar="G", help="the camera's, in its own unit")
+    parser.add_argument(
+        "--range",
+        dest="within",
+        type=_head_range,
+        default=_RANGE,
+        metavar="PAN,PAN,TILT,TILT",
+        help="lowest and highest readings, deg (-60,60,5,55)",
+    )
+    parser.add_argument("--free", default="", metavar="LIST", help="find only these")
+    parser.add_argument(
+        "--clock-sigma", type=positive_number, metavar="S", help="1 sigma of the stamps, all together, s (0.1)"
+    )
+    parser.add_argument(
+        "--each-clock", action="store_true", help="the stamps' errors are each picture's own: times hardly known"
+    )
+    take_negative_numbers(parser)
+
+
+def _head_range(text: str) -> tuple[float, ...]:
+    """Return four angles in degrees."""
+    parts = [finite_number(part) for part in text.split(",")]
+    if len(parts) != 4 or parts[0] >= parts[1] or parts[2] >= parts[3]:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted PAN_LOW,PAN_HIGH,TILT_LOW,TILT_HIGH in degrees")
+    return tuple(parts)
+
+
+def run_calibrate_stars(options: argparse.Namespace) -> int:
+    """Take pictures unless they are there, calibrate, print the report and what was written."""
+    from calibration.rig_output import require_toml_name
+    from calibration.stars.calibrate import (
+        CLOCK_SIGMA_S,
+        calibrate_night,
+        sky_uncertainty,
+        star_words,
+        write_night_rig,
+    )
+    from calibration.stars.html_report import write_night_page
+    from calibration.stars.night import read_night
+    from calibration.stars.star_images import load_tetra3rs
+    from calibration.stars.text_report import format_night
+    from groundstation.live.station_file import load_station
+    from groundstation.rig.rig import load_rig
+
+    require_toml_name(options.out)
+    words = star_words(options.free)
+    _require_inputs(options)
+    load_tetra3rs()
+    file = None if options.station_file is None else load_station(options.station_file)
+    rig = load_rig(file.rig if options.rig is None and file is not None else options.rig)
+    site = _site(options, file)
+    folder = options.taken if options.taken is not None else _take(options, rig, site)
+    with ProgressLine(sys.stderr, "stars", "picture") as line:
+        pictures = read_night(folder, rig, line.update)
+    names = _names(options, rig)
+    clock = CLOCK_SIGMA_S if options.clock_sigma is None else options.clock_sigma
+    uncertain = sky_uncertainty(site, clock, each_clock=options.each_clock)
+    found = calibrate_night(rig, {n: p for n, p in pictures.items() if n in names}, site, uncertain, words)
+    print(format_night(found))
+    write_night_rig(options.out, found)
+    print(f"\nwrote {options.out}")
+    if options.report is not None:
+        print_files(write_night_page(options.report, found))
+    return 0
+
+
+def _require_inputs(options: argparse.Namespace) -> None:
+    """Raise `UsageError` for a choice of inputs that cannot be."""
+    if options.station_file is None and (options.rig is None or options.site is None):
+        raise UsageError("STATION.toml", got="none", wanted="it, or --rig, --site and --from")
+    if options.station_file is None and options.taken is None:
+        raise UsageError("--rig, --site", got="no pictures", wanted="--from DIR with them: no head can be turned")
+    if options.taken is not None and options.pictures is not None:
+        raise UsageError("--pictures", got="--from as well", wanted="where new pictures go, or where old are")
+    if options.each_clock and options.clock_sigma is None:
+        raise UsageError("--each-clock", got="no --clock-sigma", wanted="one sigma of each picture's time, s")
+
+
+def _names(options: argparse.Namespace, rig: "Rig") -> tuple[str, ...]:
+    """Return the stations that were asked for; raises `UsageError` for one that the rig has not."""
+    if options.stations is None:
+        return rig.names
+    names = tuple(name.strip() for name in options.stations.split(","))
+    for name in names:
+        if name not in rig.names:
+            raise UsageError("--stations", got=repr(name), wanted="some of " + ", ".join(rig.names))
+    return names
+
+
+def _site(options: argparse.Namespace, file: "StationFile | None") -> "ObservingSite":
+    from calibration.stars.site_file import read_site
+
+    return read_site(options.site if options.site is not None or file is None else options.station_file)
+
+
+def _take(options: argparse.Namespace, rig: "Rig", site: "ObservingSite") -> Path:
+    """Turn the heads and save pictures; returns their folder."""
+    from calibration.stars.pointing_plan import HeadRange, plan_pointings
+    from calibration.stars.sky import SkyOverSite
+    from groundstation.cli.star_recorder import NightFolder, take_pictures
+    from groundstation.live.sighting_station import SightingStation
+
+    folder: Path = options.pictures or options.out.with_suffix(".pictures")
+    night, sky = NightFolder(folder), SkyOverSite(site)
+    now = time.time()
+    sun, moon = sky.body("sun", now), sky.body("moon", now)
+    low, high, down, up = options.within
+    within: HeadRange = HeadRange(pan_deg=(low, high), tilt_deg=(down, up))
+    names = [name for name in _names(options, rig) if not rig[name].fixed]
+    altitude = math.degrees(math.asin(float(sun[2])))
+    # all plans before the first move
+    plans = {
+        name: plan_pointings(rig[name], within, options.pointings, moon if moon[2] > 0.0 else None, altitude)
+        for name in names
+    }
+
+    def warn(text: str) -> None:
+        print_line(f"groundstation: {text}", sys.stderr)
+
+    def tell(text: str) -> None:
+        print(text, flush=True)
+
+    for name, plan in plans.items():
+        unopened = SightingStation(
+            options.station_file,
+            name,
+            rate_rad_s=None,
+            tell=lambda event, name=name: (
+                warn(f"{name}: camera: {event.text}")  # type: ignore[misc]
+                if event.kind not in ("opened", "ended")
+                else None
+            ),
+            report=warn,
+            exposure_s=options.exposure,
+            gain=options.gain,
+        )
+        with unopened as station:
+            take_pictures(station, plan, night, tell)
+    return folder
