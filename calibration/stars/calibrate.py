@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from calibration.joint_covariance import with_covariance
 from calibration.stars.head_start import StarFitError
 from calibration.stars.identified_stars import SkyUncertainty
@@ -74,15 +72,11 @@ def calibrate_night(
     sky = SkyOverSite(site)
     times = [picture.utc_s for own in pictures.values() for picture in own]
     nights = []
-    solvers: dict[bytes, StarSolver] = {}
     for name, own in pictures.items():
         station = rig[name]
         if station.fixed:
             raise RigError(f"station {name}", got="a station without PTU", wanted="one that turns")
-        lens = station.lens
-        key = np.concatenate([lens.image_size_px, lens.focal_px, lens.principal_point_px, lens.distortion]).tobytes()
-        # identical cameras share the solver's tables
-        solver = solvers.setdefault(key, StarSolver(lens, decimal_year(times))) if key not in solvers else solvers[key]
+        solver = StarSolver(station.lens, decimal_year(times))
         nights.append(
             fit_station(station, own, solver, sky, uncertain, words, lambda name=name: progress(name))  # type: ignore[misc]
         )

@@ -76,8 +76,11 @@ def _pictures(found: NightCalibration, k: int) -> dict[str, bytes]:
         head = Figure(figsize=(6.4, 5.4), layout="constrained")
         axes = head.subplots()
         axes.plot(*reading.T, ".", color=_BLUE, ms=5)
-        arrows = axes.quiver(*reading.T, *turned.T, angles="xy", scale_units="xy", scale=1 / 2000, color=_ORANGE)
-        axes.quiverkey(arrows, 0.85, 1.03, 0.005, "0.005 deg", labelpos="E")
+        arrows = axes.quiver(
+            *reading.T, *turned.T, angles="xy", scale_units="xy", scale=1 / 2000, width=0.004, color=_ORANGE
+        )
+        axes.set_title(" ")
+        axes.quiverkey(arrows, 0.8, 1.04, 0.005, "0.005 deg", labelpos="E")
         axes.set(xlabel="pan, deg", ylabel="tilt, deg")
         axes.margins(0.15)
 

@@ -65,6 +65,7 @@ def plan_pointings(
         raise InputError(f"station {station.name}", got=got, wanted="a range of 10 deg or more in pan and in tilt")
     chosen: list[FloatArray] = []
     for k in range(_MOST_TRIED):
+        # evenly: denser towards the ends tells the axes better, but not the angles of operation
         reading = low + (0.5 + (k + 1) * _STEPS) % 1.0 * (high - low)
         if _is_clear(station, reading, moon):
             chosen.append(reading)

@@ -5,6 +5,7 @@ motions applied to the pictures' year.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -86,13 +87,8 @@ class StarSolver:
         self._lens = lens
         self._field_deg = field_of_view_deg(lens)
         self._camera = tetra3rs.CameraModel(float(lens.focal_px.mean()), *(int(n) for n in lens.image_size_px))
-        self._database: Any = tetra3rs.SolverDatabase.generate_from_gaia(
-            max_fov_deg=self._field_deg * (1.0 + 2.0 * FOCAL_TOLERANCE),
-            min_fov_deg=self._field_deg * (1.0 - 2.0 * FOCAL_TOLERANCE),
-            lattice_field_oversampling=_OVERSAMPLING,
-            epoch_proper_motion_year=float(year),
-        )
-        self._catalogue = self._read_catalogue()
+        # stars move by less than a tenth of an arc second in a tenth of a year
+        self._database, self._catalogue = _load_catalogue(round(self._field_deg, 3), round(year, 1))
         self._units = icrs_units(self._catalogue.ra_rad, self._catalogue.dec_rad)
         self._rows = {int(n): k for k, n in enumerate(self._catalogue.number)}
 
@@ -132,16 +128,25 @@ class StarSolver:
         straight = cv2.undistortPoints(pixel_px.reshape(-1, 1, 2), matrix, self._lens.distortion)
         return np.asarray(straight.reshape(-1, 2) * float(self._lens.focal_px.mean()), dtype=np.float64)
 
-    def _read_catalogue(self) -> CatalogueStars:
-        rows = [self._database.get_star(k) for k in range(self._database.num_stars)]
-        rows = [(s.id, s.ra_deg, s.dec_deg, s.magnitude) for s in rows if s.magnitude <= _FAINTEST]
-        number, ra, dec, magnitude = zip(*rows, strict=True)
-        return CatalogueStars(
-            number=np.array(number, dtype=np.int64),
-            ra_rad=np.radians(ra),
-            dec_rad=np.radians(dec),
-            magnitude=np.array(magnitude),
-        )
+
+@lru_cache(maxsize=4)
+def _load_catalogue(field_deg: float, year: float) -> tuple[Any, CatalogueStars]:
+    """Return the solver's patterns and stars for a field of view and a year: a second's work, shared by all heads."""
+    database = load_tetra3rs().SolverDatabase.generate_from_gaia(
+        max_fov_deg=field_deg * (1.0 + 2.0 * FOCAL_TOLERANCE),
+        min_fov_deg=field_deg * (1.0 - 2.0 * FOCAL_TOLERANCE),
+        lattice_field_oversampling=_OVERSAMPLING,
+        epoch_proper_motion_year=year,
+    )
+    stars = [database.get_star(k) for k in range(database.num_stars)]
+    rows = [(s.id, s.ra_deg, s.dec_deg, s.magnitude) for s in stars if s.magnitude <= _FAINTEST]
+    number, ra, dec, magnitude = zip(*rows, strict=True)
+    return database, CatalogueStars(
+        number=np.array(number, dtype=np.int64),
+        ra_rad=np.radians(ra),
+        dec_rad=np.radians(dec),
+        magnitude=np.array(magnitude),
+    )
 
 
 def match_stars(

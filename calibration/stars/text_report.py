@@ -127,10 +127,13 @@ def verdict(found: NightCalibration) -> list[str]:
         f"direction from true north, all heads together: {common.pan_deg:.4f} deg in pan, {common.tilt_deg:.4f} deg in"
         " tilt (1 sigma: clock, refraction, encoders; the azimuth of the runway's y axis is taken as exact)"
     )
+    open_in: dict[str, list[str]] = {}
     for night in joint.nights:
         for name in undetermined(night):
-            needed = _NEEDED.get(name.partition(".")[0], "other pictures")
-            lines.append(f"{night.before.name}: {name} is hardly better known than before; needed: {needed}")
+            open_in.setdefault(name, []).append(night.before.name)
+    for name, stations in open_in.items():
+        needed = _NEEDED.get(name.partition(".")[0], "other pictures")
+        lines.append(f"{name} ({', '.join(stations)}) is hardly better known than before; needed: {needed}")
     if found.without:
         lines.append("without pictures, unchanged: " + ", ".join(found.without))
     lines.append(

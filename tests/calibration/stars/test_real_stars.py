@@ -1,0 +1,109 @@
+"""Eight pictures of the night sky by a real mount, whose times and place are known roughly: all solved."""
+
+import re
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from calibration.stars.calibrate import NightCalibration, calibrate_night, sky_uncertainty
+from calibration.stars.night import StarPicture
+from calibration.stars.sky import ObservingSite
+from calibration.stars.star_images import find_stars
+from groundstation.geometry.camera import Lens
+from groundstation.rig.rig import ClockModel, Rig, Station
+
+ARCSEC = float(np.radians(1.0 / 3600.0))
+# the maker's focal length, a few per cent off; pictures were taken within minutes of the time in their names
+FOCAL_PX = 5000.0
+START = datetime(2019, 7, 29, 20, 47, 26, tzinfo=UTC).timestamp()
+
+
+@cache
+def calibrated(folder: Path) -> NightCalibration:
+    station = Station(
+        name="mount",
+        fixed=False,
+        known=("position",),
+        ptu_position_m=np.zeros(3),
+        runway_from_base_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        head_from_camera_wxyz=np.array([0.5**0.5, -(0.5**0.5), 0.0, 0.0]),
+        camera_in_head_m=np.zeros(3),
+        lens=Lens(
+            image_size_px=(1024, 768),
+            focal_px=np.full(2, FOCAL_PX),
+            principal_point_px=np.array([511.5, 383.5]),
+            distortion=np.zeros(5),
+        ),
+        ptu_resolution_rad=float(np.radians(0.001)),
+        ptu_sigma_rad=float(np.radians(0.005)),
+        ptu_clock=ClockModel(),
+        camera_clock=None,
+        readout_s=0.0,
+        covariance_parameters=(),
+        covariance=np.zeros((0, 0)),
+    )
+    taken = []
+    for path in sorted(folder.glob("*.tiff")):
+        names = re.search(r"Alt(-?\d+)_Azi(-?\d+)", path.name)
+        assert names is not None
+        altitude, azimuth = (float(text) for text in names.groups())
+        taken.append(
+            StarPicture(
+                label=path.name,
+                station="mount",
+                reading_rad=np.radians([-azimuth, altitude]),
+                sense=np.zeros(2),
+                utc_s=START,
+                seen=find_stars(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)),
+            )
+        )
+    # the place is not told; the base takes up what latitude and time are off
+    site = ObservingSite(lat_deg=52.2, lon_deg=4.4, height_m=0.0, y_axis_azimuth_deg=0.0)
+    return calibrate_night(
+        Rig(stations=(station,)), {"mount": taken}, site, sky_uncertainty(site, 600.0, each_clock=True)
+    )
+
+
+@pytest.fixture
+def found(shared_data: Path) -> NightCalibration:
+    folder = shared_data / "stars"
+    if not folder.is_dir():
+        pytest.skip(f"no pictures of stars in {folder}")
+    return calibrated(folder)
+
+
+def test_all_are_solved_and_used(found: NightCalibration) -> None:
+    night = found.joint.nights[0]
+    assert night.unused == ()
+    assert night.wrongly_solved == 0
+    assert len(night.pictures) == 8
+
+
+def test_stars_fit_to_seven_and_a_half_arc_seconds(found: NightCalibration) -> None:
+    """Expected: of each picture, about what its stars have in common; the residual as a length."""
+    fit = found.joint.nights[0].fit
+    focal = float(found.rig["mount"].lens.focal_px.mean())
+    for number, one in enumerate(found.joint.nights[0].pictures):
+        rows = fit.kept & (fit.problem.sightings.pointing == number)
+        own = fit.residual_px[rows] - fit.residual_px[rows].mean(axis=0)
+        assert rows.sum() > 40, one.picture.label
+        assert np.sqrt(np.mean(np.sum(own**2, axis=1))) / focal < 7.5 * ARCSEC, one.picture.label
+
+
+def test_the_scale_of_the_tilt_is_found_with_its_sigma(found: NightCalibration) -> None:
+    """Expected: some 220″ over the 20° between the two altitudes, −110″ at the lower, +110″ at the upper."""
+    names = found.joint.nights[0].fit.problem.names
+    scale = found.rig["mount"].ptu_axes.tilt_scale
+    sigma = float(np.sqrt(found.joint.of(0)[names.index("tilt_scale"), names.index("tilt_scale")]))
+    assert scale > 5.0 * sigma
+    assert 20.0 * 3600.0 * scale == pytest.approx(220.0, abs=3.0 * 20.0 * 3600.0 * sigma)
+
+
+def test_the_focal_length_is_found_to_a_thousandth(found: NightCalibration) -> None:
+    joint = found.joint
+    assert joint.sigma("mount.focal.x") < 1.0
+    assert found.rig["mount"].lens.focal_px[0] == pytest.approx(5116.0, abs=5.0)
