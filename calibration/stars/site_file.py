@@ -35,6 +35,6 @@ def read_site(path: Path) -> ObservingSite:
 
 def site_to_toml(site: ObservingSite) -> str:
     """Return a site as such a file."""
-    lines = ["[origin]", *(f"{key} = {getattr(site, key):.9g}" for key in _ORIGIN_KEYS)]
+    lines = ["[origin]", *(f"{key} = {getattr(site, key):.12g}" for key in _ORIGIN_KEYS)]
     air = [f"{key} = {value:g}" for key in _AIR_KEYS if (value := getattr(site, key)) is not None]
     return "\n".join([*lines, *(["", "[air]", *air] if air else []), ""])

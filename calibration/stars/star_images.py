@@ -7,8 +7,8 @@ of a picture share come near to the Cramér-Rao bound (K. A. Winick, JOSA A 3, 1
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
-from scipy import ndimage
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import MissingExtraError
@@ -65,7 +65,7 @@ def find_stars(grey: FloatArray, hot: MaskArray | None = None) -> StarImages:
     tetra3rs = load_tetra3rs()
     picture: FloatArray = np.asarray(grey, dtype=np.float64)
     if hot is not None and hot.any():
-        picture = np.where(hot, ndimage.median_filter(picture, size=5), picture)
+        picture = np.where(hot, _median(picture), picture)
     found = tetra3rs.extract_centroids(picture, max_centroids=_MOST_STARS, threads=1)
     if not found.centroids:
         return NO_STARS
@@ -93,9 +93,14 @@ def hot_pixels(darkest: FloatArray) -> MaskArray:
 
     The sky turns and the head moves: what stays is the sensor's.
     """
-    raised = darkest - ndimage.median_filter(darkest, size=5)
+    raised = darkest - _median(darkest)
     scatter = 1.4826 * float(np.median(np.abs(raised - np.median(raised))))
     return np.asarray(raised > max(_HOT_SIGMAS * scatter, 3.0))
+
+
+def _median(picture: FloatArray) -> FloatArray:
+    """Return the median of 5×5 pixels around each."""
+    return cv2.medianBlur(np.asarray(picture, dtype=np.float32), 5).astype(np.float64)
 
 
 def load_tetra3rs() -> Any:

@@ -14,6 +14,7 @@ from scipy.spatial import KDTree
 
 from calibration.stars.star_images import StarImages, load_tetra3rs
 from groundstation.arrays import FloatArray, IntArray
+from groundstation.errors import InputError
 from groundstation.geometry.camera import Lens
 
 # a lens given by its maker is off by less
@@ -26,6 +27,9 @@ _MOST_PATTERNS = 300_000
 # catalogue fields for patterns, half the default: 1 s instead of 5 for a field of 11°
 _OVERSAMPLING = 20
 _FAINTEST = 9.5
+# patterns of 3° take half a minute and 0.9 GB, and the catalogue has hardly enough stars for less; a lens of more than
+# 60° is no pinhole to the solver
+LEAST_FIELD_DEG, MOST_FIELD_DEG = 3.0, 60.0
 # a star that has another so near and not so much fainter is drawn towards it
 _BLEND_SPREADS = 6.0
 _BLEND_MAG = 3.5
@@ -79,13 +83,16 @@ class StarSolver:
     ----------
     lens : as it is known, focal length to 10 %. year : Julian year of the pictures.
 
-    Raises `MissingExtraError` without tetra3rs.
+    Raises `MissingExtraError` without tetra3rs, and `InputError` for a field of view that it has no patterns for.
     """
 
     def __init__(self, lens: Lens, year: float) -> None:
         tetra3rs = load_tetra3rs()
         self._lens = lens
         self._field_deg = field_of_view_deg(lens)
+        if not LEAST_FIELD_DEG <= self._field_deg <= MOST_FIELD_DEG:
+            got = f"a field of view of {self._field_deg:.3g} deg"
+            raise InputError("stars", got=got, wanted=f"{LEAST_FIELD_DEG:g} to {MOST_FIELD_DEG:g} deg")
         self._camera = tetra3rs.CameraModel(float(lens.focal_px.mean()), *(int(n) for n in lens.image_size_px))
         # stars move by less than a tenth of an arc second in a tenth of a year
         self._database, self._catalogue = _load_catalogue(round(self._field_deg, 3), round(year, 1))

@@ -69,6 +69,9 @@ def add_stars(kinds: Commands) -> None:
         metavar="PAN,PAN,TILT,TILT",
         help="lowest and highest readings, deg (-60,60,5,55)",
     )
+    parser.add_argument(
+        "--rate", type=positive_number, default=5.0, metavar="DEG_S", help="speed of the heads, deg/s (5)"
+    )
     parser.add_argument("--free", default="", metavar="LIST", help="find only these")
     parser.add_argument(
         "--clock-sigma", type=positive_number, metavar="S", help="1 sigma of the stamps, all together, s (0.1)"
@@ -186,7 +189,7 @@ def _take(options: argparse.Namespace, rig: "Rig", site: "ObservingSite") -> Pat
         unopened = SightingStation(
             options.station_file,
             name,
-            rate_rad_s=None,
+            rate_rad_s=math.radians(options.rate),
             tell=lambda event, name=name: (
                 warn(f"{name}: camera: {event.text}")  # type: ignore[misc]
                 if event.kind not in ("opened", "ended")

@@ -76,6 +76,9 @@ class SightingStation:
         self.senses = (0, 0)
         """The last direction of motion of pan and tilt, 1 or -1; 0 before the first."""
         asked = {key: value for key, value in (("exposure_s", exposure_s), ("gain", gain)) if value is not None}
+        if devices[name].camera.startswith("file:"):
+            # pictures that have been taken
+            asked = {}
         self._devices: StationDevices = replace(
             devices[name], camera_settings={**devices[name].camera_settings, **asked}
         )

@@ -160,3 +160,33 @@ def test_one_pair_of_readings_converts_like_many_and_is_invertible() -> None:
     np.testing.assert_allclose(one, axes.angles_many(readings, senses)[0], rtol=1e-14)
     np.testing.assert_allclose(one, [1.3 * 1.004 + 0.01 - 0.001, -0.4 * 0.997 - 0.02], rtol=1e-14)
     np.testing.assert_allclose(axes.readings(*one, 1.0, -1.0), (1.3, -0.4), rtol=1e-14)
+
+
+@given(
+    pan=st.floats(-3.0, 3.0),
+    tilt=st.floats(-1.5, 1.5),
+    sine=st.floats(-0.03, 0.03),
+    cosine=st.floats(-0.03, 0.03),
+    sag=st.floats(-0.03, 0.03),
+)
+def test_periodic_errors_and_sag_are_invertible_and_vanish_at_zero(pan, tilt, sine, cosine, sag) -> None:
+    axes = PtuAxes(pan_scale=0.004, pan_sine_rad=sine, pan_cosine_rad=cosine, tilt_sag_rad=sag)
+    one = axes.angles(pan, tilt, 0.0, 0.0)
+    np.testing.assert_allclose(axes.readings(*one, 0.0, 0.0), (pan, tilt), rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(one, axes.angles_many(np.array([[pan, tilt]]), np.zeros((1, 2)))[0], atol=1e-14)
+    assert one[0] == pytest.approx(1.004 * pan + sine * np.sin(pan) + cosine * (np.cos(pan) - 1.0), abs=1e-14)
+    assert one[1] == pytest.approx(tilt + sag * (1.0 - np.cos(tilt)), abs=1e-14)
+    assert axes.angles(0.0, 0.0, 0.0, 0.0) == (0.0, 0.0)
+
+
+def test_rig_file_keeps_periodic_errors_and_refuses_large_ones(leaning, landing_1, tmp_path) -> None:
+    axes = PtuAxes(pan_sine_rad=1e-4, pan_cosine_rad=-2e-4, tilt_sag_rad=3e-4)
+    assert not axes.is_ideal_apart_from_lean
+    path = tmp_path / "rig.toml"
+    path.write_text(rig_to_toml(replace(leaning, stations=(replace(leaning["left"], ptu_axes=axes), leaning["right"]))))
+    back = load_rig(path)["left"].ptu_axes
+    for name in ("pan_sine_rad", "pan_cosine_rad", "tilt_sag_rad"):
+        assert getattr(back, name) == pytest.approx(getattr(axes, name), rel=1e-11)
+    path.write_text((landing_1 / "rig.toml").read_text() + "ptu_axes = { tilt_sag_deg = 3 }\n")
+    with pytest.raises(RigError, match="tilt_sag_deg"):
+        load_rig(path)

@@ -11,7 +11,7 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import rotation_from_vector, rotation_x, wxyz_from_matrix
 from groundstation.rig.ptu_axes import PtuAxes
-from groundstation.rig.rig import ClockModel, Rig, Station
+from groundstation.rig.rig import PARTS, ClockModel, Rig, Station
 
 # evenings of a year at a place in central Europe
 _FIRST_UTC_S = 1_767_290_400.0
@@ -177,6 +177,7 @@ def _with_errors(station: Station, errors: NightErrors, random: np.random.Genera
     )
     return replace(
         station,
+        known=PARTS,
         runway_from_base_wxyz=wxyz_from_matrix(base),
         head_from_camera_wxyz=wxyz_from_matrix(camera),
         lens=lens,

@@ -20,6 +20,19 @@ from tests.calibration.stars.nights import calibrated, night, pictures
 SEEDS = (0, 1, 2)
 
 
+def test_every_derivative_has_its_numeric_twin(rng: np.random.Generator) -> None:
+    problem = calibrated(0).joint.nights[0].fit.problem
+    scale = problem.step_scale
+    at = 0.1 * scale * rng.normal(size=len(scale))
+    jacobian = problem.predict(at).jacobian
+    for k, name in enumerate(problem.names):
+        d = np.zeros(len(scale))
+        d[k] = 1e-3 * scale[k]
+        numeric = (problem.predict(at + d).pixel_px - problem.predict(at - d).pixel_px) / (2.0 * d[k])
+        size = max(1.0, float(np.abs(numeric).max()))
+        np.testing.assert_allclose(jacobian[:, :, k] / size, numeric / size, atol=2e-4, err_msg=name)
+
+
 def test_parameters_err_as_their_covariance_says() -> None:
     """Expected: NEES of all parameters of six heads within the 99.9 % bounds of its χ²."""
     scores = [score_night(calibrated(seed), night(seed)) for seed in SEEDS]
