@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.landmarks.check import EFFECT_RANGE_M, Check, StationMovement
+from calibration.landmarks.check_history import PastCheck, history_picture
 from calibration.landmarks.check_pictures import check_pictures
 from calibration.landmarks.survey_report import rejected
 from calibration.report.picture import write_page
@@ -90,9 +91,13 @@ def table_rows(check: Check) -> list[tuple[str, ...]]:
     ]
 
 
-def write_check_report(folder: Path, check: Check, alarm_deg: float, decision: str, name: str) -> list[Path]:
+def write_check_report(
+    folder: Path, check: Check, alarm_deg: float, decision: str, name: str, history: tuple[PastCheck, ...] = ()
+) -> list[Path]:
     """Write report.html and its pictures into ``folder``, created if missing; returns the written files."""
     pictures = check_pictures(check, alarm_deg)
+    drift = history_picture(history)
+    pictures += [] if drift is None else [drift]
     figures = [png_figure(p.title, p.caption, p.png) for p in pictures]
     body = "\n".join(
         [

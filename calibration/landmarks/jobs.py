@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibration.landmarks.check import Check, solve_check
+from calibration.landmarks.check_history import read_history
 from calibration.landmarks.check_record import append_record, check_record, record_path
 from calibration.landmarks.check_reference import (
     ComparisonTable,
@@ -69,7 +70,8 @@ def run_survey(request: SurveyRequest) -> SurveyDone:
 class CheckRequest:
     """Options of a check; ``out`` None refuses a moved rig, a path corrects it.
 
-    Without a ``reference`` the survey's table next to the rig is used, if it exists; ``none`` uses none.
+    Without a ``reference`` the survey's table next to the rig is used, if it exists; ``none`` uses none. ``keep`` False
+    does not put the sightings next to the corrected rig: they are no table that another day can be compared with.
     """
 
     sightings: Path
@@ -80,6 +82,7 @@ class CheckRequest:
     record: Path | None = None
     report: Path | None = None
     alarm_deg: float = 0.01
+    keep: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,11 +139,13 @@ def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
         written.append(request.out)
         # a movement is observed by the new sightings only
         table = request.sightings if check.moved or reference.path is None else reference.path
-        written.append(keep_reference(table, request.out))
+        if request.keep:
+            written.append(keep_reference(table, request.out))
     append_record(record, check_record(files, sightings, check, word, decision))
     if request.report is not None:
         name = request.sightings.stem
-        written += write_check_report(request.report, check, request.alarm_deg, decision, name)
+        history = read_history(record)
+        written += write_check_report(request.report, check, request.alarm_deg, decision, name, history)
     first = [reference.note] if opinion is None else [reference.note, opinion.text]
     text = "\n".join([*first, format_check(check, request.alarm_deg, decision)])
     return CheckDone(check=check, text=text, good=word != "refused", written=(*written, record))

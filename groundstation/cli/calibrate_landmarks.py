@@ -1,11 +1,15 @@
 """The command line of what is calibrated on landmarks: `groundstation calibrate survey` and `check`."""
 
 import argparse
+import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from groundstation.cli.command_arguments import Commands, Run, add_calibrated_rig, add_command, add_report, print_files
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
+from groundstation.cli.progress import ProgressLine
+from groundstation.errors import UsageError
 
 if TYPE_CHECKING:
     from calibration.landmarks.jobs import ComparisonOutcome
@@ -35,6 +39,7 @@ _CHECK_MORE = """examples:
   groundstation calibrate check today.csv --landmarks landmarks.csv --rig rig.toml
   groundstation calibrate check today.csv --landmarks landmarks.csv \\
       --rig rig.toml --out today.toml
+  groundstation calibrate check --stars tonight/ --site field.toml --rig stars.toml
 
 how: from each station aim at the landmarks (the runway's corners will do) and
 note 40 or more rows at each, six landmarks better than two. They are compared
@@ -42,6 +47,7 @@ with the sightings of the survey, which it has kept next to the rig (rig.toml ha
 rig.sightings.csv), or with another such table, --reference: errors of the
 landmarks' coordinates then do not matter, and six times 40 rows find 0.01 deg
 about any axis. Without any (--reference none) only 0.03 deg or so are seen.
+--stars compares with the sky, by pictures as calibrate stars takes them.
 False alarms: at most 1 in 100 checks, over all stations and axes together.
 Without --out, a mount that moved is refused; with it, a corrected rig is
 written. Every check adds a line to the record.
@@ -62,7 +68,12 @@ def add_landmark_kinds(kinds: Commands) -> None:
     )
     survey.add_argument("--free", default="", metavar="LIST", help="find these as well")
     add_calibrated_rig(survey)
-    check = _add(kinds, "check", run_calibrate_check, "before a session: has a mount moved?", _CHECK, _CHECK_MORE)
+    check = add_command(
+        kinds, "check", run_calibrate_check, "before a session: has a mount moved?", _CHECK, _CHECK_MORE
+    )
+    _add_tables(check, required=False)
+    check.add_argument("--stars", type=READ, metavar="DIR", help="pictures of the stars with pictures.csv, for tables")
+    check.add_argument("--site", type=READ, metavar="FILE", help="with --stars: a file with [origin]")
     check.add_argument(
         "--out", type=WRITTEN_FILE, metavar="FILE", help="write the rig there, corrected where mounts moved"
     )
@@ -96,10 +107,17 @@ def add_landmark_kinds(kinds: Commands) -> None:
 
 def _add(kinds: Commands, name: str, run: Run, summary: str, description: str, more: str) -> argparse.ArgumentParser:
     parser = add_command(kinds, name, run, summary, description, more)
-    parser.add_argument("sightings", type=READ, metavar="SIGHTINGS", help="table of what was seen: sightings.csv")
-    parser.add_argument("--landmarks", type=READ, required=True, metavar="FILE", help="table of the landmarks")
-    parser.add_argument("--rig", type=READ, required=True, metavar="FILE", help="the rig file")
+    _add_tables(parser, required=True)
     return parser
+
+
+def _add_tables(parser: argparse.ArgumentParser, *, required: bool) -> None:
+    many = None if required else "?"
+    parser.add_argument(
+        "sightings", type=READ, nargs=many, metavar="SIGHTINGS", help="table of what was seen: sightings.csv"
+    )
+    parser.add_argument("--landmarks", type=READ, required=required, metavar="FILE", help="table of the landmarks")
+    parser.add_argument("--rig", type=READ, required=True, metavar="FILE", help="the rig file")
 
 
 def run_calibrate_survey(options: argparse.Namespace) -> int:
@@ -126,26 +144,55 @@ def run_calibrate_check(options: argparse.Namespace) -> int:
     """Check, print the verdict; 1 where the rig is refused."""
     from calibration.landmarks.jobs import CheckRequest, run_check
 
+    sightings, landmarks = _check_tables(options)
     names = None if options.runway is None else [name.strip() for name in options.runway.split(",")]
 
     def ask(rig: "Rig", seen: "Sequence[LandmarkSighting]", marks: "Mapping[str, Landmark]") -> "ComparisonOutcome":
         from groundstation.cli.calibrate_runway import ask_runway
 
-        return ask_runway(rig, seen, marks, names or (), options.sightings)
+        return ask_runway(rig, seen, marks, names or (), sightings)
 
     done = run_check(
         CheckRequest(
-            sightings=options.sightings,
-            landmarks=options.landmarks,
+            sightings=sightings,
+            landmarks=landmarks,
             rig=options.rig,
             out=options.out,
-            reference=options.reference,
+            reference=options.reference if options.stars is None else Path("none"),
             record=options.record,
             report=options.report,
             alarm_deg=options.alarm_deg,
+            keep=options.stars is None,
         ),
         None if names is None else ask,
     )
     print(done.text)
     print_files(done.written)
     return 0 if done.good else 1
+
+
+def _check_tables(options: argparse.Namespace) -> tuple[Path, Path]:
+    """Return the tables of sightings and landmarks; of --stars those of its pictures, written next to them."""
+    if options.stars is None:
+        if options.sightings is None or options.landmarks is None or options.site is not None:
+            wanted = "SIGHTINGS and --landmarks, or --stars and --site"
+            raise UsageError("calibrate check", got="some of the tables", wanted=wanted)
+        return options.sightings, options.landmarks
+    if options.sightings is not None or options.landmarks is not None or options.reference is not None:
+        raise UsageError("--stars", got="tables as well", wanted="one of them")
+    if options.site is None:
+        raise UsageError("--stars", got="no --site", wanted="a file with [origin], as the station file is")
+    from calibration.stars.calibrate import CLOCK_SIGMA_S, sky_uncertainty
+    from calibration.stars.night import read_night
+    from calibration.stars.night_landmarks import write_night_tables
+    from calibration.stars.site_file import read_site
+    from groundstation.rig.rig import load_rig
+
+    rig, site = load_rig(options.rig), read_site(options.site)
+    with ProgressLine(sys.stderr, "stars", "picture") as line:
+        pictures = read_night(options.stars, rig, line.update)
+    uncertain = sky_uncertainty(site, CLOCK_SIGMA_S, each_clock=False)
+    tables = write_night_tables(options.stars, rig, pictures, site, uncertain)
+    for text in tables.without:
+        print(f"not used: {text}")
+    return tables.sightings, tables.landmarks

@@ -226,6 +226,10 @@ def _pose(folder: Path, rng: np.random.Generator) -> None:
     (folder / "corners.csv").write_text("\n".join(rows) + "\n")
 
 
+def _stars(folder: Path, rng: np.random.Generator) -> None:
+    folder.mkdir(parents=True)
+
+
 def _nose(folder: Path, rng: np.random.Generator) -> None:
     video, *_ = render_flight(folder, 0, 1, frames=2)
     video.rename(folder / "nose.mp4")
@@ -248,4 +252,5 @@ _MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
     "runs": _runs,
     "pose": _pose,
     "nose": _nose,
+    "stars": _stars,
 }

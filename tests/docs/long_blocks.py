@@ -16,6 +16,7 @@ LONG = (
     ("airstrip.md", "groundstation plan docs/site-example.toml"),
     ("airstrip.md", "groundstation replay flights/2025-06-21T10-30-00Z/flight.mcap"),
     ("calibration.md", "groundstation calibrate flight session --out rig.toml"),
+    ("calibration.md", "groundstation simulate --out night --night 6"),
     ("first-flight.md", "groundstation live --simulate"),
     ("first-flight.md", "groundstation replay out/live/flight.mcap"),
     ("live.md", "groundstation live --simulate --out out/live --for 60 --web"),

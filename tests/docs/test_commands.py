@@ -42,6 +42,10 @@ NOT_RUN = {
     ("bank.md", "groundstation bank validate.toml --out out/validate"): (
         "renders and replays for hours; tests/bank/test_bank_command.py"
     ),
+    ("calibration.md", "pip install 'groundstation[stars]'"): "installs",
+    ("calibration.md", "groundstation calibrate stars field.toml"): (
+        "wants heads under a night sky; tests/calibration/stars/test_stars_command.py"
+    ),
     ("calibration.md", "groundstation calibrate sightings field.toml left"): (
         "wants cameras and units; tests/calibration/landmarks/test_sightings_command.py"
     ),
