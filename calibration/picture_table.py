@@ -12,8 +12,9 @@ from groundstation.files.toml_table import quoted
 from groundstation.rig.rig import Rig
 
 PICTURE_COLUMNS = ("file", "station", "pan_deg", "tilt_deg")
-TIME_COLUMN = "t_utc_s"
+TIME_COLUMN, READINGS_COLUMN = "t_utc_s", "readings"
 MAX_PICTURES = 10_000
+MAX_READINGS = 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +26,7 @@ class ListedPicture:
     file : below the table's folder. station : a name of the rig.
     reading_deg : pan and tilt as read; ``sense`` the last direction of motion of each, +1, −1 or 0.
     utc_s : Unix time of the mid-exposure; NaN where the table has no times.
+    readings : how many readings the angles are the mean of.
     line : of the table.
     """
 
@@ -33,6 +35,7 @@ class ListedPicture:
     reading_deg: tuple[float, float]
     sense: tuple[int, int]
     utc_s: float
+    readings: int
     line: int
 
 
@@ -79,5 +82,16 @@ def _item(table: CsvTable, row: Row, rig: Rig, last: dict[str, ListedPicture], t
         reading_deg=reading,
         sense=(senses[0], senses[1]),
         utc_s=table.number(row, TIME_COLUMN) if timed else float("nan"),
+        readings=_readings(table, row),
         line=row.line,
     )
+
+
+def _readings(table: CsvTable, row: Row) -> int:
+    """Return the number of readings that a row's angles are the mean of, 1 unless stated."""
+    count = table.optional_number(row, READINGS_COLUMN) if READINGS_COLUMN in table.columns else None
+    if count is None:
+        return 1
+    if not 1.0 <= count <= MAX_READINGS or count != int(count):
+        raise table.fault(row.line, got=f"readings = {count:g}", wanted=f"a whole number from 1 to {MAX_READINGS}")
+    return int(count)

@@ -25,10 +25,13 @@ def whitened(problem: MountProblem, sought: PredictedSightings, kept: MaskArray)
     off = (sought.pixel_px - seen.pixel_px)[own, :, None]
     both = np.concatenate([off, sought.jacobian[own], sought.by_angle[own]], axis=2)
     white = (both / seen.sigma_px[own, None, None]).reshape(2 * len(own), -1)
-    # errors of a reading, then of a standstill: each of rank two among the rows that share it
-    for number, variance in ((seen.pointing, fleeting), (problem.stand, lasting)):
+    # errors of a reading, then of a standstill: each of rank two among the rows that share it. Of the mean of several
+    # readings the first is smaller, as if the angles acted less
+    averaged = np.ones(len(own)) if seen.readings is None else seen.readings[own] ** -0.5
+    for number, variance, share in ((seen.pointing, fleeting, averaged), (problem.stand, lasting, None)):
         if variance > 0.0:
-            white = with_shared_error(white, white[:, -2:], np.repeat(number[own], 2), variance)
+            acting = white[:, -2:] if share is None else white[:, -2:] * np.repeat(share, 2)[:, None]
+            white = with_shared_error(white, acting, np.repeat(number[own], 2), variance)
             own = own[np.argsort(number[own], kind="stable")]
     return Linearisation(residual=white[:, 0], jacobian=white[:, 1:-2])
 

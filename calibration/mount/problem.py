@@ -188,6 +188,7 @@ class MountSightings:
     pointing : (n,) number of the reading: sightings of one share all of its errors.
     mark : (n,) number of the mark; ``body_m`` (n, 3) the point of a board, the direction to a star, otherwise zero.
     label : (n,) its origin, for the user.
+    readings : (n,) how many readings ``reading_rad`` is the mean of; None: one.
     """
 
     reading_rad: FloatArray
@@ -198,6 +199,7 @@ class MountSightings:
     mark: IntArray
     body_m: FloatArray
     label: tuple[str, ...]
+    readings: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.pixel_px)
@@ -213,6 +215,7 @@ class MountSightings:
             mark=self.mark[mask],
             body_m=self.body_m[mask],
             label=tuple(text for text, kept in zip(self.label, mask, strict=True) if kept),
+            readings=None if self.readings is None else self.readings[mask],
         )
 
 

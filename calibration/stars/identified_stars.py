@@ -143,6 +143,7 @@ def sightings_of(
         pointing=number,
         mark=number if uncertain.each_clock else np.zeros(len(number), dtype=np.int64),
         body_m=np.concatenate([one.towards for one in found]),
+        readings=np.array([one.picture.readings for one in found], dtype=np.float64)[number],
         label=tuple(f"{one.picture.label}: star {n}" for one in found for n in one.stars.number.tolist()),
     )
     return seen, marks

@@ -31,6 +31,7 @@ class StarPicture:
     reading_rad : (2,) pan and tilt as read; ``sense`` (2,) the last direction of motion of each.
     utc_s : Unix time of the mid-exposure.
     seen : its stars.
+    readings : how many readings the angles are the mean of.
     """
 
     label: str
@@ -39,6 +40,7 @@ class StarPicture:
     sense: FloatArray
     utc_s: float
     seen: StarImages
+    readings: int = 1
 
 
 def read_night(
@@ -64,6 +66,7 @@ def read_night(
                 sense=np.array(item.sense, dtype=np.float64),
                 utc_s=item.utc_s,
                 seen=seen,
+                readings=item.readings,
             )
         )
     return {name: tuple(pictures) for name, pictures in found.items()}

@@ -7,7 +7,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from calibration.picture_table import PICTURE_COLUMNS, TIME_COLUMN
+from calibration.picture_table import PICTURE_COLUMNS, READINGS_COLUMN, TIME_COLUMN
 from calibration.stars.pointing_plan import Pointing
 from groundstation.errors import InputError
 from groundstation.files.whole_file import write_whole
@@ -16,7 +16,9 @@ from ptu_drivers.monitor import MoveResult, format_moved
 
 # farther off than this, a move is told
 _ARRIVED_RAD = float(np.radians(0.1))
-COLUMNS = (*PICTURE_COLUMNS, TIME_COLUMN, "pan_from", "tilt_from")
+COLUMNS = (*PICTURE_COLUMNS, TIME_COLUMN, READINGS_COLUMN, "pan_from", "tilt_from")
+# of a picture: their mean is better than the encoder's noise, not than its step
+READINGS = 25
 
 
 class TurningCamera(Protocol):
@@ -50,8 +52,9 @@ class NightFolder:
         """Save one picture and its row; returns the file's name. Raises `InputError` where it cannot be written."""
         name = f"{station}-{sum(row.split(',')[1] == station for row in self._rows):03d}.png"
         grey = taken.image if taken.image.ndim == 2 else cv2.cvtColor(taken.image, cv2.COLOR_BGR2GRAY)
-        pan, tilt = np.degrees(taken.angles_rad).tolist()
-        row = f"{name},{station},{pan:.6f},{tilt:.6f},{taken.t_s:.3f},{pointing.pan_from},{pointing.tilt_from}"
+        pan, tilt = np.degrees(taken.mean_rad).tolist()
+        came = f"{pointing.pan_from},{pointing.tilt_from}"
+        row = f"{name},{station},{pan:.6f},{tilt:.6f},{taken.t_s:.3f},{READINGS},{came}"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             write_whole(self.folder / name, cv2.imencode(".png", grey)[1].tobytes())
@@ -74,7 +77,7 @@ def take_pictures(
                 # lines of each move would hide the pictures' own
                 if abs(moved.reached_rad - moved.wanted_rad) > _ARRIVED_RAD:
                     tell(format_moved(moved))
-        taken = next(iter(station.pictures(1, 3)))
+        taken = next(iter(station.pictures(1, READINGS)))
         name = night.add(station.name, pointing, taken)
         at = f"pan {pointing.pan_deg:g}, tilt {pointing.tilt_deg:g}"
         tell(f"{station.name}: {number + 1} of {len(plan)}, {at}: {name}")

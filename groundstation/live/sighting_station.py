@@ -35,12 +35,13 @@ class StandingPicture:
     """A picture (h, w, 3) BGR taken while the head stood.
 
     ``t_s`` is its mid-exposure in Unix time, ``angles_rad`` (2,) pan and tilt as the encoder reads them, the median of
-    the readings around it; zero of a fixed station.
+    the readings around it, ``mean_rad`` (2,) their mean; zero of a fixed station.
     """
 
     t_s: float
     image: ImageArray
     angles_rad: FloatArray
+    mean_rad: FloatArray
 
 
 class SightingStation:
@@ -151,7 +152,10 @@ class SightingStation:
         angles = np.array(read)
         self._require_standing(angles)
         return StandingPicture(
-            t_s=frame.t_s + self._utc_zero_s, image=frame.picture.whole(), angles_rad=np.median(angles, axis=0)
+            t_s=frame.t_s + self._utc_zero_s,
+            image=frame.picture.whole(),
+            angles_rad=np.median(angles, axis=0),
+            mean_rad=angles.mean(axis=0),
         )
 
     def _require_standing(self, angles: FloatArray) -> None:

@@ -21,6 +21,8 @@ _HALF_RANGE_DEG = 60.0
 _TILT_DEG = (0.0, 58.0)
 _PICTURE_EACH_S = 12.0
 _MOST_DAYS = 40
+# of a picture: half a second at 50 Hz
+READINGS = 25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +48,10 @@ class NightErrors:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NightPicture:
-    """One exposure: the encoder's reading (2,), rad, the true angles (2,), rad, and the stamp, Unix time."""
+    """One exposure: the mean of ``readings`` (2,), rad, the true angles (2,), rad, and the stamp, Unix time."""
 
     pointing: Pointing
+    readings: int
     reading_rad: FloatArray
     angles_rad: FloatArray
     utc_s: float
@@ -79,8 +82,12 @@ def draw_night(
     errors: NightErrors = NightErrors(),
     step_deg: float = 0.00625,
     fov_deg: float = 10.96,
+    true_rig: Rig | None = None,
 ) -> DrawnNight:
-    """Draw a night: ``pointings`` of each of two heads with encoder steps of ``step_deg``."""
+    """Draw a night: ``pointings`` of each of two heads with encoder steps of ``step_deg``.
+
+    With ``true_rig`` its stations are those heads, known before but for their orientation.
+    """
     random = np.random.default_rng([seed, 0x57A2])
     site = ObservingSite(
         lat_deg=float(random.uniform(30.0, 60.0)),
@@ -92,14 +99,16 @@ def draw_night(
     )
     sky = SkyOverSite(site)
     start_s = _dark_evening(sky, random)
-    known = Rig(stations=tuple(_station(name, x, fov_deg, step_deg) for name, x in _places()))
-    true = replace(known, stations=tuple(_with_errors(s, errors, random) for s in known.stations))
+    if true_rig is None:
+        known = Rig(stations=tuple(_station(name, x, fov_deg, step_deg) for name, x in _places()))
+        true = replace(known, stations=tuple(_with_errors(s, errors, random) for s in known.stations))
+    else:
+        known, true = replace(true_rig, stations=tuple(map(_disoriented, true_rig.stations))), true_rig
     moon = sky.body("moon", start_s)
-    pictures = {}
     within = HeadRange(pan_deg=(-_HALF_RANGE_DEG, _HALF_RANGE_DEG), tilt_deg=_TILT_DEG)
+    pictures = {}
     for station, true_station in zip(known.stations, true.stations, strict=True):
         plan = plan_pointings(station, within, pointings, moon if moon[2] > 0.0 else None)
-        # heads turn a little differently each night
         pictures[station.name] = _take(plan, true_station, start_s, random)
     return DrawnNight(
         site=site,
@@ -108,6 +117,18 @@ def draw_night(
         pictures=pictures,
         clock_s=float(random.normal(0.0, errors.clock_s)),
         refraction=float(random.normal(0.0, errors.refraction)),
+    )
+
+
+def _disoriented(station: Station) -> Station:
+    """Return a station of which position and lens are known."""
+    return replace(
+        station,
+        known=("position", "lens"),
+        runway_from_base_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        head_from_camera_wxyz=np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0]),
+        covariance_parameters=(),
+        covariance=np.zeros((0, 0)),
     )
 
 
@@ -193,11 +214,15 @@ def _take(
     taken = []
     for k, pointing in enumerate(plan):
         stands = np.radians([pointing.pan_deg, pointing.tilt_deg]) + random.uniform(-0.5, 0.5, 2) * np.radians(0.1)
-        reading = np.round(stands / step) * step
+        # an encoder without noise reads the same again
+        count = READINGS if station.ptu_sigma_rad > 0.0 else 1
+        noise = station.ptu_sigma_rad * random.normal(size=(count, 2)) if count > 1 else np.zeros((1, 2))
+        reading = (np.round((stands + noise) / step) * step).mean(axis=0)
         angles = station.ptu_axes.angles(float(stands[0]), float(stands[1]), pointing.pan_from, pointing.tilt_from)
         taken.append(
             NightPicture(
                 pointing=pointing,
+                readings=count,
                 reading_rad=reading,
                 angles_rad=np.array(angles),
                 utc_s=start_s + _PICTURE_EACH_S * k,

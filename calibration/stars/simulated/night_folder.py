@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from calibration.mount.problem import changed_sky
-from calibration.picture_table import PICTURE_COLUMNS, TIME_COLUMN
+from calibration.picture_table import PICTURE_COLUMNS, READINGS_COLUMN, TIME_COLUMN
 from calibration.stars.identified_stars import expected_pixels
 from calibration.stars.simulated.night_draw import DrawnNight
 from calibration.stars.simulated.observed_night import night_solver
@@ -27,7 +27,7 @@ def write_night(
     """Write pictures.csv and the pictures, rig.toml, site.toml and truth.toml (the true rig) into a new folder."""
     folder.mkdir(parents=True, exist_ok=True)
     random, sky, solver = np.random.default_rng([seed, 0xF01D]), SkyOverSite(night.site), night_solver(night)
-    rows = [",".join([*PICTURE_COLUMNS, TIME_COLUMN, "pan_from", "tilt_from"])]
+    rows = [",".join([*PICTURE_COLUMNS, TIME_COLUMN, READINGS_COLUMN, "pan_from", "tilt_from"])]
     total = sum(len(own) for own in night.pictures.values())
     for station in night.true_rig.stations:
         hot = hot_pixel_map(station.lens.image_size_px, random)
@@ -47,6 +47,7 @@ def write_night(
             way = picture.pointing
             rows.append(
                 f"{name},{station.name},{degrees[0]:.5f},{degrees[1]:.5f},{picture.utc_s:.3f},"
+                f"{picture.readings},"
                 f"{way.pan_from},{way.tilt_from}"
             )
     write_whole(folder / "pictures.csv", "\n".join(rows) + "\n")

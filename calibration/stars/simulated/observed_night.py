@@ -32,6 +32,7 @@ def observed_night(night: DrawnNight, seed: int, solver: StarSolver) -> dict[str
                     sense=np.array([way.pan_from, way.tilt_from], dtype=np.float64),
                     utc_s=picture.utc_s,
                     seen=seen_stars(field, station, random),
+                    readings=picture.readings,
                 )
             )
         found[station.name] = tuple(seen)
