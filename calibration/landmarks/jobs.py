@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from calibration.landmarks.check import Check, solve_check
 from calibration.landmarks.check_history import read_history
 from calibration.landmarks.check_record import append_record, check_record, record_path
@@ -29,7 +31,10 @@ from groundstation.rig.rig_toml import rig_to_toml
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurveyRequest:
-    """Options of a survey; ``free`` is the list of --free, ``report`` a folder or None."""
+    """Options of a survey; ``free`` is the list of --free, ``report`` a folder or None.
+
+    ``heading_sigma_deg`` : the heads stand as the rig has them but for a common heading; None: orientations are found.
+    """
 
     sightings: Path
     landmarks: Path
@@ -37,6 +42,7 @@ class SurveyRequest:
     out: Path
     free: str = ""
     report: Path | None = None
+    heading_sigma_deg: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,7 +62,8 @@ def run_survey(request: SurveyRequest) -> SurveyDone:
     refuse_keeping_onto(request.out, (request.landmarks, request.rig))
     rig = load_rig(request.rig)
     sightings, landmarks = read_sightings(request.sightings), read_landmarks(request.landmarks)
-    survey = solve_survey(rig, sightings, landmarks, words, request.sightings)
+    heading = None if request.heading_sigma_deg is None else float(np.radians(request.heading_sigma_deg))
+    survey = solve_survey(rig, sightings, landmarks, words, request.sightings, heading)
     text = format_survey(survey)
     header = rig_header(survey, request.sightings.name, request.landmarks.name)
     _write(request.out, header + rig_to_toml(survey.rig))

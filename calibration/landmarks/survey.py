@@ -59,8 +59,13 @@ def solve_survey(
     landmarks: Mapping[str, Landmark],
     words: Sequence[str] = (),
     path: Path = Path("sightings.csv"),
+    heading_sigma_rad: float | None = None,
 ) -> Survey:
     """Estimate the orientation of each station with sightings, and its position within the rig's covariance.
+
+    With ``heading_sigma_rad`` the heads stand as the rig has them, as after a calibration by stars: its orientations
+    with their covariance count as much as the sightings, but for a heading of that sigma which all stations share,
+    between true north and the frame of the landmarks.
 
     Raises `InputError` for a faulty table, `LandmarkFitError` where the landmarks are insufficient; both in one line.
     """
@@ -73,12 +78,20 @@ def solve_survey(
     observed = [gather_observations(sightings, stations[name], places) for name in names]
     before = prior_covariance(rig, names, words)
     started = found_stations(stations, observed, seen, before)
+    oriented: tuple[str, ...] = ()
+    if heading_sigma_rad is not None:
+        rig.require_known(("orientation",))
+        before = with_orientations(rig, names, before, heading_sigma_rad)
+        oriented = tuple(before.names)
+        # the covariance is about the rig's own orientations
+        started = {n: replace(s, runway_from_base_wxyz=rig[n].runway_from_base_wxyz) for n, s in started.items()}
     free = [
         f"{name}.{group}.{axis}"
         for name in names
         for group, part in (("runway_from_base", "orientation"), ("ptu_position", "position"))
         for axis in AXES
         if part == "orientation" or part not in stations[name].known
+        if f"{name}.{group}.{axis}" not in oriented
     ]
     fit = solve_landmarks(pose_problem(started, observed, seen, free, before))
     require_determined(fit, stations)
@@ -140,6 +153,28 @@ def prior_covariance(rig: Rig, names: Sequence[str], words: Sequence[str]) -> Pa
     joint[:n, :n] = matrix
     joint[n:, n:] = np.diag(np.square(list(more.values())))
     return ParameterCovariance(names=(*found, *more), matrix=joint)
+
+
+def with_orientations(
+    rig: Rig, names: Sequence[str], before: ParameterCovariance, heading_sigma_rad: float
+) -> ParameterCovariance:
+    """Return a prior with the stations' orientations as the rig states them, and a heading that all share.
+
+    An orientation of which the rig states no covariance is as certain as a mount that settles.
+    """
+    known = rig.calibration_covariance()
+    bases = [f"{name}.runway_from_base.{axis}" for name in names for axis in AXES]
+    every = [*before.names, *bases]
+    matrix = np.zeros((len(every), len(every)))
+    stated = [k for k, name in enumerate(every) if name in known.names]
+    rows = [known.names.index(every[k]) for k in stated]
+    matrix[np.ix_(stated, stated)] = known.matrix[np.ix_(rows, rows)]
+    n = len(before.names)
+    matrix[:n, :n] = before.matrix
+    matrix += floors(every) * np.array([name in bases for name in every])
+    heading = np.array([name.endswith("runway_from_base.z") for name in every], dtype=np.float64)
+    matrix += heading_sigma_rad**2 * np.outer(heading, heading)
+    return ParameterCovariance(names=tuple(every), matrix=matrix)
 
 
 def station_observations(fit: LandmarkFit, name: str) -> list[tuple[LandmarkObservations, NDArray[np.int64]]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from groundstation.cli.command_arguments import Commands, Run, add_calibrated_rig, add_command, add_report, print_files
+from groundstation.cli.number_arguments import positive_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import UsageError
@@ -67,6 +68,13 @@ def add_landmark_kinds(kinds: Commands) -> None:
         _SURVEY_MORE,
     )
     survey.add_argument("--free", default="", metavar="LIST", help="find these as well")
+    survey.add_argument(
+        "--oriented",
+        type=positive_number,
+        metavar="DEG",
+        help="the heads stand as the rig has them (calibrate stars): its orientations and their covariance count, too, "
+        "but for a heading that all share, known to DEG",
+    )
     add_calibrated_rig(survey)
     check = add_command(
         kinds, "check", run_calibrate_check, "before a session: has a mount moved?", _CHECK, _CHECK_MORE
@@ -132,6 +140,7 @@ def run_calibrate_survey(options: argparse.Namespace) -> int:
             out=options.out,
             free=options.free,
             report=options.report,
+            heading_sigma_deg=options.oriented,
         )
     )
     print(done.text)
