@@ -46,7 +46,10 @@ def star_field(
     """Return what stands in the picture of the true station; the exposure is ``late_s`` after its stamp."""
     pan, tilt = picture.angles_rad.tolist()
     axis = station.geometry().camera_pose(pan, tilt).runway_from_camera[:, 2]
-    stars = solver.near(sky.icrs_from_runway(picture.utc_s) @ axis, float(np.radians(12.0)))
+    lens = station.lens
+    corner = np.arctan(np.linalg.norm(0.5 * np.array(lens.image_size_px) / lens.focal_px))
+    # aberration, refraction and an unknown lens
+    stars = solver.near(sky.icrs_from_runway(picture.utc_s) @ axis, float(corner + np.radians(1.5)))
     towards = sky.stars(stars.ra_rad, stars.dec_rad, picture.utc_s + late_s)
     lifted, _ = changed_sky(towards, sky.pole(), np.array([0.0, refraction]))
     pixel, inside = expected_pixels(station, (pan, tilt), lifted)
