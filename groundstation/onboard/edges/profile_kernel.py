@@ -91,7 +91,7 @@ class ExcessPrior(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _fill_steps(steps: FloatArray, blur: float, origin: int) -> None:
+def fill_steps(steps: FloatArray, blur: float, origin: int) -> None:
     """Fill the blurred pavement and ground (2, bins), the edge at bin ``origin``."""
     for i in range(steps.shape[1]):
         steps[1, i] = _under((i - origin) / blur)
@@ -99,7 +99,7 @@ def _fill_steps(steps: FloatArray, blur: float, origin: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _fill_bar(
+def fill_bar(
     shape: FloatArray, inner: float, outer: float, blur: float, origin: int, limits: NDArray[np.int64]
 ) -> None:
     """Fill a blurred bar (bins,) between its ``limits``: the first bin, and the one behind the last; none has none."""
@@ -244,10 +244,10 @@ def misfits(
     matrix, right = np.empty((size, size)), np.empty((3, size))
     lower, diagonal, y = np.zeros((size, size)), np.empty(size), np.empty(size)
     for k in range(blocks):
-        _fill_steps(steps, blurs[k], origin)
+        fill_steps(steps, blurs[k], origin)
         for n in range(layouts):
             for m in range(count):
-                _fill_bar(shapes[n, m], bars[n, m, k, 0], bars[n, m, k, 1], blurs[k], origin, limits[n, m])
+                fill_bar(shapes[n, m], bars[n, m, k, 0], bars[n, m, k, 1], blurs[k], origin, limits[n, m])
         square = _fill_colours(total[k], weight[k], colours)
         for o in range(trials):
             shift = 2 * middle - o

@@ -1,0 +1,215 @@
+"""Evidence that tells layouts of a side line and lamps apart, in one picture.
+
+Each block of rows can have any levels, so that a bright bar somewhere fits something: a side line is fitted as well by
+lamps with both edges two metres farther in, whose blocks are as bright as each other by chance. What tells them apart is
+
+- what a mark is free to fit (Occam's factor): a line is the same paint all along both edges, and its excess over the
+  pavement may only depart from a common straight trend by wear; the light of lamps may be anything in each block;
+- blocks that are outliers: as such they have a share of the likelihood of the best of all layouts, so that a layout is
+  not worth what a block alone would fit with it, with the edge elsewhere;
+- how a mark varies along the edge: a line is a line, lamps are dots with a spacing, where rows are near enough to show
+  it;
+- the width between the edges: it was announced, mostly well.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.onboard.edges.layout_kernel import bar_information
+from groundstation.onboard.edges.profile_config import ProfileConfig
+from groundstation.onboard.edges.profile_fit import (
+    EdgeProfiles,
+    Layout,
+    LayoutLevels,
+    ProfileFit,
+    best_displacement,
+    layout_levels,
+    layout_likelihoods,
+    levels_at,
+    noise_at,
+    picked_blocks,
+)
+
+DEBUG=False
+_PAINT, _LIGHT = 2, 3
+# a light's and a line's variance along the edge, over the square of their mean excess: usual values, and how far
+# (in logarithms) either is from them; the least of both
+_DOTS, _LINE, _VARIES, _LEAST_VARIANCE = 2.0, 0.2, 0.7, 0.05
+# rows of which the variance is as one observation, and how many of these count at most
+_ROWS_AS_ONE, _MOST_OBSERVED = 6.0, 6.0
+# lamps are at least so far apart, m, and are seen apart in so many rows
+_SPACING_M, _APART_ROWS = 30.0, 3.5
+# share of runways whose announced width is right, and by how much these and others are wrong (sigma, of the width)
+_RIGHT, _RIGHT_BY, _WRONG_BY = 0.7, 0.02, 0.2
+
+
+def weighed_layouts(
+    profiles: EdgeProfiles, layouts: list[Layout], offset_px: FloatArray, weight: FloatArray, config: ProfileConfig
+) -> list[ProfileFit]:
+    """Return the likelihoods of layouts with all that tells them apart but the width.
+
+    A prior with its mean at ``offset_px`` (4,) and this inverse covariance (4, 4) selects the lines about which each
+    layout's marks are looked at.
+    """
+    found = layout_levels(profiles, layouts, None, config.wide)
+    trials = found.misfit.shape[3]
+    known = np.empty((2, len(layouts), 2, found.misfit.shape[2], trials))
+    for line in range(2):
+        bar_information(profiles.weight[line], profiles.blurs[line], found.bars[line], trials, known[line])
+    misfit, along = found.misfit.copy(), np.zeros(len(layouts))
+    for k, fit in enumerate(_likelihoods(profiles, found, found.misfit, config)):
+        moved_px = best_displacement(fit, offset_px, weight).moved_px
+        for line in range(2):
+            misfit[line, k] = _judged(profiles, found, fit, (line, k), moved_px, known[line, k], known[:, k], config)
+        along[k] = _along(profiles, found, k, fit, moved_px)
+    if DEBUG: print('along',np.round(along,1))
+    fits = _likelihoods(profiles, found, misfit, config)
+    return [replace(fit, base=fit.base + float(own)) for fit, own in zip(fits, along, strict=True)]
+
+
+def width_likelihood(profiles: EdgeProfiles, moved_px: FloatArray, scale: FloatArray) -> float:
+    """Return the log-likelihood of the width between lines displaced by (4,) px outwards, 0 for the announced one.
+
+    ``scale`` (4,) px in a metre. Announced widths are mostly right, and otherwise off by a fifth.
+    """
+    prior = profiles.view.width
+    if prior is None:
+        return 0.0
+    moved_m = moved_px / scale
+    width_m = profiles.width_m + 0.5 * float(moved_m.sum())
+    return width_density(width_m, prior.announced_m, prior.scale_sigma)
+
+
+def width_density(width_m: float, announced_m: float, scale_sigma: float) -> float:
+    """Return the logarithm of how likely a width is against the announced one."""
+
+    def density(off_m: float) -> float:
+        whole = 0.0
+        for share, by in ((_RIGHT, _RIGHT_BY), (1.0 - _RIGHT, _WRONG_BY)):
+            sigma = announced_m * math.hypot(by, scale_sigma)
+            whole += share * math.exp(-0.5 * (off_m / sigma) ** 2) / sigma
+        return whole
+
+    return math.log(max(density(width_m - announced_m), 1e-300) / density(0.0))
+
+
+def _likelihoods(
+    profiles: EdgeProfiles, found: LayoutLevels, misfit: FloatArray, config: ProfileConfig
+) -> list[ProfileFit]:
+    """Return likelihoods of which an outlier's is the same for all layouts."""
+    least = np.broadcast_to(misfit.min(axis=(1, 3))[:, None, :], misfit.shape[:3])
+    return layout_likelihoods(profiles, found, misfit, least, config.values_as_one, config.layout_outlier)
+
+
+def _judged(
+    profiles: EdgeProfiles,
+    found: LayoutLevels,
+    fit: ProfileFit,
+    at: tuple[int, int],
+    moved_px: FloatArray,
+    own_known: FloatArray,
+    known: FloatArray,
+    config: ProfileConfig,
+) -> FloatArray:
+    """Return the misfits (blocks, trials) of a line and layout with what its marks are free to fit.
+
+    ``known`` (2, bars, blocks, trials): `bar_information` of both lines; of this one ``own_known``.
+    """
+    line, k = at
+    misfit, levels = found.misfit[line, k], found.levels[line, k]
+    noise = max(noise_at(fit, moved_px), 1e-9)
+    power = 0.5 * profiles.coarse * found.freedom[line] / config.values_as_one
+    picked, here = picked_blocks(fit, moved_px), levels_at(fit, moved_px)
+    there = np.take_along_axis(known, picked[:, None, :, None], axis=3)[..., 0]
+    expected, spread = _expected(here, there, config)
+    nats = np.zeros_like(misfit)
+    for bar in range(2):
+        information = own_known[bar]
+        stiffness = noise / spread[bar][:, None] ** 2
+        share = information * stiffness / (information + stiffness)
+        misfit = misfit + share * ((levels[:, :, 2 + bar] - expected[bar][:, None]) ** 2).sum(axis=2)
+        nats += 1.5 * profiles.coarse / config.values_as_one * np.log1p(information / stiffness)
+    return np.asarray(misfit * np.exp(nats / np.maximum(power, 1e-9)[:, None]))
+
+
+def _expected(
+    levels: FloatArray, known: FloatArray, config: ProfileConfig
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return the expected excess (blocks, 3) of line and lamps, and how far a block may be from it (blocks,).
+
+    A straight trend along both edges, from which the light of lamps may be farther than paint. ``levels``
+    (2, blocks, 4, 3), ``known`` (2, bars, blocks).
+    """
+    usual, spreads = [], []
+    for bar, changes in ((_PAINT, config.paint_wear), (_LIGHT, config.light_spread)):
+        usual.append(_trend(levels[:, :, bar], known[:, bar - _PAINT]))
+        spreads.append(np.hypot(config.paint_least, changes * np.abs(usual[-1]).mean(axis=1)))
+    return usual, spreads
+
+
+def _trend(excess: FloatArray, known: FloatArray) -> FloatArray:
+    """Return the straight trend (blocks, 3) of both edges' excess (2, blocks, 3), robustly; weights (2, blocks)."""
+    blocks = excess.shape[1]
+    design = np.stack([np.ones(blocks), np.linspace(-1.0, 1.0, blocks)], axis=1)
+    both, weights = np.vstack([design, design]), known.ravel() + 1e-9
+    wanted, out = excess.reshape(-1, 3), np.empty((blocks, 3))
+    grey = wanted.mean(axis=1)
+    middle = float(np.median(grey))
+    away = np.abs(grey - middle)
+    weights = weights / (1.0 + (away / (2.0 * float(np.median(away)) + 1e-6)) ** 2)
+    # the slope is known to be small: haze takes a part of the contrast along the edge
+    ridge = np.diag([0.0, 0.1 * float(weights.sum())])
+    normal = both.T @ (weights[:, None] * both) + ridge
+    out[:] = design @ np.linalg.solve(normal, both.T @ (weights[:, None] * wanted))
+    return out
+
+
+def _along(profiles: EdgeProfiles, found: LayoutLevels, k: int, fit: ProfileFit, moved_px: FloatArray) -> float:
+    """Return the log-likelihood of how a layout's only mark varies along the edges, in rows that are near enough."""
+    view, blocks = profiles.view, fit.misfit.shape[1]
+    marked = [found.bars[0, k, bar, 0, 0] < found.bars[0, k, bar, 0, 1] for bar in range(2)]
+    if view.along_m is None or marked[0] == marked[1]:
+        return 0.0
+    bar = 1 if marked[1] else 0
+    t = (np.arange(blocks) + 0.5) / blocks
+    # metres in a row grow as its distance's square: their inverse root is straight along the edge
+    along_m = (view.along_m[0] ** -0.5 * (1.0 - t) + view.along_m[1] ** -0.5 * t) ** -2
+    near = _SPACING_M / along_m >= _APART_ROWS
+    if not near.any():
+        return 0.0
+    picked, levels = picked_blocks(fit, moved_px), levels_at(fit, moved_px)[:, :, 2 + bar].mean(axis=2)
+    bins, middle = profiles.weight.shape[2], profiles.weight.shape[2] // 2
+    mean = profiles.total.sum(axis=3) / np.maximum(3.0 * profiles.weight, 1e-9)
+    varied = np.maximum(profiles.squares / np.maximum(profiles.weight, 1e-9) - mean**2, 0.0)
+    own, square, usual, rows = 0.0, 0.0, 0.0, 0.0
+    for line in range(2):
+        for block in np.flatnonzero(near):
+            inner, outer = found.bars[line, k, bar, block] + middle + picked[line, block] - fit.misfit.shape[2] // 2
+            first, last = max(round(inner), 0), min(max(round(outer), round(inner) + 1), bins)
+            seen = profiles.weight[line, block] > 0.0
+            if last <= first or not seen[first:last].all():
+                continue
+            count = float(profiles.weight[line, block, first:last].mean())
+            own += count * float(varied[line, block, first:last].mean())
+            usual += count * float(np.median(varied[line, block, seen]))
+            square += count * float(levels[line, block]) ** 2
+            rows += count
+    if rows < 2.0 or square <= 0.0:
+        return 0.0
+    return varying(own, usual, square, rows, lamps=bar == 1)
+
+
+def varying(own: float, usual: float, square: float, rows: float, *, lamps: bool) -> float:
+    """Return the log-likelihood of a mark's variance along the edge as that of lamps, or of a line.
+
+    ``own``, ``usual`` and ``square``: sums over rows of the variance in the mark, of that elsewhere, and of the
+    square of its mean excess. Where noise hides it, it says little.
+    """
+    ratio = max(own - usual, 0.0) / square + _LEAST_VARIANCE
+    hidden = math.sqrt(2.0 / rows) * usual / square / ratio
+    sigma = math.hypot(_VARIES, hidden)
+    off = (math.log(ratio) - math.log(_DOTS if lamps else _LINE)) / sigma
+    return -0.5 * off**2 * min(rows / _ROWS_AS_ONE, _MOST_OBSERVED) * (_VARIES / sigma) ** 2
