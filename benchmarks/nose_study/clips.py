@@ -143,21 +143,26 @@ def _snowed(clip: NoseClip, frame: int, image: Array, other: OtherLight) -> Arra
     usual = cv2.GaussianBlur(image.mean(axis=2), (0, 0), 30.0)
     # trees and their shadows are a quarter darker than the field about them
     below *= np.clip((grey / usual - 0.65) / 0.1, 0.0, 1.0)
-    inside = np.zeros((height, width), np.uint8)
-    order = clip.corners_px[frame][[0, 1, 3, 2]]
-    cv2.fillPoly(inside, [np.rint(16.0 * order).astype(np.int32)], 255, cv2.LINE_AA, 4)
-    share = inside[:, :, None] / 255.0
-    means = [np.median(image[mask], axis=0) for mask in (inside > 200, (below > 0.5) & (inside == 0))]
+    share = _coverage(clip.corners_px[frame][[0, 2, 3, 1]], width, height)[:, :, None]
+    means = [np.median(image[mask], axis=0) for mask in (share[:, :, 0] > 0.9, (below > 0.5) & (share[:, :, 0] == 0.0))]
     runway, ground = (
         level + other.kept * (image - mean)
         for level, mean in zip((other.pavement, float(other.snow or 0.0)), means, strict=True)
     )
     flat = share * runway + (1.0 - share) * ground
-    # near the border of the pavement both are in a pixel: its own colour says nothing there
-    return np.asarray(
-        np.maximum(below, share[:, :, 0])[:, :, None] * flat
-        + (1.0 - np.maximum(below, share[:, :, 0]))[:, :, None] * image
-    )
+    # the pavement stays as it is seen, and so does what stands above the ground
+    near = np.maximum(below[:, :, None], share)
+    return np.asarray(near * flat + (1.0 - near) * image)
+
+
+def _coverage(corners_px: Array, width: int, height: int) -> Array:
+    """Return how much of each pixel lies between corners (4, 2) that turn clockwise, (height, width)."""
+    v, u = np.mgrid[0:height, 0:width].astype(np.float64)
+    inside = np.ones((height, width))
+    for (u0, v0), (u1, v1) in zip(corners_px, np.roll(corners_px, -1, axis=0), strict=True):
+        off = ((u1 - u0) * (v - v0) - (v1 - v0) * (u - u0)) / np.hypot(u1 - u0, v1 - v0)
+        inside = np.minimum(inside, np.clip(0.5 + off, 0.0, 1.0))
+    return inside
 
 
 def wrongs(frames: int, seed: int, attitude_deg: float, position_m: float) -> Iterator[Array]:

@@ -33,7 +33,6 @@ from groundstation.onboard.edges.profile_fit import (
     picked_blocks,
 )
 
-DEBUG=False
 _PAINT, _LIGHT = 2, 3
 # a light's and a line's variance along the edge, over the square of their mean excess: usual values, and how far
 # (in logarithms) either is from them; the least of both
@@ -65,7 +64,6 @@ def weighed_layouts(
         for line in range(2):
             misfit[line, k] = _judged(profiles, found, fit, (line, k), moved_px, known[line, k], known[:, k], config)
         along[k] = _along(profiles, found, k, fit, moved_px)
-    if DEBUG: print('along',np.round(along,1))
     fits = _likelihoods(profiles, found, misfit, config)
     return [replace(fit, base=fit.base + float(own)) for fit, own in zip(fits, along, strict=True)]
 
@@ -144,9 +142,14 @@ def _expected(
     (2, blocks, 4, 3), ``known`` (2, bars, blocks).
     """
     usual, spreads = [], []
-    for bar, changes in ((_PAINT, config.paint_wear), (_LIGHT, config.light_spread)):
-        usual.append(_trend(levels[:, :, bar], known[:, bar - _PAINT]))
-        spreads.append(np.hypot(config.paint_least, changes * np.abs(usual[-1]).mean(axis=1)))
+    for bar, most in ((_PAINT, config.paint_spread), (_LIGHT, config.light_spread)):
+        trend = _trend(levels[:, :, bar], known[:, bar - _PAINT])
+        strength = np.abs(trend).mean(axis=1)
+        # as uneven as it is seen to be: sampled by few pixels, paint is not alike, and many lamps in a row are
+        seen = math.sqrt(float(((levels[:, :, bar] - trend) ** 2).mean()))
+        uneven = np.clip(seen, config.least_spread * strength, most * strength)
+        usual.append(trend)
+        spreads.append(np.hypot(config.mark_least, uneven))
     return usual, spreads
 
 

@@ -240,16 +240,13 @@ def _rivals(
     better = _worth(own, layouts[0], stray.evidence, stray.moved_px, config) - held
     found = [_LayoutHypothesis(places=markings.places, moved_px=stray.moved_px, better=better)]
     best = refined_displacement(own, moved_px, alike)
-    prior = _prior(profiles, layouts[0], best.moved_px, scale, config)
-    found = [replace(found[0], prior=prior)]
-    held = _worth(own, layouts[0], best.evidence, best.moved_px, config)
+    held = best.evidence
+    found = [replace(found[0], prior=_prior(profiles, own, layouts[0], best.moved_px, scale, config))]
     for places, layout, fit in zip(others, layouts[1:], fits, strict=True):
         best = refined_displacement(fit, moved_px, alike)
-        better = _worth(fit, layout, best.evidence, best.moved_px, config) - held
-        prior = _prior(profiles, layout, best.moved_px, scale, config)
-        found.append(
-            _LayoutHypothesis(places=places, moved_px=best.moved_px, better=limited(better, config), prior=prior)
-        )
+        prior = _prior(profiles, fit, layout, best.moved_px, scale, config)
+        better = limited(best.evidence - held, config)
+        found.append(_LayoutHypothesis(places=places, moved_px=best.moved_px, better=better, prior=prior))
     return found
 
 
@@ -265,11 +262,16 @@ def limited(better: float, config: ProfileConfig) -> float:
 
 
 def _prior(
-    profiles: EdgeProfiles, layout: Layout, moved_px: FloatArray, scale: FloatArray, config: ProfileConfig
+    profiles: EdgeProfiles,
+    fit: ProfileFit,
+    layout: Layout,
+    moved_px: FloatArray,
+    scale: FloatArray,
+    config: ProfileConfig,
 ) -> float:
-    """Return a layout's log-probability before any picture: of its marks, and of the width between its edges."""
+    """Return a layout's log-probability before any picture: of its marks as they look, and of the edges' width."""
     marks = config.lamps_alone if layout.line_m is None and layout.lamps_m is not None else 0.0
-    return marks + width_likelihood(profiles, moved_px, scale)
+    return marks + _worth(fit, layout, 0.0, moved_px, config) + width_likelihood(profiles, moved_px, scale)
 
 
 def _turn(markings: Markings, config: ProfileConfig) -> list[Places]:

@@ -28,7 +28,8 @@ class ProfileConfig:
     shape_margin : summed gain at which the line is taken as wider, narrower or elsewhere by a step.
     lamps_alone : log-probability of lamps without a side line before any picture, against the other layouts.
     layout_outlier : where layouts are compared, likelihood of a block that is an outlier, over the best of all layouts.
-    paint_wear, paint_least : departure of a block's paint from that of the whole line, of its excess, and at least.
+    least_spread, paint_spread, light_spread, mark_least : departure of a block's excess from that of the whole mark, of
+        this: at least, and at most that of a line and of lamps; and at least in all.
     announced_m : the runway's width as announced; None: any is as likely.
     layouts, layouts_beside : number compared in a picture, and where other pairs are tracked too.
     outwards_m, apart_m : displacement of both edges with another layout, and of each separately.
@@ -54,19 +55,20 @@ class ProfileConfig:
     wide_line_width_m: float = 0.9
     lamps_m: tuple[float | None, ...] = (None, 1.0, 1.5, 2.0, 2.5, 3.0)
     lamp_height_m: float = 0.3
-    line_cost: float = 4.0
-    lamps_cost: float = 4.0
-    dim_cost: float = 40.0
-    layout_margin: float = 20.0
+    line_cost: float = 1.0
+    lamps_cost: float = 1.0
+    dim_cost: float = 4.0
+    layout_margin: float = 12.0
     layout_alike: float = 4.0
     untried_m: float = 0.5
     picture_limit: float = 30.0
     shape_margin: float = 10.0
-    lamps_alone: float = -2.0
+    lamps_alone: float = -2.5
     layout_outlier: float = 1e-4
-    paint_wear: float = 0.25
+    least_spread: float = 0.2
+    paint_spread: float = 0.5
     light_spread: float = 0.7
-    paint_least: float = 0.02
+    mark_least: float = 0.02
     announced_m: float | None = None
     layouts: int = 6
     layouts_beside: int = 3

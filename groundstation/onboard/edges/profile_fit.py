@@ -20,6 +20,9 @@ from groundstation.onboard.edges.profile_kernel import (
 OUTWARDS = np.array([-1.0, -1.0, 1.0, 1.0])
 # half of how far, across the runway, the light of lamps reaches about their line
 _LAMP_M = 0.5
+# orthonormal: grey, blue against red, both against green
+_GREY_AND_TINTS = np.array([[1.0, 1.0, 1.0], [1.0, 0.0, -1.0], [1.0, -2.0, 1.0]])
+_GREY_AND_TINTS /= np.linalg.norm(_GREY_AND_TINTS, axis=1)[:, None]
 OUTLIER = 0.02  # likelihood of an outlier block of rows, over its best
 LEAST_BLUR = 0.5
 
@@ -210,11 +213,13 @@ def layout_levels(
     excess, stiffness = np.zeros((2, blocks, 3)), np.zeros(2)
     if usual is not None:
         excess, stiffness = usual.excess * there[:, None, None], usual.stiffness
+    prior = ExcessPrior(excess=np.ascontiguousarray(excess @ _GREY_AND_TINTS.T), stiffness=stiffness)
     for line in range(2):
+        total = np.ascontiguousarray(profiles.total[line] @ _GREY_AND_TINTS.T)
         misfits(
-            profiles.total[line], profiles.weight[line], profiles.blurs[line], bars[line],
-            ExcessPrior(excess=excess, stiffness=stiffness), misfit[line], levels[line],
-        )  # fmt: skip
+            total, profiles.weight[line], profiles.blurs[line], bars[line], prior, misfit[line], levels[line], True
+        )
+    levels = levels @ _GREY_AND_TINTS
     freedom = 3.0 * (profiles.weight > 0.0).sum(axis=2)
     return LayoutLevels(misfit=misfit, levels=levels, freedom=freedom, bars=bars)
 
