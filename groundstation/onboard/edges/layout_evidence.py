@@ -1,10 +1,10 @@
 """Evidence that tells layouts of a side line and lamps apart, in one picture.
 
 Each block of rows can have any levels, so that a bright bar somewhere fits something: a side line is fitted as well by
-lamps with both edges two metres farther in, whose blocks are as bright as each other by chance. What tells them apart is
+lamps with both edges two metres farther in. What tells them apart is
 
-- what a mark is free to fit (Occam's factor): a line is the same paint all along both edges, and its excess over the
-  pavement may only depart from a common straight trend by wear; the light of lamps may be anything in each block;
+- what a mark is free to fit (Occam's factor): its excess follows a common straight trend along both edges, as unevenly
+  as it is seen to;
 - blocks that are outliers: as such they have a share of the likelihood of the best of all layouts, so that a layout is
   not worth what a block alone would fit with it, with the edge elsewhere;
 - how a mark varies along the edge: a line is a line, lamps are dots with a spacing, where rows are near enough to show
@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.edges.layout_kernel import bar_information
+from groundstation.onboard.edges.layout_kernel import bar_information, mark_trend
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
     EdgeProfiles,
@@ -34,6 +34,8 @@ from groundstation.onboard.edges.profile_fit import (
 )
 
 _PAINT, _LIGHT = 2, 3
+# sigmas by which paint has to exceed zero, and light darkness
+_BRIGHT = 3.0
 # a light's and a line's variance along the edge, over the square of their mean excess: usual values, and how far
 # (in logarithms) either is from them; the least of both
 _DOTS, _LINE, _VARIES, _LEAST_VARIANCE = 2.0, 0.2, 0.7, 0.05
@@ -61,8 +63,7 @@ def weighed_layouts(
     misfit, along = found.misfit.copy(), np.zeros(len(layouts))
     for k, fit in enumerate(_likelihoods(profiles, found, found.misfit, config)):
         moved_px = best_displacement(fit, offset_px, weight).moved_px
-        for line in range(2):
-            misfit[line, k] = _judged(profiles, found, fit, (line, k), moved_px, known[line, k], known[:, k], config)
+        misfit[:, k] = _judged(profiles, found, fit, k, moved_px, known[:, k], config)
         along[k] = _along(profiles, found, k, fit, moved_px)
     fits = _likelihoods(profiles, found, misfit, config)
     return [replace(fit, base=fit.base + float(own)) for fit, own in zip(fits, along, strict=True)]
@@ -106,68 +107,46 @@ def _judged(
     profiles: EdgeProfiles,
     found: LayoutLevels,
     fit: ProfileFit,
-    at: tuple[int, int],
+    k: int,
     moved_px: FloatArray,
-    own_known: FloatArray,
     known: FloatArray,
     config: ProfileConfig,
 ) -> FloatArray:
-    """Return the misfits (blocks, trials) of a line and layout with what its marks are free to fit.
+    """Return the misfits (2, blocks, trials) of a layout with what its marks are free to fit.
 
-    ``known`` (2, bars, blocks, trials): `bar_information` of both lines; of this one ``own_known``.
+    ``known`` (2, bars, blocks, trials): `bar_information` of both lines.
     """
-    line, k = at
-    misfit, levels = found.misfit[line, k], found.levels[line, k]
+    misfit, levels = found.misfit[:, k], found.levels[:, k]
     noise = max(noise_at(fit, moved_px), 1e-9)
-    power = 0.5 * profiles.coarse * found.freedom[line] / config.values_as_one
-    picked, here = picked_blocks(fit, moved_px), levels_at(fit, moved_px)
+    power = 0.5 * profiles.coarse * found.freedom / config.values_as_one
+    picked = picked_blocks(fit, moved_px)
+    here = np.take_along_axis(levels, picked[:, :, None, None, None], axis=2)[:, :, 0]
     there = np.take_along_axis(known, picked[:, None, :, None], axis=3)[..., 0]
-    expected, spread = _expected(here, there, config)
     nats = np.zeros_like(misfit)
-    for bar in range(2):
-        information = own_known[bar]
-        stiffness = noise / spread[bar][:, None] ** 2
+    for bar, most in ((_PAINT, config.paint_spread), (_LIGHT, config.light_spread)):
+        information = known[:, bar - _PAINT]
+        if not information.any():
+            continue
+        expected, spread = _expected(here[:, :, bar], there[:, bar - _PAINT], most, config)
+        stiffness = noise / spread[:, None] ** 2
         share = information * stiffness / (information + stiffness)
-        misfit = misfit + share * ((levels[:, :, 2 + bar] - expected[bar][:, None]) ** 2).sum(axis=2)
+        misfit = misfit + share * ((levels[:, :, :, bar] - expected[:, None]) ** 2).sum(axis=3)
         nats += 1.5 * profiles.coarse / config.values_as_one * np.log1p(information / stiffness)
-    return np.asarray(misfit * np.exp(nats / np.maximum(power, 1e-9)[:, None]))
+    return np.asarray(misfit * np.exp(nats / np.maximum(power, 1e-9)[:, :, None]))
 
 
 def _expected(
-    levels: FloatArray, known: FloatArray, config: ProfileConfig
-) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Return the expected excess (blocks, 3) of line and lamps, and how far a block may be from it (blocks,).
+    excess: FloatArray, known: FloatArray, most: float, config: ProfileConfig
+) -> tuple[FloatArray, FloatArray]:
+    """Return the expected excess (blocks, 3) of a mark, and how far a block may be from it (blocks,).
 
-    A straight trend along both edges, from which the light of lamps may be farther than paint. ``levels``
-    (2, blocks, 4, 3), ``known`` (2, bars, blocks).
+    A straight trend along both edges; as uneven as it is seen to be, within limits: paint sampled by few pixels is not
+    alike, and many lamps in a row are. ``excess`` (2, blocks, 3), ``known`` (2, blocks).
     """
-    usual, spreads = [], []
-    for bar, most in ((_PAINT, config.paint_spread), (_LIGHT, config.light_spread)):
-        trend = _trend(levels[:, :, bar], known[:, bar - _PAINT])
-        strength = np.abs(trend).mean(axis=1)
-        # as uneven as it is seen to be: sampled by few pixels, paint is not alike, and many lamps in a row are
-        seen = math.sqrt(float(((levels[:, :, bar] - trend) ** 2).mean()))
-        uneven = np.clip(seen, config.least_spread * strength, most * strength)
-        usual.append(trend)
-        spreads.append(np.hypot(config.mark_least, uneven))
-    return usual, spreads
-
-
-def _trend(excess: FloatArray, known: FloatArray) -> FloatArray:
-    """Return the straight trend (blocks, 3) of both edges' excess (2, blocks, 3), robustly; weights (2, blocks)."""
-    blocks = excess.shape[1]
-    design = np.stack([np.ones(blocks), np.linspace(-1.0, 1.0, blocks)], axis=1)
-    both, weights = np.vstack([design, design]), known.ravel() + 1e-9
-    wanted, out = excess.reshape(-1, 3), np.empty((blocks, 3))
-    grey = wanted.mean(axis=1)
-    middle = float(np.median(grey))
-    away = np.abs(grey - middle)
-    weights = weights / (1.0 + (away / (2.0 * float(np.median(away)) + 1e-6)) ** 2)
-    # the slope is known to be small: haze takes a part of the contrast along the edge
-    ridge = np.diag([0.0, 0.1 * float(weights.sum())])
-    normal = both.T @ (weights[:, None] * both) + ridge
-    out[:] = design @ np.linalg.solve(normal, both.T @ (weights[:, None] * wanted))
-    return out
+    trend = np.empty(excess.shape[1:])
+    seen = float(mark_trend(np.ascontiguousarray(excess), np.ascontiguousarray(known), trend))
+    strength = np.abs(trend[:, 0]) / math.sqrt(3.0)
+    return trend, np.hypot(config.mark_least, np.clip(seen, config.least_spread * strength, most * strength))
 
 
 def _along(profiles: EdgeProfiles, found: LayoutLevels, k: int, fit: ProfileFit, moved_px: FloatArray) -> float:
@@ -216,3 +195,13 @@ def varying(own: float, usual: float, square: float, rows: float, *, lamps: bool
     sigma = math.hypot(_VARIES, hidden)
     off = (math.log(ratio) - math.log(_DOTS if lamps else _LINE)) / sigma
     return -0.5 * off**2 * min(rows / _ROWS_AS_ONE, _MOST_OBSERVED) * (_VARIES / sigma) ** 2
+
+
+def is_bright(paint: FloatArray) -> bool:
+    """Return whether paint (2, blocks), which is equal all along, is significant."""
+    return bool(paint.mean() >= _BRIGHT * paint.std() / math.sqrt(paint.size))
+
+
+def is_lit(light: FloatArray) -> bool:
+    """Return whether the light of lamps (2, blocks), which is not in every block, is more than darkness."""
+    return bool(np.maximum(light, 0.0).sum() >= _BRIGHT * np.maximum(-light, 0.0).sum())

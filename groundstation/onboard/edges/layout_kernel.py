@@ -153,3 +153,38 @@ def refine_displacement(
         if turn > 0 and highest <= before:
             break
     return highest
+
+
+@njit(cache=True, nogil=True)
+def mark_trend(excess: FloatArray, known: FloatArray, out: FloatArray) -> float:
+    """Fill the straight trend (blocks, 3) of both edges' excess (2, blocks, 3) of a mark, robustly.
+
+    ``known`` (2, blocks) are weights. Returns the root mean square of what is off it, over the three together.
+    """
+    blocks = out.shape[0]
+    grey = excess[:, :, 0].copy()
+    middle = np.median(grey)
+    away = np.median(np.abs(grey - middle))
+    w, wt, wtt = 1e-12, 0.0, 0.0
+    y, ty = np.zeros(3), np.zeros(3)
+    for line in range(2):
+        for k in range(blocks):
+            t = 2.0 * k / (blocks - 1) - 1.0
+            own = (known[line, k] + 1e-9) / (1.0 + ((grey[line, k] - middle) / (2.0 * away + 1e-6)) ** 2)
+            w += own
+            wt += own * t
+            wtt += own * t * t
+            for c in range(3):
+                y[c] += own * excess[line, k, c]
+                ty[c] += own * t * excess[line, k, c]
+    # the slope is known to be small: haze takes a part of the contrast along the edge
+    wtt += 0.1 * w
+    determinant = w * wtt - wt * wt
+    off = 0.0
+    for c in range(3):
+        level, slope = (wtt * y[c] - wt * ty[c]) / determinant, (w * ty[c] - wt * y[c]) / determinant
+        for k in range(blocks):
+            out[k, c] = level + slope * (2.0 * k / (blocks - 1) - 1.0)
+            for line in range(2):
+                off += (excess[line, k, c] - out[k, c]) ** 2
+    return math.sqrt(off / (6.0 * blocks))

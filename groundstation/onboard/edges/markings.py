@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.edges.layout_evidence import weighed_layouts, width_likelihood
+from groundstation.onboard.edges.layout_evidence import is_bright, is_lit, weighed_layouts, width_likelihood
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
     EdgeProfiles,
@@ -34,8 +34,6 @@ _FORGET, _MOST = 0.9, 300.0
 _HOPELESS, _SELDOM = 150.0, 12.0
 # pictures over which it is taken where another layout puts the lines
 _MEMORY = 4.0
-# sigmas by which paint has to exceed zero, and light darkness
-_BRIGHT = 3.0
 # least excess of paint over the ground, as a share of its excess over pavement
 _OVER_GROUND = 0.2
 # a layout that will take the place of the one that is held, in a picture or two, is stated as e² times as likely
@@ -349,18 +347,8 @@ def _worth(fit: ProfileFit, layout: Layout, likelihood: float, moved_px: FloatAr
     if layout.line_m is not None:
         # paint is brighter than the surface under it, and by a share of that than the ground
         paint, ground = levels[:, :, 2], levels[:, :, 1] - levels[:, :, 0]
-        seen = _bright(paint) and _bright((1.0 - _OVER_GROUND) * paint - ground)
+        seen = is_bright(paint) and is_bright((1.0 - _OVER_GROUND) * paint - ground)
         likelihood -= config.line_cost + config.dim_cost * float(not seen)
     if layout.lamps_m is not None:
-        likelihood -= config.lamps_cost + config.dim_cost * float(not _lit(levels[:, :, 3]))
+        likelihood -= config.lamps_cost + config.dim_cost * float(not is_lit(levels[:, :, 3]))
     return likelihood
-
-
-def _bright(paint: FloatArray) -> bool:
-    """Return whether paint (2, blocks), which is equal all along, is significant."""
-    return bool(paint.mean() >= _BRIGHT * paint.std() / math.sqrt(paint.size))
-
-
-def _lit(light: FloatArray) -> bool:
-    """Return whether the light of lamps (2, blocks), which is not in every block, is more than darkness."""
-    return bool(np.maximum(light, 0.0).sum() >= _BRIGHT * np.maximum(-light, 0.0).sum())

@@ -32,8 +32,8 @@ from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
     OUTWARDS,
     EdgeProfiles,
-    ProfileView,
     ProfileFit,
+    ProfileView,
     best_displacement,
     edge_profiles,
     fit_layouts,
@@ -100,7 +100,11 @@ def edges_by_profile(
 
 def _fitted(profiles: EdgeProfiles, markings: Markings, reach: int, config: ProfileConfig) -> ProfileFit:
     return fit_layouts(
-        profiles, [layout_at(markings.places, config, markings)], expected_excess(markings, config), reach, config.values_as_one
+        profiles,
+        [layout_at(markings.places, config, markings)],
+        expected_excess(markings, config),
+        reach,
+        config.values_as_one,
     )[0]
 
 

@@ -21,8 +21,8 @@ OUTWARDS = np.array([-1.0, -1.0, 1.0, 1.0])
 # half of how far, across the runway, the light of lamps reaches about their line
 _LAMP_M = 0.5
 # orthonormal: grey, blue against red, both against green
-_GREY_AND_TINTS = np.array([[1.0, 1.0, 1.0], [1.0, 0.0, -1.0], [1.0, -2.0, 1.0]])
-_GREY_AND_TINTS /= np.linalg.norm(_GREY_AND_TINTS, axis=1)[:, None]
+GREY_AND_TINTS = np.array([[1.0, 1.0, 1.0], [1.0, 0.0, -1.0], [1.0, -2.0, 1.0]])
+GREY_AND_TINTS /= np.linalg.norm(GREY_AND_TINTS, axis=1)[:, None]
 OUTLIER = 0.02  # likelihood of an outlier block of rows, over its best
 LEAST_BLUR = 0.5
 
@@ -123,7 +123,7 @@ class ProfileFit:
 
     ``levels`` (2, blocks, trials, 4, 3): pavement, ground, excess of line and lamps; ``misfit`` (2, blocks, trials) in
     pixels, ``freedom`` (2, blocks) how many these are; ``steps`` (2,) px between trials. ``judged`` is what the
-    log-likelihoods are of, where they are looked at between trials.
+    log-likelihoods are of, where they are looked at between trials. ``tinted``: levels are of grey and two tints.
     """
 
     grids: FloatArray
@@ -133,6 +133,7 @@ class ProfileFit:
     freedom: FloatArray
     steps: FloatArray
     judged: JudgedMisfits | None = None
+    tinted: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -179,8 +180,8 @@ def edge_profiles(
 class LayoutLevels:
     """Least squares of several layouts.
 
-    ``misfit`` (2, layouts, blocks, trials) in pixels, ``levels`` (2, layouts, blocks, trials, 4, 3) as in `ProfileFit`,
-    ``freedom`` (2, blocks), and ``bars`` (2, layouts, 2, blocks, 2): the sides of line and lamps, in bins.
+    ``misfit`` (2, layouts, blocks, trials) in pixels, ``levels`` (2, layouts, blocks, trials, 4, 3) of grey and two
+    tints, ``freedom`` (2, blocks), and ``bars`` (2, layouts, 2, blocks, 2): the sides of line and lamps, in bins.
     """
 
     misfit: FloatArray
@@ -213,13 +214,10 @@ def layout_levels(
     excess, stiffness = np.zeros((2, blocks, 3)), np.zeros(2)
     if usual is not None:
         excess, stiffness = usual.excess * there[:, None, None], usual.stiffness
-    prior = ExcessPrior(excess=np.ascontiguousarray(excess @ _GREY_AND_TINTS.T), stiffness=stiffness)
+    prior = ExcessPrior(excess=np.ascontiguousarray(excess @ GREY_AND_TINTS.T), stiffness=stiffness)
     for line in range(2):
-        total = np.ascontiguousarray(profiles.total[line] @ _GREY_AND_TINTS.T)
-        misfits(
-            total, profiles.weight[line], profiles.blurs[line], bars[line], prior, misfit[line], levels[line], True
-        )
-    levels = levels @ _GREY_AND_TINTS
+        total = np.ascontiguousarray(profiles.total[line] @ GREY_AND_TINTS.T)
+        misfits(total, profiles.weight[line], profiles.blurs[line], bars[line], prior, misfit[line], levels[line], True)
     freedom = 3.0 * (profiles.weight > 0.0).sum(axis=2)
     return LayoutLevels(misfit=misfit, levels=levels, freedom=freedom, bars=bars)
 
@@ -254,6 +252,7 @@ def layout_likelihoods(
             misfit=found.misfit[:, k],
             freedom=found.freedom,
             steps=profiles.steps,
+            tinted=True,
             judged=JudgedMisfits(misfit=misfit[:, k], least=least[:, k], power=powers, outlier=outlier),
         )
         for k in range(count)
@@ -303,7 +302,7 @@ def levels_at(fit: ProfileFit, moved_px: FloatArray) -> FloatArray:
     """Return the levels (2, blocks, 4, 3) of both lines, displaced outwards by (4,) px."""
     out = np.empty((*fit.misfit.shape[:2], 4, 3))
     picked_levels(fit.levels, fit.steps, moved_px, out)
-    return out
+    return out @ GREY_AND_TINTS if fit.tinted else out
 
 
 def picked_blocks(fit: ProfileFit, moved_px: FloatArray) -> NDArray[np.int64]:
