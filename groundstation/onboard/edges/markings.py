@@ -236,7 +236,12 @@ def _rivals(
     held = _worth(own, layouts[0], likelihood_at(own, moved_px), moved_px, config)
     held += config.stray_cost - 0.5 * float(moved_px @ loose @ moved_px)
     better = _worth(own, layouts[0], stray.evidence, stray.moved_px, config) - held
-    found = [_LayoutHypothesis(places=markings.places, moved_px=stray.moved_px, better=better)]
+    # the width was announced once, and not in each picture
+    once = config.layout_alike * (1.0 - _FORGET)
+    better += once * (width_likelihood(profiles, stray.moved_px, scale) - width_likelihood(profiles, moved_px, scale))
+    found = [
+        _LayoutHypothesis(places=markings.places, moved_px=stray.moved_px, better=limited(better, config)),
+    ]
     best = refined_displacement(own, moved_px, alike)
     held = best.evidence
     found = [replace(found[0], prior=_prior(profiles, own, layouts[0], best.moved_px, scale, config))]
@@ -282,7 +287,8 @@ def _turn(markings: Markings, config: ProfileConfig) -> list[Places]:
 def _anew(markings: Markings, places: Places, config: ProfileConfig) -> Markings:
     """Return markings with another layout, with unknown paint and light; observations of others are kept."""
     tried = markings.times >= 1.0
-    gains = np.where(tried, markings.gains - markings.gains[places], 0.0)
+    # where only the lines are others, layouts are against them what they were
+    gains = np.where(tried, markings.gains - (markings.gains[places] if places != markings.places else 0.0), 0.0)
     gains[places] = 0.0
     moved_m = np.where(tried[..., None], markings.moved_m - markings.moved_m[places], _apart_m(places, config))
     if places != markings.places:
