@@ -45,6 +45,8 @@ _ROWS_AS_ONE, _MOST_OBSERVED = 6.0, 6.0
 _SPACING_M, _APART_ROWS = 30.0, 3.5
 # share of runways whose announced width is right, and by how much these and others are wrong (sigma, of the width)
 _RIGHT, _RIGHT_BY, _WRONG_BY = 0.7, 0.02, 0.2
+# crossings (4,) of both lines with the same row
+_SAME_ROW = np.tile(np.eye(2), (2, 2))
 
 
 def weighed_layouts(
@@ -67,6 +69,17 @@ def weighed_layouts(
         along[k] = _along(profiles, found, k, fit, moved_px)
     fits = _likelihoods(profiles, found, misfit, config)
     return [replace(fit, base=fit.base + float(own)) for fit, own in zip(fits, along, strict=True)]
+
+
+def same_row_prior(scale: FloatArray, config: ProfileConfig) -> FloatArray:
+    """Return the inverse covariance (4, 4) of displacements by another layout: both edges farther out or in."""
+    apart = np.diag(np.maximum(config.apart_m * scale, config.least_step_px) ** 2)
+    return np.asarray(np.linalg.inv(apart + config.outwards_m**2 * np.outer(scale, scale) * _SAME_ROW), np.float64)
+
+
+def limited(better: float, config: ProfileConfig) -> float:
+    """Return a picture's gain, of which no more counts than so much, whichever way."""
+    return config.picture_limit * math.tanh(better / config.picture_limit)
 
 
 def width_likelihood(profiles: EdgeProfiles, moved_px: FloatArray, scale: FloatArray) -> float:

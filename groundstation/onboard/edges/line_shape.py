@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.edges.layout_evidence import weighed_layouts
-from groundstation.onboard.edges.markings import Markings, layout_at, limited, same_row_prior
+from groundstation.onboard.edges.layout_evidence import limited, same_row_prior, weighed_layouts
+from groundstation.onboard.edges.markings import Markings, layout_at
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
     LEAST_BLUR,

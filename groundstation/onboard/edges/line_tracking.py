@@ -28,6 +28,7 @@ from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import LampParallax, ProfileView, WidthPrior
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.search_band import RunwayGuess
+from groundstation.onboard.edges.seen_marks import SeenMarks, seen_marks
 from groundstation.onboard.edges.strip import refine_edges, search_edges
 
 # lamps are not taken to be seen farther out than from so many times their height: below, the camera is on the ground
@@ -92,6 +93,7 @@ def track_lines(
         predicted_px=look.predicted,
         measured_px=found.crossings_px,
         nis=update.nis,
+        marks=marks_of(config, found),
     )
     return TrackingStep(state=update.state, edges=edges, found=found, miss=EdgeMiss.NONE)
 
@@ -187,6 +189,13 @@ def lamps_seen(camera_m: FloatArray, mean: FloatArray, height_m: float) -> LampP
     below = float(mean[:2] @ camera_m[:2])
     left, right = -float(mean[C]) - below, below + float(mean[D])
     return LampParallax(scale=scale, shift_m=((scale - 1.0) * left, (scale - 1.0) * right))
+
+
+def marks_of(config: TrackerConfig, found: EdgeMeasurement) -> SeenMarks | None:
+    """Return what is next to the edges, None where no profile was taken."""
+    if config.profile is None or found.markings is None:
+        return None
+    return seen_marks(found.markings, config.profile)
 
 
 def process_noise(config: TrackerConfig, state: LineState) -> FloatArray:

@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.edges.layout_evidence import is_bright, is_lit, weighed_layouts, width_likelihood
+from groundstation.onboard.edges import layout_evidence as evidence
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
     EdgeProfiles,
@@ -42,8 +42,6 @@ _DOUBLE = 2.0
 _SURVEYS = 2
 # line and lamps of two layouts are as far apart to half a step of the lamps' places
 _AS_FAR_M = 0.3
-# crossings (4,) of both lines with the same row
-_SAME_ROW = np.tile(np.eye(2), (2, 2))
 
 # which of the configuration's places a line and lamps have
 Places = tuple[int, int]
@@ -160,6 +158,15 @@ def _prior_odds(markings: Markings) -> FloatArray:
     return np.where(np.isfinite(odds), odds, 0.0)
 
 
+def layout_odds(markings: Markings, config: ProfileConfig) -> FloatArray:
+    """Return the logarithm of how much likelier (lines, lamps) layouts are than the held one; −inf: not compared."""
+    odds = markings.gains / config.layout_alike + _prior_odds(markings)
+    odds = np.where(markings.times >= 1.0, odds, -np.inf)
+    # its own gain is that of other lines
+    odds[markings.places] = 0.0
+    return odds
+
+
 def compared(
     markings: Markings,
     profiles: EdgeProfiles,
@@ -228,9 +235,9 @@ def _rivals(
 
     A wrong layout has both edges too far out or in: others are searched for there. Other lines may be anywhere.
     """
-    alike = same_row_prior(scale, config)
+    alike = evidence.same_row_prior(scale, config)
     layouts = [layout_at(places, config, markings) for places in (markings.places, *others)]
-    own, *fits = weighed_layouts(profiles, layouts, moved_px, alike, config)
+    own, *fits = evidence.weighed_layouts(profiles, layouts, moved_px, alike, config)
     loose = np.diag(1.0 / (config.stray_steps * np.tile(profiles.steps, 2)) ** 2)
     stray = best_displacement(own, np.zeros(4), loose)
     held = _worth(own, layouts[0], likelihood_at(own, moved_px), moved_px, config)
@@ -238,9 +245,12 @@ def _rivals(
     better = _worth(own, layouts[0], stray.evidence, stray.moved_px, config) - held
     # the width was announced once, and not in each picture
     once = config.layout_alike * (1.0 - _FORGET)
-    better += once * (width_likelihood(profiles, stray.moved_px, scale) - width_likelihood(profiles, moved_px, scale))
+    better += once * (
+        evidence.width_likelihood(profiles, stray.moved_px, scale)
+        - evidence.width_likelihood(profiles, moved_px, scale)
+    )
     found = [
-        _LayoutHypothesis(places=markings.places, moved_px=stray.moved_px, better=limited(better, config)),
+        _LayoutHypothesis(places=markings.places, moved_px=stray.moved_px, better=evidence.limited(better, config)),
     ]
     best = refined_displacement(own, moved_px, alike)
     held = best.evidence
@@ -248,20 +258,9 @@ def _rivals(
     for places, layout, fit in zip(others, layouts[1:], fits, strict=True):
         best = refined_displacement(fit, moved_px, alike)
         prior = _prior(profiles, fit, layout, best.moved_px, scale, config)
-        better = limited(best.evidence - held, config)
+        better = evidence.limited(best.evidence - held, config)
         found.append(_LayoutHypothesis(places=places, moved_px=best.moved_px, better=better, prior=prior))
     return found
-
-
-def same_row_prior(scale: FloatArray, config: ProfileConfig) -> FloatArray:
-    """Return the inverse covariance (4, 4) of displacements by another layout: both edges farther out or in."""
-    apart = np.diag(np.maximum(config.apart_m * scale, config.least_step_px) ** 2)
-    return np.asarray(np.linalg.inv(apart + config.outwards_m**2 * np.outer(scale, scale) * _SAME_ROW), np.float64)
-
-
-def limited(better: float, config: ProfileConfig) -> float:
-    """Return a picture's gain, of which no more counts than so much, whichever way."""
-    return config.picture_limit * math.tanh(better / config.picture_limit)
 
 
 def _prior(
@@ -274,7 +273,7 @@ def _prior(
 ) -> float:
     """Return a layout's log-probability before any picture: of its marks as they look, and of the edges' width."""
     marks = config.lamps_alone if layout.line_m is None and layout.lamps_m is not None else 0.0
-    return marks + _worth(fit, layout, 0.0, moved_px, config) + width_likelihood(profiles, moved_px, scale)
+    return marks + _worth(fit, layout, 0.0, moved_px, config) + evidence.width_likelihood(profiles, moved_px, scale)
 
 
 def _turn(markings: Markings, config: ProfileConfig) -> list[Places]:
@@ -353,8 +352,8 @@ def _worth(fit: ProfileFit, layout: Layout, likelihood: float, moved_px: FloatAr
     if layout.line_m is not None:
         # paint is brighter than the surface under it, and by a share of that than the ground
         paint, ground = levels[:, :, 2], levels[:, :, 1] - levels[:, :, 0]
-        seen = is_bright(paint) and is_bright((1.0 - _OVER_GROUND) * paint - ground)
+        seen = evidence.is_bright(paint) and evidence.is_bright((1.0 - _OVER_GROUND) * paint - ground)
         likelihood -= config.line_cost + config.dim_cost * float(not seen)
     if layout.lamps_m is not None:
-        likelihood -= config.lamps_cost + config.dim_cost * float(not is_lit(levels[:, :, 3]))
+        likelihood -= config.lamps_cost + config.dim_cost * float(not evidence.is_lit(levels[:, :, 3]))
     return likelihood
