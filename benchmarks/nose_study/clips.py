@@ -95,6 +95,7 @@ class OtherLight:
     snow : grey level that the ground is drawn to, None for the ground as it is.
     pavement : grey level that the pavement is drawn to.
     kept : share of the texture, and of the paint over the pavement, that is kept where they are drawn.
+    paint : of that, share of what is brighter than the pavement by more than its texture.
     """
 
     gain: float = 1.0
@@ -103,6 +104,7 @@ class OtherLight:
     snow: float | None = None
     pavement: float = 204.0
     kept: float = 0.2
+    paint: float = 1.0
 
 
 LIGHTS: dict[str, OtherLight] = {
@@ -110,6 +112,9 @@ LIGHTS: dict[str, OtherLight] = {
     "dusk": OtherLight(gain=0.35, warmth=1.3, noise=4.0),
     "dark": OtherLight(gain=0.15, warmth=1.1, noise=5.0),
     "snow": OtherLight(noise=3.0, snow=215.0),
+    "rough snow": OtherLight(noise=3.0, snow=215.0, kept=1.0),
+    "no paint": OtherLight(noise=3.0, snow=215.0, kept=0.6, paint=0.0),
+    "nothing": OtherLight(noise=3.0, snow=204.0, kept=0.6, paint=0.0),
     "white": OtherLight(noise=4.0, snow=208.0, kept=0.1),
 }
 
@@ -146,13 +151,19 @@ def _snowed(clip: NoseClip, frame: int, image: Array, other: OtherLight) -> Arra
     share = _coverage(clip.corners_px[frame][[0, 2, 3, 1]], width, height)[:, :, None]
     means = [np.median(image[mask], axis=0) for mask in (share[:, :, 0] > 0.9, (below > 0.5) & (share[:, :, 0] == 0.0))]
     runway, ground = (
-        level + other.kept * (image - mean)
+        level + other.kept * _without_paint(image - mean, other.paint)
         for level, mean in zip((other.pavement, float(other.snow or 0.0)), means, strict=True)
     )
     flat = share * runway + (1.0 - share) * ground
     # the pavement stays as it is seen, and so does what stands above the ground
     near = np.maximum(below[:, :, None], share)
     return np.asarray(near * flat + (1.0 - near) * image)
+
+
+def _without_paint(texture: Array, share: float) -> Array:
+    """Return a texture of which so much is left of what is brighter than the rest of it."""
+    most = 3.0 * float(np.median(np.abs(texture)))
+    return np.where(texture > most, most * min(share + 0.3, 1.0) + share * (texture - most), texture)
 
 
 def _coverage(corners_px: Array, width: int, height: int) -> Array:

@@ -142,10 +142,10 @@ def unsettled_m2(markings: Markings, config: ProfileConfig) -> FloatArray:
     for places in _others(markings, config):
         open_to[places] = True
     open_to[markings.places] = False
-    odds = markings.gains / config.layout_alike + _prior_odds(markings)
+    odds = markings.gains / config.layout_alike_stated + _prior_odds(markings)
     weights = np.where(open_to, np.exp(np.minimum(odds, _DOUBLE)), 0.0)
     # the one that is held counts once: with the lines that are held or, its own entry, with others that are likelier
-    stray = math.exp(min(float(markings.gains[markings.places]) / config.layout_alike, _DOUBLE))
+    stray = math.exp(min(float(markings.gains[markings.places]) / config.layout_alike_stated, _DOUBLE))
     whole = max(1.0, stray) + float(weights.sum())
     weights[markings.places] = stray
     moved_m = markings.moved_m.reshape(-1, 4)
@@ -160,7 +160,7 @@ def _prior_odds(markings: Markings) -> FloatArray:
 
 def layout_odds(markings: Markings, config: ProfileConfig) -> FloatArray:
     """Return the logarithm of how much likelier (lines, lamps) layouts are than the held one; −inf: not compared."""
-    odds = markings.gains / config.layout_alike + _prior_odds(markings)
+    odds = markings.gains / config.layout_alike_stated + _prior_odds(markings)
     odds = np.where(markings.times >= 1.0, odds, -np.inf)
     # its own gain is that of other lines
     odds[markings.places] = 0.0

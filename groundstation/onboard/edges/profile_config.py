@@ -22,7 +22,8 @@ class ProfileConfig:
     line_cost, lamps_cost : least log-likelihood gain of a line and lamps in a picture.
     dim_cost : and in addition where its brightness is not significant.
     layout_margin : summed gain at which other positions of line and lamps are adopted.
-    layout_alike : nats of that which count as one for the covariance: errors of pictures are correlated.
+    layout_alike, layout_alike_stated : nats of that which count as one against what is known before any picture, and
+        for the covariance: errors of pictures are correlated.
     untried_m : displacement of the lines by a layout that was never compared, outwards.
     picture_limit : most log-likelihood by which a picture tells two layouts apart.
     shape_margin : summed gain at which the line is taken as wider, narrower or elsewhere by a step.
@@ -57,9 +58,10 @@ class ProfileConfig:
     lamp_height_m: float = 0.3
     line_cost: float = 1.0
     lamps_cost: float = 1.0
-    dim_cost: float = 4.0
+    dim_cost: float = 2.0
     layout_margin: float = 12.0
     layout_alike: float = 4.0
+    layout_alike_stated: float = 8.0
     untried_m: float = 0.5
     picture_limit: float = 30.0
     shape_margin: float = 10.0
