@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 from nose_study.clips import CLIPS, LIGHTS, Array, NoseClip, load_clip, relit, wrongs
 
-from groundstation.onboard.edges.config import TrackerConfig
+from groundstation.onboard.edges.config import TrackerConfig, with_noise, without_log
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeReport, EdgeStatus
 from groundstation.onboard.edges.tracker import EdgeTracker
@@ -142,7 +142,7 @@ def main() -> None:
         clear = load_clip(folder / name)
         for light in options.light.split(","):
             clip = relit(clear, light)
-            config = TrackerConfig(guess=clip.camera.guess)
+            config = with_noise(TrackerConfig(guess=clip.camera.guess), clip.camera.noise)
             runs: dict[str, list[Callable[[], Poses]]] = {
                 "exact": [lambda clip=clip: clip.pose],  # type: ignore[misc]
                 "noise": [
@@ -152,7 +152,8 @@ def main() -> None:
                 "none": [lambda clip=clip: by_pictures(clip)],  # type: ignore[misc]
             }
             for kind in options.only.split(","):
-                found = [scored(clip, poses(), config) for poses in runs[kind]]
+                own = without_log(config) if kind == "none" else config
+                found = [scored(clip, poses(), own) for poses in runs[kind]]
                 if options.each:
                     for score, reports in found:
                         each_frame(score, reports)

@@ -21,6 +21,7 @@ from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.layout_kernel import bar_information, mark_trend
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
+    GREY_AND_TINTS,
     EdgeProfiles,
     Layout,
     LayoutLevels,
@@ -32,6 +33,7 @@ from groundstation.onboard.edges.profile_fit import (
     noise_at,
     picked_blocks,
 )
+from groundstation.onboard.edges.profile_kernel import QUANTUM
 
 _PAINT, _LIGHT = 2, 3
 # sigmas by which paint has to exceed zero, and light darkness
@@ -45,6 +47,8 @@ _ROWS_AS_ONE, _MOST_OBSERVED = 6.0, 6.0
 _SPACING_M, _APART_ROWS = 30.0, 3.5
 # share of runways whose announced width is right, and by how much these and others are wrong (sigma, of the width)
 _RIGHT, _RIGHT_BY, _WRONG_BY = 0.7, 0.02, 0.2
+# what the levels of a block of rows are free to fit, nats a colour; the most that one block tells of an edge
+_LEVELS_NATS, _MOST_BLOCK_NATS = 3.0, 10.0
 # crossings (4,) of both lines with the same row
 _SAME_ROW = np.tile(np.eye(2), (2, 2))
 
@@ -218,3 +222,24 @@ def is_bright(paint: FloatArray) -> bool:
 def is_lit(light: FloatArray) -> bool:
     """Return whether the light of lamps (2, blocks), which is not in every block, is more than darkness."""
     return bool(np.maximum(light, 0.0).sum() >= _BRIGHT * np.maximum(-light, 0.0).sum())
+
+
+def seen_at_all(profiles: EdgeProfiles, fit: ProfileFit, moved_px: FloatArray, values_as_one: float) -> FloatArray:
+    """Return the log-likelihood (2,) of both edges with their marks over ground that is the same on both sides.
+
+    Less what their levels are free to fit and where the edge may be anywhere in the window: below zero pictures without
+    an edge have as good ones.
+    """
+    total = profiles.total @ GREY_AND_TINTS.T
+    weight = np.maximum(profiles.weight, 1e-9)
+    whole = weight.sum(axis=2)
+    flat = (total**2 / weight[..., None]).sum(axis=2) - total.sum(axis=2) ** 2 / whole[..., None]
+    floor = QUANTUM * whole
+    alone = np.sqrt((flat[..., 0] + floor) * (flat[..., 1:].sum(axis=2) + floor))
+    picked = picked_blocks(fit, moved_px)
+    misfit = np.take_along_axis(fit.misfit, picked[:, :, None], axis=2)[:, :, 0]
+    power = 0.5 * profiles.coarse * fit.freedom / values_as_one
+    free = 1.5 * profiles.coarse / values_as_one * _LEVELS_NATS
+    gains = power * np.log(np.maximum(alone, 1e-9) / np.maximum(misfit, 1e-9)) - free
+    anywhere = 2.0 * math.log(fit.misfit.shape[2])
+    return np.asarray(np.minimum(gains, _MOST_BLOCK_NATS).sum(axis=1) - anywhere)

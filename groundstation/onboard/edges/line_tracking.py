@@ -119,7 +119,8 @@ def _by_profile(
             return None
         guess = wide
     found = profiled(profile, image, look, predicted, guess, prior, markings, layouts=layouts)
-    return None if found.contrast.min() < config.strip.least_contrast else found
+    faint = found.evidence is not None and found.evidence.min() < profile.least_evidence
+    return None if faint or found.contrast.min() < config.strip.least_contrast else found
 
 
 def profiled(

@@ -18,6 +18,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
+from groundstation.onboard.edges.layout_evidence import seen_at_all
 from groundstation.onboard.edges.line_shape import shaped
 from groundstation.onboard.edges.markings import (
     Change,
@@ -92,10 +93,11 @@ def edges_by_profile(
             fit = _fitted(wide, markings, config.wide, config)
     if markings.frames == 0:
         markings = _first_guess(markings, fit, moved, config)
+    seen = seen_at_all(wide, fit, moved, config.values_as_one)
     crossings, light = guess_px + OUTWARDS * moved, _excess(fit, moved)[1]
     fine = _profiles(image, crossings, rows_px, px_per_m, view, (1.0, config.fine), config)
     fit = _fitted(fine, markings, config.fine, config)
-    return _result(fit, crossings, px_per_m, markings, light, config, change=change)
+    return replace(_result(fit, crossings, px_per_m, markings, light, config, change=change), evidence=seen)
 
 
 def _fitted(profiles: EdgeProfiles, markings: Markings, reach: int, config: ProfileConfig) -> ProfileFit:

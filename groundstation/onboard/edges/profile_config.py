@@ -25,6 +25,7 @@ class ProfileConfig:
     layout_alike, layout_alike_stated : nats of that which count as one against what is known before any picture, and
         for the covariance: errors of pictures are correlated.
     untried_m : displacement of the lines by a layout that was never compared, outwards.
+    least_evidence : log-likelihood of an edge over none at all below which it is not seen.
     picture_limit : most log-likelihood by which a picture tells two layouts apart.
     shape_margin : summed gain at which the line is taken as wider, narrower or elsewhere by a step.
     lamps_alone : log-probability of lamps without a side line before any picture, against the other layouts.
@@ -63,6 +64,7 @@ class ProfileConfig:
     layout_alike: float = 4.0
     layout_alike_stated: float = 8.0
     untried_m: float = 0.5
+    least_evidence: float = 15.0
     picture_limit: float = 30.0
     shape_margin: float = 10.0
     lamps_alone: float = -2.5

@@ -11,7 +11,7 @@ from groundstation.arrays import FloatArray, ImageArray
 
 _SQUARE = 1e-9  # of a level that nothing measures
 # of a pixel's grey and of its tints, that a codec leaves unknown: two grey levels
-_QUANTUM = (2.0 / 255.0) ** 2
+QUANTUM = (2.0 / 255.0) ** 2
 
 
 @njit(cache=True, nogil=True)
@@ -273,8 +273,8 @@ def misfits(
                 _factorise(matrix, stiffness, lower, diagonal)
                 _solve_levels(lower, diagonal, right, stiffness, excess, k, squares, y, levels[n, k, o], left)
                 if apart:
-                    tints = max(left[1], 0.0) + max(left[2], 0.0) + _QUANTUM * whole
-                    misfit[n, k, o] = math.sqrt((max(left[0], 0.0) + _QUANTUM * whole) * tints)
+                    tints = max(left[1], 0.0) + max(left[2], 0.0) + QUANTUM * whole
+                    misfit[n, k, o] = max(math.sqrt((max(left[0], 0.0) + QUANTUM * whole) * tints), 1e-9)
                 else:
                     misfit[n, k, o] = max(left[0] + left[1] + left[2], 1e-9)
 
