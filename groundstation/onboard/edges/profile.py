@@ -18,7 +18,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
-from groundstation.onboard.edges.layout_evidence import seen_at_all
+from groundstation.onboard.edges.layout_evidence import is_bright, seen_at_all
 from groundstation.onboard.edges.line_shape import shaped
 from groundstation.onboard.edges.markings import (
     Change,
@@ -142,9 +142,20 @@ def _result(
         contrast=np.sqrt(np.median((between**2).mean(axis=2), axis=1)),
         agreement=float((between[0] * between[1]).sum()) / max(float(lengths[0] * lengths[1]), 1e-9),
         markings=markings,
-        unsettled_px2=unsettled_m2(markings, config) * np.outer(scale, scale),
+        unsettled_px2=(unsettled_m2(markings, config) + _merged_m2(markings, between, config)) * np.outer(scale, scale),
         change=change,
     )
+
+
+def _merged_m2(markings: Markings, between: FloatArray, config: ProfileConfig) -> float:
+    """Return the second moment, m², of a side line that is as bright as the ground, by which the edge is farther out.
+
+    Where the ground is brighter than the pavement, as snow is, paint may not be told from it. ``between``
+    (2, blocks, 3): by how much it is.
+    """
+    if config.lines_m[markings.places[0]] is not None or not is_bright(between.mean(axis=2)):
+        return 0.0
+    return config.merged_share * config.merged_m**2
 
 
 def _steps(px_per_m: FloatArray, config: ProfileConfig) -> FloatArray:

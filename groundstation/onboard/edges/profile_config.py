@@ -25,6 +25,8 @@ class ProfileConfig:
     layout_alike, layout_alike_stated : nats of that which count as one against what is known before any picture, and
         for the covariance: errors of pictures are correlated.
     untried_m : displacement of the lines by a layout that was never compared, outwards.
+    merged_share, merged_m : probability of a side line as bright as ground that is brighter than the pavement, and how
+        much farther out the edge is then.
     least_evidence : log-likelihood of an edge over none at all below which it is not seen.
     picture_limit : most log-likelihood by which a picture tells two layouts apart.
     shape_margin : summed gain at which the line is taken as wider, narrower or elsewhere by a step.
@@ -64,6 +66,8 @@ class ProfileConfig:
     layout_alike: float = 4.0
     layout_alike_stated: float = 8.0
     untried_m: float = 0.5
+    merged_share: float = 0.25
+    merged_m: float = 0.9
     least_evidence: float = 15.0
     picture_limit: float = 30.0
     shape_margin: float = 10.0
