@@ -46,6 +46,7 @@ class TrackerConfig:
     margin : minimum lead of the best pair's score over the others'.
     doubt_agreement, doubt_missed, doubt_score, doubt_frames : a runway with less agreement of its edges' colours, more
         successive misses, or a lower score is compared with Algorithm 1's pairs; not again for so many frames.
+    least_score : of a pair that may be taken for the runway.
     check_frames : number of frames after which it is compared in any case.
     work : units of work in a frame: tracking a pair is one (the runway three), Algorithm 1 one, a measurement of one of
         its pairs one. Tracking has priority; a search gets the rest, but at least one; without tracked pairs, all.
@@ -90,6 +91,7 @@ class TrackerConfig:
     doubt_agreement: float = 0.3
     doubt_missed: int = 3
     doubt_score: float = 1.0
+    least_score: float = 0.0
     doubt_frames: int = 5
     check_frames: int = 30
     work: int = 5

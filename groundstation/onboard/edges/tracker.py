@@ -185,7 +185,7 @@ class EdgeTracker:
             ahead = score(best, config) - max((score(h, config) for h in others), default=-math.inf)
             proved = proved and ahead >= config.margin and best.agreement >= config.doubt_agreement
             # the best of none that is like the announced runway is not the runway
-            proved = proved and score(best, config) >= config.doubt_score
+            proved = proved and score(best, config) >= config.least_score
             proved = proved and self._search is None
         if proved:
             self._forget()

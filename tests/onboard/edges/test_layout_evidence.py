@@ -47,7 +47,7 @@ def seen(*, paint: float = 0.0, lamps: float = 0.0, noise: float = 8.0, blur_px:
     image += noise * rng.standard_normal(image.shape)
     pixels = np.clip(np.rint(image), 0, 255).astype(np.uint8)
     steps = np.maximum(1.0, 0.24 * PX_PER_M)
-    sizes = (CONFIG.blocks, 2 * (CONFIG.wide + CONFIG.beside) + 1)
+    sizes = (CONFIG.blocks, 47)
     view = ProfileView(along_m=(5.0, 0.5))
     return edge_profiles(pixels, LINES, ROWS, PX_PER_M, steps, sizes, blur_px, 2.0, view)
 
