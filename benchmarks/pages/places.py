@@ -151,15 +151,10 @@ PLACES: dict[str, tuple[str, ...]] = {
     "fuzz: inputs of each reader; recordings": ("53 readers, # inputs of each,", "; # recordings of mutated structure"),
     "runway edges from the nose, RMSE; worst approach": (
         _APPROACH.format("0.3 | _ | _ | _ | _ | _ | #"),
-        "| each approach, px | _ | _ | _ | _ | #, 1.0, 0.8 |",
+        "| each approach, px | _ | _ | _ | _ | #, 0.9, 0.7 |",
     ),
-    "processor time of a tracking frame, 99 %: quiet; under load": (
-        "With nothing else at work (…): tracking median ~ ms, 99 % # ms",
-        "cores: tracking median ~ ms, ~ % within 5 ms, 99 % # ms",
-    ),
-    "first; acquiring frames, median": (
-        "With nothing else at work (…; first frames median #, acquiring ones #, at most ~ ms",
-    ),
+    "processor time of a tracking frame under load, 99 %": ("tracking median ~ ms, 99 % # ms (~ wanted",),
+    "first; acquiring frames, median": ("First frames median #, acquiring ones #.",),
     "the same with the horizon to 0.05°, at 1–2 km; 2–4 km": (_HORIZON.format("0.05") + "# | # |",),
     "its NEES (6), farthest of three noises; 12,000 other views": (
         "(`--only noise`): ~ at 0.3 px, ~ at 0.5 px, # at 1 px",

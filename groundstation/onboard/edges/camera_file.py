@@ -14,9 +14,20 @@ from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, RunwayPla
 from groundstation.onboard.edges.search_band import RunwayGuess, position_by_height
 
 _KEYS = frozenset(
-    {"image_size_px", "focal_px", "principal_point_px", "distortion", "mount_deg", "runway", "start", "imu"},
+    {
+        "image_size_px",
+        "focal_px",
+        "principal_point_px",
+        "distortion",
+        "mount_deg",
+        "runway",
+        "start",
+        "imu",
+        "pose_noise",
+    },
 )
 _RUNWAY_KEYS = frozenset({"width_m", "length_m", "heading_deg", "lat_deg", "lon_deg", "alt_m"})
+_NOISE_KEYS = frozenset({"attitude_deg", "position_m", "lasting_attitude_deg", "lasting_height_m"})
 _START_KEYS = frozenset({"height_m", "distance_m", "lateral_m", "roll_deg", "pitch_deg", "yaw_deg"})
 # of the picture's width: a view of 157°, and one of 0.06°
 _LEAST_FOCAL, _MOST_FOCAL = 0.1, 1000.0
@@ -24,6 +35,22 @@ _LEAST_FOCAL, _MOST_FOCAL = 0.1, 1000.0
 
 class CameraFileError(InputError):
     """A camera file is not usable."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseNoise:
+    """Noise of the poses in `--imu` as its maker states it, None where nothing is stated; sigmas in rad and m.
+
+    Attributes
+    ----------
+    attitude_rad, position_m : white, independent in each row.
+    lasting_attitude_rad, lasting_height_m : constant, of roll and pitch, and of height.
+    """
+
+    attitude_rad: float | None = None
+    position_m: float | None = None
+    lasting_attitude_rad: float | None = None
+    lasting_height_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,6 +65,7 @@ class NoseCamera:
     heading_rad : landing direction, clockwise from north; 0 where yaw is measured from the landing direction.
     place : the threshold on Earth, None where the file does not give it.
     start : pose at the first frame, None where the file does not give it.
+    noise : of the poses in `--imu`, as far as the file states it.
     """
 
     lens: Lens
@@ -47,6 +75,7 @@ class NoseCamera:
     heading_rad: float
     place: RunwayPlace | None
     start: NoseCameraPose | None
+    noise: PoseNoise = PoseNoise()
 
 
 def load_nose_camera(path: Path) -> NoseCamera:
@@ -72,6 +101,7 @@ def load_nose_camera(path: Path) -> NoseCamera:
         heading_rad=heading,
         place=_place(runway, heading),
         start=_start(table, guess, heading, mount) if "start" in table else None,
+        noise=_noise(table),
     )
 
 
@@ -108,6 +138,22 @@ def _place(runway: TomlTable, heading_rad: float) -> RunwayPlace | None:
         lon_deg=runway.number("lon_deg", minimum=-180.0, maximum=360.0),
         alt_m=runway.number("alt_m"),
         heading_rad=heading_rad,
+    )
+
+
+def _noise(table: TomlTable) -> PoseNoise:
+    noise = table.table("pose_noise")
+    noise.refuse_unknown(_NOISE_KEYS)
+
+    def stated(key: str, least: float, most: float) -> float | None:
+        return noise.number(key, minimum=least, maximum=most) if key in noise else None
+
+    attitude, lasting = stated("attitude_deg", 0.0, 30.0), stated("lasting_attitude_deg", 0.001, 30.0)
+    return PoseNoise(
+        attitude_rad=None if attitude is None else math.radians(attitude),
+        position_m=stated("position_m", 0.0, 100.0),
+        lasting_attitude_rad=None if lasting is None else math.radians(lasting),
+        lasting_height_m=stated("lasting_height_m", 0.001, 100.0),
     )
 
 

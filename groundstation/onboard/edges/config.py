@@ -1,9 +1,10 @@
 """Tuning of the edge tracker, with its defaults and with the paper's numbers."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
+from groundstation.onboard.edges.camera_file import PoseNoise
 from groundstation.onboard.edges.detection import EdgeDetectionConfig
 from groundstation.onboard.edges.gradient_descent import DescentConfig, Energy
 from groundstation.onboard.edges.profile_config import ProfileConfig
@@ -34,6 +35,7 @@ class TrackerConfig:
         attracted by markings within the runway.
     band_m, least_band_px, most_band_px : width of the neighbourhoods on the ground, and its limits in the picture.
     attitude_sigma_rad, position_sigma_m : errors of a pose, independent in each frame (crossings only).
+    estimate_noise : take a pose's attitude for noisier than that where measurements show it (crossings only).
     lasting_attitude_rad, lasting_height_m : constant ones: roll and pitch, and height; estimated (crossings only).
     lasting_turn_rad, lasting_rise_m : process noise of these per frame.
     turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
@@ -44,6 +46,7 @@ class TrackerConfig:
     margin : minimum lead of the best pair's score over the others'.
     doubt_agreement, doubt_missed, doubt_score, doubt_frames : a runway with less agreement of its edges' colours, more
         successive misses, or a lower score is compared with Algorithm 1's pairs; not again for so many frames.
+    least_score : of a pair that may be taken for the runway.
     check_frames : number of frames after which it is compared in any case.
     work : units of work in a frame: tracking a pair is one (the runway three), Algorithm 1 one, a measurement of one of
         its pairs one. Tracking has priority; a search gets the rest, but at least one; without tracked pairs, all.
@@ -72,6 +75,7 @@ class TrackerConfig:
     most_band_px: float = 40.0
     attitude_sigma_rad: float = math.radians(0.25)
     position_sigma_m: tuple[float, float, float] = (0.15, 0.15, 0.15)
+    estimate_noise: bool = True
     lasting_attitude_rad: float = math.radians(0.7)
     lasting_height_m: float = 1.5
     lasting_turn_rad: float = math.radians(0.02)
@@ -87,6 +91,7 @@ class TrackerConfig:
     doubt_agreement: float = 0.3
     doubt_missed: int = 3
     doubt_score: float = 1.0
+    least_score: float = 0.0
     doubt_frames: int = 5
     check_frames: int = 30
     work: int = 5
@@ -101,6 +106,31 @@ class TrackerConfig:
     process_noise: float = 0.01
 
 
+def without_log(config: TrackerConfig) -> TrackerConfig:
+    """Return the tuning for poses by the motion between pictures, whose errors add up: more is new in each frame."""
+    return replace(
+        config,
+        position_sigma_m=(0.3, 0.3, 0.3),
+        lasting_turn_rad=math.radians(0.4),
+        lasting_rise_m=0.6,
+        turn_sigma_rad=math.radians(0.4),
+        shift_sigma_m=1.2,
+        estimate_noise=False,
+    )
+
+
+def with_noise(config: TrackerConfig, noise: PoseNoise) -> TrackerConfig:
+    """Return the tuning for poses with the noise that is stated; what is not stated stays, or is estimated."""
+    return replace(
+        config,
+        attitude_sigma_rad=config.attitude_sigma_rad if noise.attitude_rad is None else noise.attitude_rad,
+        position_sigma_m=config.position_sigma_m if noise.position_m is None else (noise.position_m,) * 3,
+        lasting_attitude_rad=noise.lasting_attitude_rad or config.lasting_attitude_rad,
+        lasting_height_m=noise.lasting_height_m or config.lasting_height_m,
+        estimate_noise=config.estimate_noise and noise.attitude_rad is None,
+    )
+
+
 def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> TrackerConfig:
     """Return the paper's tracker: gradient descent from the prediction, U and Q as printed, nothing doubted."""
     return TrackerConfig(
@@ -113,4 +143,5 @@ def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> Trac
         descent=DescentConfig(energy=energy, adaptive_gamma=False),
         gate=math.inf,
         confirm_frames=1,
+        estimate_noise=False,
     )

@@ -19,6 +19,8 @@ class EdgeMeasurement:
     unsettled_px2 : (4, 4) second moment of where other layouts of the markings would put them; None
         without a profile.
     change : whether the profile brought other lines than those that were tracked; the prior was not used then.
+    evidence : (2,) log-likelihood of each edge over none at all, see `layout_evidence.seen_at_all`; None without a
+        profile.
     """
 
     crossings_px: FloatArray
@@ -28,3 +30,4 @@ class EdgeMeasurement:
     markings: Markings | None = None
     unsettled_px2: FloatArray | None = None
     change: Change = Change.NONE
+    evidence: FloatArray | None = None

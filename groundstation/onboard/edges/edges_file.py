@@ -11,6 +11,7 @@ from groundstation.errors import InputError
 from groundstation.files.line_file import LineFile
 from groundstation.onboard.edges.line_state import A, B, C, D
 from groundstation.onboard.edges.report import EdgeReport, Edges
+from groundstation.onboard.edges.seen_marks import SeenMark
 
 CORNERS = ("far_left", "near_left", "far_right", "near_right")
 NO_POSE = "no_pose"
@@ -18,6 +19,8 @@ EDGE_COLUMNS = (
     *("frame", "t_s", "a", "b", "c_m", "d_m", "sigma_turn_deg", "sigma_c_m", "sigma_d_m"),
     *(f"{corner}_{axis}_px" for corner in CORNERS for axis in ("u", "v")),
     *(f"sigma_{corner}_px" for corner in CORNERS),
+    *("line_probability", "line_outwards_m", "sigma_line_m"),
+    *("lamps_probability", "lamps_outwards_m", "sigma_lamps_m"),
     *("status", "miss"),
 )
 
@@ -25,6 +28,12 @@ EDGE_COLUMNS = (
 def corner_pixels(edges: Edges) -> FloatArray:
     """Return the corners (4, 2) px, as in `CORNERS`: where the edges meet the upper and the lower row."""
     return np.column_stack([edges.crossings_px, np.tile(edges.rows_px, 2)])
+
+
+def _cells(mark: SeenMark) -> list[str]:
+    """Return a mark's probability, place and sigma; without a place where none is possible."""
+    place = [f"{mark.outwards_m:.2f}", f"{mark.sigma_m:.2f}"] if math.isfinite(mark.outwards_m) else ["", ""]
+    return [f"{mark.probability:.3f}", *place]
 
 
 class EdgesFile:
@@ -58,6 +67,7 @@ class EdgesFile:
             cells += [f"{math.degrees(turn):.4f}", f"{sigmas[C]:.3f}", f"{sigmas[D]:.3f}"]
             cells += [f"{v:.2f}" for v in corners_px.ravel()]
             cells += [f"{v:.2f}" for v in np.sqrt(np.diag(edges.covariance_px2))]
+            cells += [""] * 6 if edges.marks is None else [*_cells(edges.marks.line), *_cells(edges.marks.lamps)]
         cells += [NO_POSE, ""] if report is None else [report.status.value, report.miss.value]
         self._file.write(",".join(cells) + "\n")
         self._file.flush()

@@ -35,9 +35,10 @@ class TrackerCamera:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameGeometry:
-    """A frame's geometry: pose, line map E, rows, crossings of the prediction, how they move, bands."""
+    """A frame's geometry: pose, intrinsic matrix, line map E, rows, predicted crossings, how they move, bands."""
 
     pose: NoseCameraPose
+    kappa: FloatArray
     e: FloatArray
     rows: FloatArray
     predicted: FloatArray
@@ -81,7 +82,15 @@ def geometry_between_rows(
         GeometryArrays(predicted, h, by_pose, widths, across),
     )
     return FrameGeometry(
-        pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths, across=across
+        pose=pose,
+        kappa=camera.kappa,
+        e=e,
+        rows=rows,
+        predicted=predicted,
+        h=h,
+        by_pose=by_pose,
+        widths=widths,
+        across=across,
     )
 
 

@@ -25,7 +25,7 @@ from groundstation.onboard.edges.frame_geometry import (
 from groundstation.onboard.edges.gradient_descent import descend
 from groundstation.onboard.edges.kalman import LineState, update_crossings
 from groundstation.onboard.edges.line_state import C, D
-from groundstation.onboard.edges.line_tracking import TrackingStep, plain_edges, profiled, track_lines
+from groundstation.onboard.edges.line_tracking import TrackingStep, marks_of, plain_edges, profiled, track_lines
 from groundstation.onboard.edges.lines import angle_between, crossings_at, line_map, project_lines, state_from_crossings
 from groundstation.onboard.edges.marking_removal import remove_markings
 from groundstation.onboard.edges.markings import Markings
@@ -322,6 +322,7 @@ def _started(
         predicted_px=detected,
         measured_px=found.crossings_px,
         nis=math.nan,
+        marks=marks_of(config, found),
     )
     return Hypothesis(
         state=update.state,

@@ -22,12 +22,13 @@ from groundstation.onboard.edges.line_state import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.lines import lines_from_crossings, measurement_matrix, project_lines
 from groundstation.onboard.edges.marking_removal import remove_markings
 from groundstation.onboard.edges.markings import Change, Markings
-from groundstation.onboard.edges.pose import NoseCameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose, ground_from_pixels
 from groundstation.onboard.edges.profile import edges_by_profile, reach_px
 from groundstation.onboard.edges.profile_config import ProfileConfig
-from groundstation.onboard.edges.profile_fit import LampParallax
+from groundstation.onboard.edges.profile_fit import LampParallax, ProfileView, WidthPrior
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.search_band import RunwayGuess
+from groundstation.onboard.edges.seen_marks import SeenMarks, seen_marks
 from groundstation.onboard.edges.strip import refine_edges, search_edges
 
 # lamps are not taken to be seen farther out than from so many times their height: below, the camera is on the ground
@@ -92,6 +93,7 @@ def track_lines(
         predicted_px=look.predicted,
         measured_px=found.crossings_px,
         nis=update.nis,
+        marks=marks_of(config, found),
     )
     return TrackingStep(state=update.state, edges=edges, found=found, miss=EdgeMiss.NONE)
 
@@ -117,7 +119,8 @@ def _by_profile(
             return None
         guess = wide
     found = profiled(profile, image, look, predicted, guess, prior, markings, layouts=layouts)
-    return None if found.contrast.min() < config.strip.least_contrast else found
+    faint = found.evidence is not None and found.evidence.min() < profile.least_evidence
+    return None if faint or found.contrast.min() < config.strip.least_contrast else found
 
 
 def profiled(
@@ -133,7 +136,6 @@ def profiled(
 ) -> EdgeMeasurement:
     """Return edges by profiles about initial crossings (4,), with a prior (4, 4) about the search's prediction."""
     px_per_m = scale_of(look, state)
-    lamp_parallax = lamps_seen(look.pose.camera_threshold_m, state.mean, config.lamp_height_m)
     return edges_by_profile(
         image,
         guess,
@@ -144,7 +146,26 @@ def profiled(
         markings,
         config,
         layouts=layouts,
-        lamp_parallax=lamp_parallax,
+        view=view_of(look, state, config),
+    )
+
+
+def view_of(look: FrameGeometry, state: LineState, config: ProfileConfig) -> ProfileView:
+    """Return how the runway is seen: where its lamps are, how well its width is known, metres in a row."""
+    camera_m = look.pose.camera_threshold_m
+    rows = np.array([[look.predicted[0], look.rows[0]], [look.predicted[1], look.rows[1]]])
+    below = rows + np.array([0.0, 1.0])
+    ground = ground_from_pixels(look.pose, look.kappa, np.vstack([rows, below]))[:, 1]
+    along_m = np.abs(ground[2:] - ground[:2])
+    height = state.covariance[UP, UP] if state.mean.size > UP else 0.0
+    width = None
+    if config.announced_m is not None:
+        sigma = math.sqrt(float(height)) / max(float(camera_m[2]), 1.0)
+        width = WidthPrior(announced_m=config.announced_m, scale_sigma=sigma)
+    return ProfileView(
+        lamps=lamps_seen(camera_m, state.mean, config.lamp_height_m),
+        width=width,
+        along_m=(float(along_m[0]), float(along_m[1])) if np.isfinite(along_m).all() else None,
     )
 
 
@@ -154,9 +175,9 @@ def scale_of(look: FrameGeometry, state: LineState) -> FloatArray:
 
 
 def side_lines_of(config: ProfileConfig, runway: RunwayGuess) -> ProfileConfig:
-    """Return the configuration with side lines as wide as in Annex 14 for a runway of the announced width."""
-    wide = runway.width_m >= _WIDE_RUNWAY_M
-    return replace(config, line_width_m=config.wide_line_width_m) if wide else config
+    """Return the configuration for a runway of the announced width, with side lines as wide as in Annex 14."""
+    width_m = config.wide_line_width_m if runway.width_m >= _WIDE_RUNWAY_M else config.line_width_m
+    return replace(config, line_width_m=width_m, announced_m=runway.width_m)
 
 
 def lamps_seen(camera_m: FloatArray, mean: FloatArray, height_m: float) -> LampParallax:
@@ -169,6 +190,13 @@ def lamps_seen(camera_m: FloatArray, mean: FloatArray, height_m: float) -> LampP
     below = float(mean[:2] @ camera_m[:2])
     left, right = -float(mean[C]) - below, below + float(mean[D])
     return LampParallax(scale=scale, shift_m=((scale - 1.0) * left, (scale - 1.0) * right))
+
+
+def marks_of(config: TrackerConfig, found: EdgeMeasurement) -> SeenMarks | None:
+    """Return what is next to the edges, None where no profile was taken."""
+    if config.profile is None or found.markings is None:
+        return None
+    return seen_marks(found.markings, config.profile)
 
 
 def process_noise(config: TrackerConfig, state: LineState) -> FloatArray:

@@ -9,12 +9,13 @@ Until then edges are reported with the ambiguity of the layouts: the second mome
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.onboard.edges import layout_evidence as evidence
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
     EdgeProfiles,
@@ -22,9 +23,9 @@ from groundstation.onboard.edges.profile_fit import (
     Layout,
     ProfileFit,
     best_displacement,
-    fit_layouts,
     levels_at,
     likelihood_at,
+    refined_displacement,
 )
 
 # share of a layout's earlier gain that is kept in a new comparison, and the limit of a picture's gain
@@ -33,8 +34,6 @@ _FORGET, _MOST = 0.9, 300.0
 _HOPELESS, _SELDOM = 150.0, 12.0
 # pictures over which it is taken where another layout puts the lines
 _MEMORY = 4.0
-# sigmas by which paint has to exceed zero, and light darkness
-_BRIGHT = 3.0
 # least excess of paint over the ground, as a share of its excess over pavement
 _OVER_GROUND = 0.2
 # a layout that will take the place of the one that is held, in a picture or two, is stated as e² times as likely
@@ -43,8 +42,6 @@ _DOUBLE = 2.0
 _SURVEYS = 2
 # line and lamps of two layouts are as far apart to half a step of the lamps' places
 _AS_FAR_M = 0.3
-# crossings (4,) of both lines with the same row
-_SAME_ROW = np.tile(np.eye(2), (2, 2))
 
 # which of the configuration's places a line and lamps have
 Places = tuple[int, int]
@@ -64,6 +61,11 @@ class Markings:
     gains : log-likelihood gain (lines, lamps) of each layout, recent; of the current one: other lines with it.
     moved_m : (lines, lamps, 4) outwards, displacement of the crossings by each against the current one.
     tried, times : (lines, lamps) picture of the last comparison of each, −1 for never, and their number.
+    priors : (lines, lamps) log-probability of each before any picture, with its runway's width as last compared; NaN
+        before that.
+    line_off_m, line_width_m : how much farther out the line is than its place, and its width; 0 for the usual one.
+    blur_px : sigma of the picture across a line; 0 for the usual one.
+    shape_gains : (6,) log-likelihood gain of a line farther in, farther out, narrower, wider; of less and more blur.
     """
 
     excess: FloatArray
@@ -75,6 +77,11 @@ class Markings:
     moved_m: FloatArray
     tried: FloatArray
     times: FloatArray
+    priors: FloatArray
+    line_off_m: float = 0.0
+    line_width_m: float = 0.0
+    blur_px: float = 0.0
+    shape_gains: FloatArray = field(default_factory=lambda: np.zeros(6))
 
 
 class Change(Enum):
@@ -109,13 +116,17 @@ def initial_markings(config: ProfileConfig, *, dark: bool) -> Markings:
         moved_m=_apart_m((0, lamps), config),
         tried=np.full(shape, -1.0),
         times=np.zeros(shape),
+        priors=np.full(shape, np.nan),
     )
 
 
-def layout_at(places: Places, config: ProfileConfig) -> Layout:
-    """Return the layout of places of the configuration."""
-    line, lamps = config.lines_m[places[0]], config.lamps_m[places[1]]
-    return Layout(line_m=None if line is None else (line - config.line_width_m, line), lamps_m=lamps)
+def layout_at(places: Places, config: ProfileConfig, markings: Markings | None = None) -> Layout:
+    """Return the layout of places of the configuration; of markings' own places with their line as it was found."""
+    line, lamps, width_m = config.lines_m[places[0]], config.lamps_m[places[1]], config.line_width_m
+    if markings is not None and line is not None:
+        width_m = markings.line_width_m or width_m
+        line += markings.line_off_m if places == markings.places else 0.0
+    return Layout(line_m=None if line is None else (line - width_m, line), lamps_m=lamps)
 
 
 def expected_excess(markings: Markings, config: ProfileConfig) -> ExpectedExcess:
@@ -131,13 +142,29 @@ def unsettled_m2(markings: Markings, config: ProfileConfig) -> FloatArray:
     for places in _others(markings, config):
         open_to[places] = True
     open_to[markings.places] = False
-    weights = np.where(open_to, np.exp(np.minimum(markings.gains / config.layout_alike, _DOUBLE)), 0.0)
+    odds = markings.gains / config.layout_alike_stated + _prior_odds(markings)
+    weights = np.where(open_to, np.exp(np.minimum(odds, _DOUBLE)), 0.0)
     # the one that is held counts once: with the lines that are held or, its own entry, with others that are likelier
-    stray = math.exp(min(float(markings.gains[markings.places]) / config.layout_alike, _DOUBLE))
+    stray = math.exp(min(float(markings.gains[markings.places]) / config.layout_alike_stated, _DOUBLE))
     whole = max(1.0, stray) + float(weights.sum())
     weights[markings.places] = stray
     moved_m = markings.moved_m.reshape(-1, 4)
     return np.asarray((weights.reshape(-1, 1) * moved_m).T @ moved_m / whole)
+
+
+def _prior_odds(markings: Markings) -> FloatArray:
+    """Return how much likelier (lines, lamps) each layout is than the held one before any picture, logarithms."""
+    odds = markings.priors - markings.priors[markings.places]
+    return np.where(np.isfinite(odds), odds, 0.0)
+
+
+def layout_odds(markings: Markings, config: ProfileConfig) -> FloatArray:
+    """Return the logarithm of how much likelier (lines, lamps) layouts are than the held one; −inf: not compared."""
+    odds = markings.gains / config.layout_alike_stated + _prior_odds(markings)
+    odds = np.where(markings.times >= 1.0, odds, -np.inf)
+    # its own gain is that of other lines
+    odds[markings.places] = 0.0
+    return odds
 
 
 def compared(
@@ -156,8 +183,8 @@ def compared(
     survey = markings.surveyed < _SURVEYS
     count = markings.gains.size if survey else count
     scale, turn = np.tile(px_per_m, 2), _turn(markings, config)
-    gains, moved_m, tried, times = (
-        a.copy() for a in (markings.gains, markings.moved_m, markings.tried, markings.times)
+    gains, moved_m, tried, times, priors = (
+        a.copy() for a in (markings.gains, markings.moved_m, markings.tried, markings.times, markings.priors)
     )
     there = dict[Places, FloatArray]()
     for rival in _rivals(markings, profiles, moved_px, scale, turn[:count], config):
@@ -166,12 +193,20 @@ def compared(
         moved_m[at] += ((rival.moved_px - moved_px) / scale - moved_m[at]) / min(times[at] + 1.0, _MEMORY)
         tried[at], there[at] = markings.frames, rival.moved_px
         times[at] += 1.0
+        priors[at] = rival.prior
     after = replace(
-        markings, surveyed=markings.surveyed + int(survey), gains=gains, moved_m=moved_m, tried=tried, times=times
+        markings,
+        surveyed=markings.surveyed + int(survey),
+        gains=gains,
+        moved_m=moved_m,
+        tried=tried,
+        times=times,
+        priors=priors,
     )
-    new = max([markings.places, *turn], key=lambda places: gains[places] if times[places] > 1.0 else -math.inf)
+    ahead = gains + config.layout_alike * _prior_odds(after)
+    new = max([markings.places, *turn], key=lambda places: ahead[places] if times[places] > 1.0 else -math.inf)
     untried = any(times[places] < 1.0 for places in turn)
-    if untried or times[new] < 2.0 or gains[new] <= config.layout_margin:
+    if untried or times[new] < 2.0 or ahead[new] <= config.layout_margin:
         return MarkingComparison(markings=after, change=Change.NONE, moved_px=moved_px)
     change = Change.LINES if new == markings.places else Change.LAYOUT
     moved_px = there.get(new, moved_px + scale * moved_m[new])
@@ -180,11 +215,12 @@ def compared(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _LayoutHypothesis:
-    """A layout fitted to a picture: the resulting displacement of the lines, (4,) px outwards, and its gain."""
+    """A layout fitted to a picture: the resulting displacement of the lines, (4,) px outwards, its gain and prior."""
 
     places: Places
     moved_px: FloatArray
     better: float
+    prior: float = 0.0
 
 
 def _rivals(
@@ -199,23 +235,45 @@ def _rivals(
 
     A wrong layout has both edges too far out or in: others are searched for there. Other lines may be anywhere.
     """
-    apart = np.diag(np.maximum(config.apart_m * scale, config.least_step_px) ** 2)
-    alike = np.asarray(np.linalg.inv(apart + config.outwards_m**2 * np.outer(scale, scale) * _SAME_ROW), np.float64)
-    layouts = [layout_at(places, config) for places in (markings.places, *others)]
-    own, *fits = fit_layouts(profiles, layouts, None, config.wide, config.values_as_one)
+    alike = evidence.same_row_prior(scale, config)
+    layouts = [layout_at(places, config, markings) for places in (markings.places, *others)]
+    own, *fits = evidence.weighed_layouts(profiles, layouts, moved_px, alike, config)
     loose = np.diag(1.0 / (config.stray_steps * np.tile(profiles.steps, 2)) ** 2)
     stray = best_displacement(own, np.zeros(4), loose)
     held = _worth(own, layouts[0], likelihood_at(own, moved_px), moved_px, config)
     held += config.stray_cost - 0.5 * float(moved_px @ loose @ moved_px)
     better = _worth(own, layouts[0], stray.evidence, stray.moved_px, config) - held
-    found = [_LayoutHypothesis(places=markings.places, moved_px=stray.moved_px, better=better)]
-    best = best_displacement(own, moved_px, alike)
-    held = _worth(own, layouts[0], best.evidence, best.moved_px, config)
+    # the width was announced once, and not in each picture
+    once = config.layout_alike * (1.0 - _FORGET)
+    better += once * (
+        evidence.width_likelihood(profiles, stray.moved_px, scale)
+        - evidence.width_likelihood(profiles, moved_px, scale)
+    )
+    found = [
+        _LayoutHypothesis(places=markings.places, moved_px=stray.moved_px, better=evidence.limited(better, config)),
+    ]
+    best = refined_displacement(own, moved_px, alike)
+    held = best.evidence
+    found = [replace(found[0], prior=_prior(profiles, own, layouts[0], best.moved_px, scale, config))]
     for places, layout, fit in zip(others, layouts[1:], fits, strict=True):
-        best = best_displacement(fit, moved_px, alike)
-        better = _worth(fit, layout, best.evidence, best.moved_px, config) - held
-        found.append(_LayoutHypothesis(places=places, moved_px=best.moved_px, better=better))
+        best = refined_displacement(fit, moved_px, alike)
+        prior = _prior(profiles, fit, layout, best.moved_px, scale, config)
+        better = evidence.limited(best.evidence - held, config)
+        found.append(_LayoutHypothesis(places=places, moved_px=best.moved_px, better=better, prior=prior))
     return found
+
+
+def _prior(
+    profiles: EdgeProfiles,
+    fit: ProfileFit,
+    layout: Layout,
+    moved_px: FloatArray,
+    scale: FloatArray,
+    config: ProfileConfig,
+) -> float:
+    """Return a layout's log-probability before any picture: of its marks as they look, and of the edges' width."""
+    marks = config.lamps_alone if layout.line_m is None and layout.lamps_m is not None else 0.0
+    return marks + _worth(fit, layout, 0.0, moved_px, config) + evidence.width_likelihood(profiles, moved_px, scale)
 
 
 def _turn(markings: Markings, config: ProfileConfig) -> list[Places]:
@@ -228,7 +286,8 @@ def _turn(markings: Markings, config: ProfileConfig) -> list[Places]:
 def _anew(markings: Markings, places: Places, config: ProfileConfig) -> Markings:
     """Return markings with another layout, with unknown paint and light; observations of others are kept."""
     tried = markings.times >= 1.0
-    gains = np.where(tried, markings.gains - markings.gains[places], 0.0)
+    # where only the lines are others, layouts are against them what they were
+    gains = np.where(tried, markings.gains - (markings.gains[places] if places != markings.places else 0.0), 0.0)
     gains[places] = 0.0
     moved_m = np.where(tried[..., None], markings.moved_m - markings.moved_m[places], _apart_m(places, config))
     if places != markings.places:
@@ -244,6 +303,8 @@ def _anew(markings: Markings, places: Places, config: ProfileConfig) -> Markings
         moved_m=moved_m,
         tried=np.minimum(markings.tried, 0.0),
         times=np.minimum(markings.times, 1.0),
+        line_off_m=markings.line_off_m if places == markings.places else 0.0,
+        shape_gains=np.zeros(6),
     )
 
 
@@ -291,18 +352,8 @@ def _worth(fit: ProfileFit, layout: Layout, likelihood: float, moved_px: FloatAr
     if layout.line_m is not None:
         # paint is brighter than the surface under it, and by a share of that than the ground
         paint, ground = levels[:, :, 2], levels[:, :, 1] - levels[:, :, 0]
-        seen = _bright(paint) and _bright((1.0 - _OVER_GROUND) * paint - ground)
+        seen = evidence.is_bright(paint) and evidence.is_bright((1.0 - _OVER_GROUND) * paint - ground)
         likelihood -= config.line_cost + config.dim_cost * float(not seen)
     if layout.lamps_m is not None:
-        likelihood -= config.lamps_cost + config.dim_cost * float(not _lit(levels[:, :, 3]))
+        likelihood -= config.lamps_cost + config.dim_cost * float(not evidence.is_lit(levels[:, :, 3]))
     return likelihood
-
-
-def _bright(paint: FloatArray) -> bool:
-    """Return whether paint (2, blocks), which is equal all along, is significant."""
-    return bool(paint.mean() >= _BRIGHT * paint.std() / math.sqrt(paint.size))
-
-
-def _lit(light: FloatArray) -> bool:
-    """Return whether the light of lamps (2, blocks), which is not in every block, is more than darkness."""
-    return bool(np.maximum(light, 0.0).sum() >= _BRIGHT * np.maximum(-light, 0.0).sum())

@@ -18,6 +18,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
+from groundstation.onboard.edges.layout_evidence import is_bright, seen_at_all
+from groundstation.onboard.edges.line_shape import shaped
 from groundstation.onboard.edges.markings import (
     Change,
     Markings,
@@ -31,8 +33,8 @@ from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
     OUTWARDS,
     EdgeProfiles,
-    LampParallax,
     ProfileFit,
+    ProfileView,
     best_displacement,
     edge_profiles,
     fit_layouts,
@@ -44,8 +46,8 @@ from groundstation.onboard.edges.profile_kernel import moments
 # usual colour about the edges, 0 to 1, below which lamps are assumed on until layouts have been compared: as in
 # `paint` 95 of 255 grey levels, well above night (60 to 80) and below day (from 125 on); dusk is on either side
 _DARK_COLOUR = 0.37
-# lamps that are seen where they stand
-_ON_GROUND = LampParallax()
+# lamps that are seen where they stand, any width
+_PLAIN = ProfileView()
 
 
 def reach_px(px_per_m: FloatArray, config: ProfileConfig) -> FloatArray:
@@ -64,17 +66,19 @@ def edges_by_profile(
     config: ProfileConfig,
     *,
     layouts: int,
-    lamp_parallax: LampParallax = _ON_GROUND,
+    view: ProfileView = _PLAIN,
 ) -> EdgeMeasurement:
     """Return the edges about initial crossings (4,) by the profiles of a picture (h, w, 3) with its paint.
 
     ``px_per_m`` (2,) across the runway at the upper and the lower row. The prior, crossings (4,) of covariance (4, 4),
     selects among likely positions and is not part of the result. ``markings`` of the picture before, None without.
-    ``layouts``: how many other layouts are compared, with other lines; 0 for neither. ``lamp_parallax``: of lamps.
+    ``layouts``: how many other layouts are compared, with other lines; 0 for neither. ``view``: how the runway is seen.
     """
     weight = np.asarray(np.linalg.inv(prior_px2 * np.outer(OUTWARDS, OUTWARDS)), np.float64)
     offset = OUTWARDS * (predicted_px - guess_px)
-    wide = _profiles(image, guess_px, rows_px, px_per_m, lamp_parallax, (2.0, config.wide), config)
+    if markings is not None and markings.blur_px:
+        config = replace(config, blur_px=markings.blur_px)
+    wide = _profiles(image, guess_px, rows_px, px_per_m, view, (2.0, config.wide), config)
     if markings is None:
         dark = float(np.median(wide.total.sum(axis=3) / np.maximum(3.0 * wide.weight, 1e-9))) < _DARK_COLOUR
         markings = initial_markings(config, dark=dark)
@@ -83,19 +87,26 @@ def edges_by_profile(
     if layouts > 0 and markings.frames > 0:
         comparison = compared(markings, wide, moved, px_per_m, layouts, config)
         markings, moved, change = comparison.markings, comparison.moved_px, comparison.change
-        if change is not Change.NONE:
+        if change is Change.NONE:
+            markings = shaped(markings, wide, moved, px_per_m, config)
+        else:
             fit = _fitted(wide, markings, config.wide, config)
     if markings.frames == 0:
         markings = _first_guess(markings, fit, moved, config)
+    seen = seen_at_all(wide, fit, moved, config.values_as_one)
     crossings, light = guess_px + OUTWARDS * moved, _excess(fit, moved)[1]
-    fine = _profiles(image, crossings, rows_px, px_per_m, lamp_parallax, (1.0, config.fine), config)
+    fine = _profiles(image, crossings, rows_px, px_per_m, view, (1.0, config.fine), config)
     fit = _fitted(fine, markings, config.fine, config)
-    return _result(fit, crossings, px_per_m, markings, light, config, change=change)
+    return replace(_result(fit, crossings, px_per_m, markings, light, config, change=change), evidence=seen)
 
 
 def _fitted(profiles: EdgeProfiles, markings: Markings, reach: int, config: ProfileConfig) -> ProfileFit:
     return fit_layouts(
-        profiles, [layout_at(markings.places, config)], expected_excess(markings, config), reach, config.values_as_one
+        profiles,
+        [layout_at(markings.places, config, markings)],
+        expected_excess(markings, config),
+        reach,
+        config.values_as_one,
     )[0]
 
 
@@ -131,9 +142,20 @@ def _result(
         contrast=np.sqrt(np.median((between**2).mean(axis=2), axis=1)),
         agreement=float((between[0] * between[1]).sum()) / max(float(lengths[0] * lengths[1]), 1e-9),
         markings=markings,
-        unsettled_px2=unsettled_m2(markings, config) * np.outer(scale, scale),
+        unsettled_px2=(unsettled_m2(markings, config) + _merged_m2(markings, between, config)) * np.outer(scale, scale),
         change=change,
     )
+
+
+def _merged_m2(markings: Markings, between: FloatArray, config: ProfileConfig) -> float:
+    """Return the second moment, m², of a side line that is as bright as the ground, by which the edge is farther out.
+
+    Where the ground is brighter than the pavement, as snow is, paint may not be told from it. ``between``
+    (2, blocks, 3): by how much it is.
+    """
+    if config.lines_m[markings.places[0]] is not None or not is_bright(between.mean(axis=2)):
+        return 0.0
+    return config.merged_share * config.merged_m**2
 
 
 def _steps(px_per_m: FloatArray, config: ProfileConfig) -> FloatArray:
@@ -145,14 +167,14 @@ def _profiles(
     x: FloatArray,
     rows: FloatArray,
     px_per_m: FloatArray,
-    lamp_parallax: LampParallax,
+    view: ProfileView,
     scale_reach: tuple[float, int],
     config: ProfileConfig,
 ) -> EdgeProfiles:
     scale, reach = scale_reach
     sizes = (config.blocks, 2 * (reach + config.beside) + 1)
     steps = scale * _steps(px_per_m, config)
-    return edge_profiles(image, x, rows, px_per_m, steps, sizes, config.blur_px, scale, lamp_parallax)
+    return edge_profiles(image, x, rows, px_per_m, steps, sizes, config.blur_px, scale, view)
 
 
 def _excess(fit: ProfileFit, moved: FloatArray) -> FloatArray:

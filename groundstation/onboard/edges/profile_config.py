@@ -22,8 +22,19 @@ class ProfileConfig:
     line_cost, lamps_cost : least log-likelihood gain of a line and lamps in a picture.
     dim_cost : and in addition where its brightness is not significant.
     layout_margin : summed gain at which other positions of line and lamps are adopted.
-    layout_alike : nats of that which count as one for the covariance: errors of pictures are correlated.
+    layout_alike, layout_alike_stated : nats of that which count as one against what is known before any picture, and
+        for the covariance: errors of pictures are correlated.
     untried_m : displacement of the lines by a layout that was never compared, outwards.
+    merged_share, merged_m : probability of a side line as bright as ground that is brighter than the pavement, and how
+        much farther out the edge is then.
+    least_evidence : log-likelihood of an edge over none at all below which it is not seen.
+    picture_limit : most log-likelihood by which a picture tells two layouts apart.
+    shape_margin : summed gain at which the line is taken as wider, narrower or elsewhere by a step.
+    lamps_alone : log-probability of lamps without a side line before any picture, against the other layouts.
+    layout_outlier : where layouts are compared, likelihood of a block that is an outlier, over the best of all layouts.
+    least_spread, paint_spread, light_spread, mark_least : departure of a block's excess from that of the whole mark, of
+        this: at least, and at most that of a line and of lamps; and at least in all.
+    announced_m : the runway's width as announced; None: any is as likely.
     layouts, layouts_beside : number compared in a picture, and where other pairs are tracked too.
     outwards_m, apart_m : displacement of both edges with another layout, and of each separately.
     stray_steps, stray_cost : distance of other lines with the same layout, in wide steps, and their least gain of
@@ -48,12 +59,25 @@ class ProfileConfig:
     wide_line_width_m: float = 0.9
     lamps_m: tuple[float | None, ...] = (None, 1.0, 1.5, 2.0, 2.5, 3.0)
     lamp_height_m: float = 0.3
-    line_cost: float = 40.0
-    lamps_cost: float = 40.0
-    dim_cost: float = 150.0
-    layout_margin: float = 20.0
+    line_cost: float = 1.0
+    lamps_cost: float = 1.0
+    dim_cost: float = 2.0
+    layout_margin: float = 12.0
     layout_alike: float = 4.0
+    layout_alike_stated: float = 8.0
     untried_m: float = 0.5
+    merged_share: float = 0.25
+    merged_m: float = 0.9
+    least_evidence: float = 15.0
+    picture_limit: float = 30.0
+    shape_margin: float = 10.0
+    lamps_alone: float = -2.5
+    layout_outlier: float = 1e-4
+    least_spread: float = 0.2
+    paint_spread: float = 0.5
+    light_spread: float = 0.7
+    mark_least: float = 0.02
+    announced_m: float | None = None
     layouts: int = 6
     layouts_beside: int = 3
     outwards_m: float = 1.5

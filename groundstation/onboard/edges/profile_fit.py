@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.coordinate_ascent import best_displacements
+from groundstation.onboard.edges.layout_kernel import gather_squares, refine_displacement
 from groundstation.onboard.edges.profile_kernel import (
     ExcessPrior,
     gather,
@@ -18,8 +20,11 @@ from groundstation.onboard.edges.profile_kernel import (
 OUTWARDS = np.array([-1.0, -1.0, 1.0, 1.0])
 # half of how far, across the runway, the light of lamps reaches about their line
 _LAMP_M = 0.5
-_OUTLIER = 0.02  # likelihood of an outlier block of rows, over its best
-_LEAST_BLUR = 0.5
+# orthonormal: grey, blue against red, both against green
+GREY_AND_TINTS = np.array([[1.0, 1.0, 1.0], [1.0, 0.0, -1.0], [1.0, -2.0, 1.0]])
+GREY_AND_TINTS /= np.linalg.norm(GREY_AND_TINTS, axis=1)[:, None]
+OUTLIER = 0.02  # likelihood of an outlier block of rows, over its best
+LEAST_BLUR = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +38,32 @@ class LampParallax:
     shift_m: tuple[float, float] = (0.0, 0.0)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WidthPrior:
+    """What is known of a runway's width before any picture: m.
+
+    Attributes
+    ----------
+    announced_m : the width that was announced.
+    scale_sigma : of a width in a picture, as a share of it, by the height that may be wrong.
+    """
+
+    announced_m: float
+    scale_sigma: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfileView:
+    """How the runway is seen: where lamps are, its width, and metres along it in a row, upper and lower one.
+
+    ``width`` and ``along_m`` are None where they are not known.
+    """
+
+    lamps: LampParallax = LampParallax()
+    width: WidthPrior | None = None
+    along_m: tuple[float, float] | None = None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EdgeProfiles:
     """Profiles across both edges, straightened along them.
@@ -44,7 +75,9 @@ class EdgeProfiles:
     bins_per_m : (blocks,).
     blurs : (2, blocks) sigma of the picture's blur, in bins.
     coarse : how many of the finest steps a bin has.
-    lamp_parallax : displacement of lamps on the ground.
+    view : of the runway.
+    squares : (2, blocks, bins) sums of the squares of a pixel's grey.
+    width_m : of the runway between the lines about which they are taken.
     """
 
     total: FloatArray
@@ -53,7 +86,9 @@ class EdgeProfiles:
     bins_per_m: FloatArray
     blurs: FloatArray
     coarse: float
-    lamp_parallax: LampParallax
+    view: ProfileView
+    squares: FloatArray
+    width_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,11 +108,22 @@ class ExpectedExcess:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JudgedMisfits:
+    """Misfits (2, blocks, trials) with all that a layout is free to fit, the least, and their powers, (2, blocks)."""
+
+    misfit: FloatArray
+    least: FloatArray
+    power: FloatArray
+    outlier: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProfileFit:
     """Log-likelihoods of both lines (2, trials, trials), relative to ``base``, and the best levels.
 
     ``levels`` (2, blocks, trials, 4, 3): pavement, ground, excess of line and lamps; ``misfit`` (2, blocks, trials) in
-    pixels, ``freedom`` (2, blocks) how many these are; ``steps`` (2,) px between trials.
+    pixels, ``freedom`` (2, blocks) how many these are; ``steps`` (2,) px between trials. ``judged`` is what the
+    log-likelihoods are of, where they are looked at between trials. ``tinted``: levels are of grey and two tints.
     """
 
     grids: FloatArray
@@ -86,6 +132,8 @@ class ProfileFit:
     misfit: FloatArray
     freedom: FloatArray
     steps: FloatArray
+    judged: JudgedMisfits | None = None
+    tinted: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,14 +153,16 @@ def edge_profiles(
     sizes: tuple[int, int],
     blur_px: float,
     coarse: float,
-    lamp_parallax: LampParallax,
+    view: ProfileView,
 ) -> EdgeProfiles:
     """Return the profiles about lines x (4,), of (blocks, bins) ``sizes``; ``steps`` (2,) px of a bin at both rows."""
-    total, weight = np.zeros((2, *sizes, 3)), np.zeros((2, *sizes))
+    total, weight, squares = np.zeros((2, *sizes, 3)), np.zeros((2, *sizes)), np.zeros((2, *sizes))
     gather(image, x, rows, steps, total, weight)
+    if view.along_m is not None and coarse > 1.0:
+        gather_squares(image, x, rows, steps, squares)
     step, m = _along(sizes[0], steps), _along(sizes[0], px_per_m)
     lean = np.hypot(1.0, (x[1::2] - x[::2]) / (rows[1] - rows[0]))
-    blurs = np.hypot(blur_px * lean[:, None] / step, _LEAST_BLUR)
+    blurs = np.hypot(blur_px * lean[:, None] / step, LEAST_BLUR)
     return EdgeProfiles(
         total=total,
         weight=weight,
@@ -120,8 +170,24 @@ def edge_profiles(
         bins_per_m=m / step,
         blurs=blurs,
         coarse=coarse,
-        lamp_parallax=lamp_parallax,
+        view=view,
+        squares=squares,
+        width_m=float(np.mean((x[2:] - x[:2]) / px_per_m)),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LayoutLevels:
+    """Least squares of several layouts.
+
+    ``misfit`` (2, layouts, blocks, trials) in pixels, ``levels`` (2, layouts, blocks, trials, 4, 3) of grey and two
+    tints, ``freedom`` (2, blocks), and ``bars`` (2, layouts, 2, blocks, 2): the sides of line and lamps, in bins.
+    """
+
+    misfit: FloatArray
+    levels: FloatArray
+    freedom: FloatArray
+    bars: FloatArray
 
 
 def fit_layouts(
@@ -131,35 +197,63 @@ def fit_layouts(
 
     So many values count as one. ``usual`` is the excess of the first layout; None: any paint and light.
     """
+    found = layout_levels(profiles, layouts, usual, reach)
+    least = found.misfit.min(axis=3)
+    return layout_likelihoods(profiles, found, found.misfit, least, values_as_one, OUTLIER)
+
+
+def layout_levels(
+    profiles: EdgeProfiles, layouts: list[Layout], usual: ExpectedExcess | None, reach: int
+) -> LayoutLevels:
+    """Return the levels of least squares of each layout; the arguments are those of `fit_layouts`."""
     blocks, trials, count = profiles.weight.shape[1], 2 * reach + 1, len(layouts)
-    sides_m = np.array([[_sides(layout, profiles.lamp_parallax, line) for layout in layouts] for line in range(2)])
+    sides_m = np.array([[_sides(layout, profiles.view.lamps, line) for layout in layouts] for line in range(2)])
     bars = sides_m[:, :, :, None, :] * profiles.bins_per_m[:, None]
     there = bars[0, 0, :, 0, 0] < bars[0, 0, :, 0, 1]
     misfit, levels = np.empty((2, count, blocks, trials)), np.zeros((2, count, blocks, trials, 4, 3))
-    grids, bases = np.empty((count, 2, trials, trials)), np.zeros(count)
-    freedom = 3.0 * (profiles.weight > 0.0).sum(axis=2)
     excess, stiffness = np.zeros((2, blocks, 3)), np.zeros(2)
     if usual is not None:
         excess, stiffness = usual.excess * there[:, None, None], usual.stiffness
+    prior = ExcessPrior(excess=np.ascontiguousarray(excess @ GREY_AND_TINTS.T), stiffness=stiffness)
     for line in range(2):
-        misfits(
-            profiles.total[line], profiles.weight[line], profiles.blurs[line], bars[line],
-            ExcessPrior(excess=excess, stiffness=stiffness), misfit[line], levels[line],
-        )  # fmt: skip
-        least = misfit[line].min(axis=2)
-        power = 0.5 * profiles.coarse * freedom[line] / values_as_one
-        curves = (least[:, :, None] / misfit[line]) ** power[:, None]
+        total = np.ascontiguousarray(profiles.total[line] @ GREY_AND_TINTS.T)
+        misfits(total, profiles.weight[line], profiles.blurs[line], bars[line], prior, misfit[line], levels[line], True)
+    freedom = 3.0 * (profiles.weight > 0.0).sum(axis=2)
+    return LayoutLevels(misfit=misfit, levels=levels, freedom=freedom, bars=bars)
+
+
+def layout_likelihoods(
+    profiles: EdgeProfiles,
+    found: LayoutLevels,
+    misfit: FloatArray,
+    least: FloatArray,
+    values_as_one: float,
+    outlier: float,
+) -> list[ProfileFit]:
+    """Return the likelihoods of layouts by their misfits (2, layouts, blocks, trials).
+
+    A block of rows is an outlier with so much of the likelihood of the ``least`` misfits (2, layouts, blocks). Where
+    these are those of all layouts a layout is not worth what blocks alone would fit with it, elsewhere.
+    """
+    count, trials = misfit.shape[1], misfit.shape[3]
+    grids, bases = np.empty((count, 2, trials, trials)), np.zeros(count)
+    powers = 0.5 * profiles.coarse * found.freedom / values_as_one
+    for line in range(2):
+        power = powers[line]
+        curves = (least[line][:, :, None] / misfit[line]) ** power[:, None]
         for k in range(count):
-            line_likelihood(curves[k], profiles.steps, _OUTLIER, grids[k, line])
-        bases -= (power * np.log(least / np.maximum(freedom[line], 1.0))).sum(axis=1)
+            line_likelihood(curves[k], profiles.steps, outlier, grids[k, line])
+        bases -= (power * np.log(least[line] / np.maximum(found.freedom[line], 1.0))).sum(axis=1)
     return [
         ProfileFit(
             grids=grids[k],
             base=float(bases[k]),
-            levels=levels[:, k],
-            misfit=misfit[:, k],
-            freedom=freedom,
+            levels=found.levels[:, k],
+            misfit=found.misfit[:, k],
+            freedom=found.freedom,
             steps=profiles.steps,
+            tinted=True,
+            judged=JudgedMisfits(misfit=misfit[:, k], least=least[:, k], power=powers, outlier=outlier),
         )
         for k in range(count)
     ]
@@ -181,6 +275,22 @@ def best_displacement(fit: ProfileFit, offset_px: FloatArray, weight: FloatArray
     return BestDisplacement(moved_px=moved, evidence=evidence + fit.base)
 
 
+def refined_displacement(fit: ProfileFit, offset_px: FloatArray, weight: FloatArray) -> BestDisplacement:
+    """Return the likeliest displacement between the trials of the grid; arguments as of `best_displacement`.
+
+    Layouts differ by less than a trial's step: a mark that is half a step off fits badly, and its layout with it.
+    """
+    best, judged = best_displacement(fit, offset_px, weight), fit.judged
+    if judged is None:
+        return best
+    moved = best.moved_px.copy()
+    evidence = refine_displacement(
+        np.ascontiguousarray(judged.misfit), np.ascontiguousarray(judged.least), judged.power, judged.outlier,
+        fit.steps, offset_px, weight, moved,
+    )  # fmt: skip
+    return BestDisplacement(moved_px=moved, evidence=float(evidence) + fit.base)
+
+
 def likelihood_at(fit: ProfileFit, moved_px: FloatArray) -> float:
     """Return the log-likelihood of both lines displaced outwards by (4,) px, as of the nearest place on the grid."""
     trials = fit.grids.shape[1]
@@ -192,13 +302,19 @@ def levels_at(fit: ProfileFit, moved_px: FloatArray) -> FloatArray:
     """Return the levels (2, blocks, 4, 3) of both lines, displaced outwards by (4,) px."""
     out = np.empty((*fit.misfit.shape[:2], 4, 3))
     picked_levels(fit.levels, fit.steps, moved_px, out)
-    return out
+    return out @ GREY_AND_TINTS if fit.tinted else out
+
+
+def picked_blocks(fit: ProfileFit, moved_px: FloatArray) -> NDArray[np.int64]:
+    """Return which trial (2, blocks) displaces each block of both lines, moved outwards by (4,) px."""
+    picked = np.empty(fit.misfit.shape[:2], np.int64)
+    picked_trials(fit.misfit.shape[2], fit.steps, moved_px, picked)
+    return picked
 
 
 def noise_at(fit: ProfileFit, moved_px: FloatArray) -> float:
     """Return the usual variance of a pixel about its profile, both lines displaced outwards by (4,) px."""
-    picked = np.empty(fit.misfit.shape[:2], np.int64)
-    picked_trials(fit.misfit.shape[2], fit.steps, moved_px, picked)
+    picked = picked_blocks(fit, moved_px)
     own = np.take_along_axis(fit.misfit, picked[:, :, None], axis=2)[:, :, 0]
     return float(np.median(own / np.maximum(fit.freedom, 1.0)))
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from groundstation.arrays import FloatArray, ImageArray
 
 _SQUARE = 1e-9  # of a level that nothing measures
+# of a pixel's grey and of its tints, that a codec leaves unknown: two grey levels
+QUANTUM = (2.0 / 255.0) ** 2
 
 
 @njit(cache=True, nogil=True)
@@ -91,7 +93,7 @@ class ExcessPrior(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _fill_steps(steps: FloatArray, blur: float, origin: int) -> None:
+def fill_steps(steps: FloatArray, blur: float, origin: int) -> None:
     """Fill the blurred pavement and ground (2, bins), the edge at bin ``origin``."""
     for i in range(steps.shape[1]):
         steps[1, i] = _under((i - origin) / blur)
@@ -99,7 +101,7 @@ def _fill_steps(steps: FloatArray, blur: float, origin: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _fill_bar(
+def fill_bar(
     shape: FloatArray, inner: float, outer: float, blur: float, origin: int, limits: NDArray[np.int64]
 ) -> None:
     """Fill a blurred bar (bins,) between its ``limits``: the first bin, and the one behind the last; none has none."""
@@ -113,15 +115,20 @@ def _fill_bar(
 
 
 @njit(cache=True, nogil=True)
-def _fill_colours(total: FloatArray, weight: FloatArray, colours: FloatArray) -> float:
-    """Fill the colours (3, bins) of a block's sums (bins, 3); returns their squares over the weights (bins,)."""
-    square = 0.0
+def _fill_colours(total: FloatArray, weight: FloatArray, colours: FloatArray, squares: FloatArray) -> float:
+    """Fill the colours (3, bins) of a block's sums (bins, 3), and their squares (3,) over the weights (bins,).
+
+    Returns the sum of the weights.
+    """
+    whole = 0.0
+    squares[:] = 0.0
     for i in range(weight.size):
+        whole += weight[i]
         for c in range(3):
             colours[c, i] = total[i, c]
             if weight[i] > 0.0:
-                square += colours[c, i] ** 2 / weight[i]
-    return square
+                squares[c] += colours[c, i] ** 2 / weight[i]
+    return whole
 
 
 @njit(cache=True, nogil=True)
@@ -187,27 +194,28 @@ def _solve_levels(
     stiffness: FloatArray,
     excess: FloatArray,
     k: int,
-    square: float,
+    squares: FloatArray,
     y: FloatArray,
     levels: FloatArray,
-) -> float:
-    """Fill the levels (size, 3) of block ``k`` by substitution, ``y`` (size,) between; returns the misfit."""
-    left, size = square, y.size
+    left: FloatArray,
+) -> None:
+    """Fill the levels (size, 3) of block ``k`` by substitution, ``y`` (size,) between, and what is ``left`` (3,)."""
+    size = y.size
     for c in range(3):
+        left[c] = squares[c]
         for m in range(size):
             y[m] = right[c, m]
             if m > 1:
                 y[m] += stiffness[m - 2] * excess[m - 2, k, c]
-                left += stiffness[m - 2] * excess[m - 2, k, c] ** 2
+                left[c] += stiffness[m - 2] * excess[m - 2, k, c] ** 2
             for n in range(m):
                 y[m] -= lower[m, n] * y[n]
-            left -= y[m] ** 2 / diagonal[m]
+            left[c] -= y[m] ** 2 / diagonal[m]
         for m in range(size - 1, -1, -1):
             own = y[m] / diagonal[m]
             for n in range(m + 1, size):
                 own -= lower[n, m] * levels[n, c]
             levels[m, c] = own
-    return max(left, 1e-9)
 
 
 @njit(cache=True, nogil=True)
@@ -219,6 +227,7 @@ def misfits(
     prior: ExcessPrior,
     misfit: FloatArray,
     levels: FloatArray,
+    apart: bool = False,
 ) -> None:
     """Fill the misfits of pavement, ground and bright bars along one edge, and their levels, of several layouts.
 
@@ -232,6 +241,7 @@ def misfits(
     bars : (layouts, bars, blocks, 2) inner and outer side of each bar; one of zero width is absent.
     misfit, levels : (layouts, blocks, trials), and (layouts, blocks, trials, 2 + bars, 3): pavement, ground, each bar's
         excess.
+    apart : the first colour is grey, the others are tints, which have their own noise: their misfits' geometric mean.
     """
     blocks, bins = weight.shape
     excess, stiffness = prior.excess, prior.stiffness
@@ -243,12 +253,13 @@ def misfits(
     weighed, colours = np.empty((2, bins)), np.empty((3, bins))
     matrix, right = np.empty((size, size)), np.empty((3, size))
     lower, diagonal, y = np.zeros((size, size)), np.empty(size), np.empty(size)
+    squares, left = np.empty(3), np.empty(3)
     for k in range(blocks):
-        _fill_steps(steps, blurs[k], origin)
+        fill_steps(steps, blurs[k], origin)
         for n in range(layouts):
             for m in range(count):
-                _fill_bar(shapes[n, m], bars[n, m, k, 0], bars[n, m, k, 1], blurs[k], origin, limits[n, m])
-        square = _fill_colours(total[k], weight[k], colours)
+                fill_bar(shapes[n, m], bars[n, m, k, 0], bars[n, m, k, 1], blurs[k], origin, limits[n, m])
+        whole = _fill_colours(total[k], weight[k], colours, squares)
         for o in range(trials):
             shift = 2 * middle - o
             _fill_common(weight[k], colours, steps, shift, weighed, common)
@@ -260,9 +271,12 @@ def misfits(
                         right[c, m] = common[m, 2 + c]
                 _fill_bars(weight[k], weighed, colours, shapes[n], limits[n], shift, matrix, right)
                 _factorise(matrix, stiffness, lower, diagonal)
-                misfit[n, k, o] = _solve_levels(
-                    lower, diagonal, right, stiffness, excess, k, square, y, levels[n, k, o]
-                )
+                _solve_levels(lower, diagonal, right, stiffness, excess, k, squares, y, levels[n, k, o], left)
+                if apart:
+                    tints = max(left[1], 0.0) + max(left[2], 0.0) + QUANTUM * whole
+                    misfit[n, k, o] = max(math.sqrt((max(left[0], 0.0) + QUANTUM * whole) * tints), 1e-9)
+                else:
+                    misfit[n, k, o] = max(left[0] + left[1] + left[2], 1e-9)
 
 
 @njit(cache=True, nogil=True)

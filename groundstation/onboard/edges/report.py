@@ -5,6 +5,7 @@ from enum import Enum
 
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.kalman import LineState
+from groundstation.onboard.edges.seen_marks import SeenMarks
 
 
 class EdgeStatus(Enum):
@@ -40,6 +41,7 @@ class Edges:
     predicted_px : before the measurement, (4,).
     measured_px : by the picture alone (4,), None without an accepted measurement.
     nis : normalised innovation squared of the measurement, NaN without one.
+    marks : side line and lamps next to the edges; None where no profile was taken.
     """
 
     state: LineState
@@ -50,6 +52,7 @@ class Edges:
     predicted_px: FloatArray
     measured_px: FloatArray | None
     nis: float
+    marks: SeenMarks | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -29,12 +29,14 @@ from groundstation.onboard.edges.hypotheses import (
     track_hypotheses,
 )
 from groundstation.onboard.edges.kalman import LineState
-from groundstation.onboard.edges.line_tracking import side_lines_of, track_lines
+from groundstation.onboard.edges.line_tracking import TrackingStep, side_lines_of, track_lines
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 
 # pieces of work that following the runway counts for, with its descent: more than it takes, so that there is room
 _THOROUGHLY = 3
+# share of a frame's innovation by which the poses' variance is learned, the most that counts of one, most of them all
+_LEARNED, _MOST_NIS, _MOST_NOISIER = 0.1, 40.0, 100.0
 
 
 class EdgeTracker:
@@ -57,6 +59,7 @@ class EdgeTracker:
         self._arrived: list[Hypothesis] = []
         self._compared = 0
         self._unchecked = 0
+        self._noisier = 1.0
 
     def start(self, state: LineState) -> None:
         """Continue from known lines."""
@@ -91,6 +94,7 @@ class EdgeTracker:
         )
         runway = runway.after(step)
         self._unchecked += 1
+        self._learn(step)
         if runway.missed > self._config.coast_frames:
             self._runway = None
             self._forget()
@@ -100,6 +104,17 @@ class EdgeTracker:
             return EdgeReport(status=EdgeStatus.ACQUIRING, miss=step.miss, edges=step.edges)
         status = EdgeStatus.TRACKING if step.miss is EdgeMiss.NONE else EdgeStatus.COASTING
         return EdgeReport(status=status, miss=step.miss, edges=step.edges)
+
+    def _learn(self, step: TrackingStep) -> None:
+        """Take the poses for as noisy as innovations show them to be, never for less than configured."""
+        config = self._config
+        if not config.estimate_noise or step.edges is None or not math.isfinite(step.edges.nis):
+            return
+        # innovations are of all that is assumed, so that the noise alone grows by more
+        excess = min(step.edges.nis, _MOST_NIS) / EXPECTED_NIS - 1.0
+        self._noisier = min(max(self._noisier + _LEARNED * self._noisier * excess, 1.0), _MOST_NOISIER)
+        sigma = config.attitude_sigma_rad * math.sqrt(self._noisier)
+        self._lookout = replace(self._lookout, config=replace(config, attitude_sigma_rad=sigma))
 
     def _doubted(self, runway: Hypothesis, image: ImageArray, pose: NoseCameraPose) -> bool:
         """Return whether Algorithm 1 has found a better pair; if so, all are compared again."""
@@ -169,6 +184,8 @@ class EdgeTracker:
             others = [h for h in self._open[1:] if 2 * h.frames >= config.confirm_frames]
             ahead = score(best, config) - max((score(h, config) for h in others), default=-math.inf)
             proved = proved and ahead >= config.margin and best.agreement >= config.doubt_agreement
+            # the best of none that is like the announced runway is not the runway
+            proved = proved and score(best, config) >= config.least_score
             proved = proved and self._search is None
         if proved:
             self._forget()

@@ -1,6 +1,6 @@
 """The camera's motion from two pictures of flat ground: Algorithm 2.
 
-Harris corners with SIFT descriptors, matched by Lowe's ratio, a homography by RANSAC, its decomposition into rotation,
+Corners with SIFT descriptors, matched by Lowe's ratio, a homography by RANSAC, its decomposition into rotation,
 translation over distance and normal, the solution that leaves every point in front of the camera, and the scale from
 the height over the ground. Poses are then composed.
 
@@ -21,6 +21,15 @@ from groundstation.geometry.rotation import rotation_from_vector
 from groundstation.onboard.edges.pose import NoseCameraPose, ground_from_pixels
 
 _BELOW_HORIZON_PX = 6.0
+# the skyline is on the homography's line at infinity
+_ABOVE_HORIZON_PX = 20.0
+
+
+class CornerKind(Enum):
+    """Where two pictures are compared: Harris corners of the ground, or extrema over scales, of the skyline too."""
+
+    HARRIS = "harris"
+    EXTREMA = "extrema"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,17 +38,23 @@ class MotionConfig:
 
     Attributes
     ----------
-    corners, quality, apart_px : Harris corners at most, least strength as a share of the best one's, distance.
-    patch_px, ratio : size of a descriptor's key point; Lowe's ratio.
+    kind : of corners; the paper's are Harris's.
+    corners, quality, apart_px : corners at most; of Harris's least strength as a share of the best one's, distance.
+    patch_px : size of a Harris corner's descriptor.
+    blur_px, contrast : of extrema: sigma that takes a texture's and the camera's noise away, least contrast.
+    ratio : Lowe's.
     tolerance_px, least_inliers : RANSAC's.
     refine : fit rotation and translation again to the matches, the ground being known from the first pose.
     seed : of RANSAC.
     """
 
+    kind: CornerKind = CornerKind.EXTREMA
     corners: int = 600
     quality: float = 0.002
     apart_px: float = 5.0
     patch_px: float = 12.0
+    blur_px: float = 1.6
+    contrast: float = 0.003
     ratio: float = 0.8
     tolerance_px: float = 1.0
     least_inliers: int = 20
@@ -79,8 +94,10 @@ class CornerFeatures:
 
 
 def ground_features(image: ImageArray, pose: NoseCameraPose, kappa: FloatArray, config: MotionConfig) -> CornerFeatures:
-    """Return Harris corners below the horizon with SIFT descriptors."""
+    """Return corners with SIFT descriptors: Harris's below the horizon, or extrema of the ground and the skyline."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    if config.kind is CornerKind.EXTREMA:
+        return _extrema(np.asarray(grey, np.uint8), pose, kappa, config)
     horizon = horizon_rows(pose, kappa, grey.shape[1]) + _BELOW_HORIZON_PX
     mask = (np.arange(grey.shape[0])[:, None] > horizon[None, :]).astype(np.uint8)
     corners: FloatArray | None = cv2.goodFeaturesToTrack(  # type: ignore[assignment]
@@ -91,6 +108,17 @@ def ground_features(image: ImageArray, pose: NoseCameraPose, kappa: FloatArray, 
     points = [cv2.KeyPoint(float(u), float(v), config.patch_px) for u, v in corners[:, 0]]
     sift = cv2.SIFT.create(contrastThreshold=0.0)
     points, descriptors = sift.compute(grey, points)  # type: ignore[assignment]
+    pixels = np.array([point.pt for point in points], dtype=np.float64).reshape(-1, 2)
+    return CornerFeatures(pixels=pixels, descriptors=np.asarray(descriptors))
+
+
+def _extrema(grey: ImageArray, pose: NoseCameraPose, kappa: FloatArray, config: MotionConfig) -> CornerFeatures:
+    top = horizon_rows(pose, kappa, grey.shape[1]) - _ABOVE_HORIZON_PX
+    mask = 255 * (np.arange(grey.shape[0])[:, None] > top[None, :]).astype(np.uint8)
+    sift = cv2.SIFT.create(nfeatures=config.corners, contrastThreshold=config.contrast)
+    points, descriptors = sift.detectAndCompute(cv2.GaussianBlur(grey, (0, 0), config.blur_px), mask)
+    if descriptors is None or not points:
+        return CornerFeatures(pixels=np.empty((0, 2)), descriptors=np.empty((0, 128), np.float32))
     pixels = np.array([point.pt for point in points], dtype=np.float64).reshape(-1, 2)
     return CornerFeatures(pixels=pixels, descriptors=np.asarray(descriptors))
 

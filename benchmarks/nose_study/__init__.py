@@ -1,0 +1,1 @@
+"""Parts of benchmarks/nose_approaches.py."""
