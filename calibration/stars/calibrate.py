@@ -11,8 +11,8 @@ from calibration.stars.joint_night import JointNight, rig_covariance, solve_join
 from calibration.stars.night import StarPicture
 from calibration.stars.sky import ObservingSite, SkyOverSite, decimal_year
 from calibration.stars.star_solver import StarSolver
-from calibration.stars.station_night import WORDS, fit_station, with_change
-from groundstation.errors import InputError, RigError, UsageError
+from calibration.stars.station_night import fit_station, with_change
+from groundstation.errors import InputError, RigError
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Rig, Station
@@ -40,17 +40,6 @@ class NightCalibration:
         return tuple(self.rig[night.before.name] for night in self.joint.nights)
 
 
-def star_words(text: str) -> tuple[str, ...]:
-    """Return the words of --free, all for none; raises `UsageError` for an unknown one."""
-    words = tuple(word.strip() for word in text.split(",") if word.strip()) or WORDS
-    for word in words:
-        if word not in WORDS:
-            raise UsageError("--free", got=repr(word), wanted="some of " + ", ".join(WORDS))
-    if "mount" not in words:
-        raise UsageError("--free", got=text, wanted="`mount` among them: stars tell nothing without it")
-    return words
-
-
 def sky_uncertainty(site: ObservingSite, clock_sigma_s: float, *, each_clock: bool) -> SkyUncertainty:
     """Return what is uncertain of the sky over a site."""
     measured = site.pressure_hpa is not None and site.air_c is not None
@@ -63,7 +52,6 @@ def calibrate_night(
     pictures: Mapping[str, Sequence[StarPicture]],
     site: ObservingSite,
     uncertain: SkyUncertainty,
-    words: Sequence[str] = WORDS,
     progress: Callable[[str], None] = lambda station: None,
 ) -> NightCalibration:
     """Calibrate every station that has pictures; raises `StarFitError`, `RigError` and `MissingExtraError`."""
@@ -78,7 +66,7 @@ def calibrate_night(
             raise RigError(f"station {name}", got="a station without PTU", wanted="one that turns")
         solver = StarSolver(station.lens, decimal_year(times))
         nights.append(
-            fit_station(station, own, solver, sky, uncertain, words, lambda name=name: progress(name))  # type: ignore[misc]
+            fit_station(station, own, solver, sky, uncertain, lambda name=name: progress(name))  # type: ignore[misc]
         )
     joint = solve_jointly(nights)
     return NightCalibration(

@@ -123,14 +123,13 @@ def sightings_of(
     """Return the sightings of all pictures of one head, and the sky as a mark: one, or one for each picture."""
     counts = [len(one.image) for one in found]
     number = np.repeat(np.arange(len(found)), counts)
-    refraction = 0.0 if uncertain.each_clock else uncertain.refraction
     names = [one.picture.label for one in found] if uncertain.each_clock else ["sky"]
     marks = tuple(
         Mark(
             name=name,
             kind=MarkKind.SKY,
             place_m=sky.pole(),
-            sigma=np.array([uncertain.clock_s, refraction, 0.0]),
+            sigma=np.array([uncertain.clock_s, uncertain.refraction, 0.0]),
             runway_from_board=np.eye(3),
         )
         for name in names

@@ -104,6 +104,11 @@ def _require_one_night(folder: Path, listed: Sequence[ListedPicture]) -> None:
         if not FIRST_UTC_S < item.utc_s < LAST_UTC_S:
             where = f"{folder.name}/pictures.csv: line {item.line}"
             raise InputError(where, got=f"t_utc_s = {item.utc_s:g}", wanted="Unix time in s, as `date +%s` prints it")
+    files = [item.file for item in listed]
+    if len(set(files)) < len(files):
+        twice = next(item for k, item in enumerate(listed) if item.file in files[:k])
+        where = f"{folder.name}/pictures.csv: line {twice.line}"
+        raise InputError(where, got=f"{twice.file} a second time", wanted="each picture once")
     times = [item.utc_s for item in listed]
     if max(times) - min(times) > _LONGEST_NIGHT_S:
         got = f"pictures over {(max(times) - min(times)) / 3600.0:.0f} hours"

@@ -6,9 +6,19 @@ import numpy as np
 
 from calibration.mount.problem import Mark, MarkKind, MountProblem, MountSightings
 from groundstation.arrays import FloatArray
+from groundstation.geometry.aim import aim_at
+from groundstation.rig.rig import Station
 
-# as in `calibration.mount.pointing`
+# about the runway's direction and the horizon, as in `calibration.mount.pointing`
+_FAR_M = 1e6
 WORK_PAN_DEG, WORK_TILT_DEG = (-30.0, -15.0, 0.0, 15.0, 30.0), (0.0, 7.5, 15.0)
+
+
+def work_readings(station: Station) -> FloatArray:
+    """Return the readings (n, 2), rad, of the angles of operation: about those at which it looks along the runway."""
+    ahead = aim_at(station.geometry(), station.ptu_position_m + _FAR_M * np.array([0.0, 1.0, 0.0]))
+    level = (0.0, 0.0) if ahead is None else station.ptu_axes.readings(ahead.pan_rad, ahead.tilt_rad, 0.0, 0.0)
+    return np.radians([(pan, tilt) for pan in WORK_PAN_DEG for tilt in WORK_TILT_DEG]) + np.array(level)
 
 
 def work_jacobian(problem: MountProblem, change: FloatArray, aside: float = 0.0) -> FloatArray:
@@ -20,7 +30,7 @@ def work_jacobian(problem: MountProblem, change: FloatArray, aside: float = 0.0)
     station = problem.station_at(change)
     lens = station.lens
     pixel = 0.5 * (np.array(lens.image_size_px) - 1.0) + np.array([aside * lens.image_size_px[0], 0.0])
-    readings = np.radians([(pan, tilt) for pan in WORK_PAN_DEG for tilt in WORK_TILT_DEG])
+    readings = work_readings(station)
     n = len(readings)
     geometry = station.geometry()
     angles = station.ptu_axes.angles_many(readings, np.zeros((n, 2)))

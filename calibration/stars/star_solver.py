@@ -113,7 +113,10 @@ class StarSolver:
             solve_timeout_ms=None,
         )
         if not found or found.parity_flip or found.num_matches < _LEAST_MATCHES:
-            return f"{len(seen)} bright dots that are no stars of the catalogue"
+            return (
+                f"{len(seen)} bright dots, no pattern of the catalogue (clouds; or a focal length more than"
+                f" {100.0 * FOCAL_TOLERANCE:.0f} % off, or a mirrored picture)"
+            )
         rows = np.array([self._rows.get(int(n), -1) for n in found.matched_catalog_ids], dtype=np.int64)
         image = np.asarray(found.matched_centroids, dtype=np.int64)[rows >= 0]
         return SolvedPicture(

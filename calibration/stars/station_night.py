@@ -4,7 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
+from calibration.landmarks.angles import reading_variances
 from calibration.mount.covariance import BASE, BORESIGHT
 from calibration.mount.fit import MountFit, MountFitError, solve_mount
 from calibration.mount.problem import PERIODIC_AXES, Mark, MountProblem
@@ -17,6 +19,7 @@ from calibration.stars.identified_stars import (
     sightings_of,
 )
 from calibration.stars.night import StarPicture
+from calibration.stars.plausibility import require_night, require_plausible
 from calibration.stars.sky import SkyOverSite
 from calibration.stars.star_solver import SolvedPicture, StarSolver
 from groundstation.rig.rig import Station
@@ -31,11 +34,12 @@ PRIOR_PERIODIC_RAD = float(np.radians(0.02))
 PRIOR_FOCAL_SHARE = 0.05
 PRIOR_PRINCIPAL_POINT_SHARE = 0.03
 PRIOR_DISTORTION = {"k1": 0.3, "k2": 1.0, "p1": 0.003, "p2": 0.003}
-WORDS = ("mount", "scale", "lean", "backlash", "periodic", "lens")
 # of a star that is expected: encoder and fit together, sigmas
 _RADIUS_SIGMAS = 5.0
 _LEAST_RADIUS_PX, _MOST_RADIUS_PX = 3.0, 30.0
 _ROUNDS = 2
+# a night in fifty is called noisier than the rig says though it is not
+_CHANCE = 0.98
 # residuals of so many sigmas are no noise
 _WORST_NOISE_FACTOR = 30.0
 
@@ -50,6 +54,7 @@ class StationNight:
     pictures : those used, with their stars.
     unused : the other pictures, each with the reason.
     wrongly_solved : how many pictures the solver had an attitude for that the angles exclude.
+    reading_factor : by how much readings repeat worse than the rig says; the sigmas are those with that.
     """
 
     before: Station
@@ -57,28 +62,26 @@ class StationNight:
     pictures: tuple[IdentifiedPicture, ...]
     unused: tuple[str, ...]
     wrongly_solved: int
+    reading_factor: float
 
 
-def night_priors(station: Station, marks: Sequence[Mark], words: Sequence[str]) -> dict[str, float]:
-    """Return names and prior sigmas of the parameters that ``words`` (of `WORDS`) leave open, and those of the sky."""
-    chosen: dict[str, float] = {}
-    if "mount" in words:
-        chosen.update(dict.fromkeys(BORESIGHT, PRIOR_BORESIGHT_RAD))
-        chosen.update(dict.fromkeys(BASE, PRIOR_BASE_RAD))
-    if "scale" in words:
-        chosen.update({"pan_scale": PRIOR_SCALE, "tilt_scale": PRIOR_SCALE})
-    if "lean" in words:
-        chosen["lean"] = PRIOR_LEAN_RAD
-    if "backlash" in words:
-        chosen.update({"pan_backlash": PRIOR_BACKLASH_RAD, "tilt_backlash": PRIOR_BACKLASH_RAD})
-    if "periodic" in words:
-        chosen.update(dict.fromkeys(PERIODIC_AXES, PRIOR_PERIODIC_RAD))
-    if "lens" in words:
-        focal = PRIOR_FOCAL_SHARE * float(station.lens.focal_px.mean())
-        centre = PRIOR_PRINCIPAL_POINT_SHARE * station.lens.image_size_px[0]
-        chosen.update({f"focal.{axis}": focal for axis in "xy"})
-        chosen.update({f"principal_point.{axis}": centre for axis in "xy"})
-        chosen.update({f"distortion.{name}": sigma for name, sigma in PRIOR_DISTORTION.items()})
+def night_priors(station: Station, marks: Sequence[Mark]) -> dict[str, float]:
+    """Return names and prior sigmas of the parameters that a night finds, and those of the sky."""
+    focal = PRIOR_FOCAL_SHARE * float(station.lens.focal_px.mean())
+    centre = PRIOR_PRINCIPAL_POINT_SHARE * station.lens.image_size_px[0]
+    chosen: dict[str, float] = {
+        **dict.fromkeys(BORESIGHT, PRIOR_BORESIGHT_RAD),
+        **dict.fromkeys(BASE, PRIOR_BASE_RAD),
+        "pan_scale": PRIOR_SCALE,
+        "tilt_scale": PRIOR_SCALE,
+        "lean": PRIOR_LEAN_RAD,
+        "pan_backlash": PRIOR_BACKLASH_RAD,
+        "tilt_backlash": PRIOR_BACKLASH_RAD,
+        **dict.fromkeys(PERIODIC_AXES, PRIOR_PERIODIC_RAD),
+        **{f"focal.{axis}": focal for axis in "xy"},
+        **{f"principal_point.{axis}": centre for axis in "xy"},
+        **{f"distortion.{name}": sigma for name, sigma in PRIOR_DISTORTION.items()},
+    }
     for mark in marks:
         chosen.update({name: float(s) for name, s in zip(mark.names, mark.sigma[:2], strict=True) if s > 0.0})
     return chosen
@@ -90,10 +93,10 @@ def fit_station(
     solver: StarSolver,
     sky: SkyOverSite,
     uncertain: SkyUncertainty,
-    words: Sequence[str] = WORDS,
     progress: Callable[[], None] = lambda: None,
 ) -> StationNight:
     """Calibrate one head by its pictures; raises `StarFitError` where they do not determine it."""
+    require_night(station.name, pictures, sky)
     solved: list[tuple[StarPicture, SolvedPicture]] = []
     reasons: dict[str, str] = {}
     for picture in pictures:
@@ -107,10 +110,10 @@ def fit_station(
     try:
         start = head_start(station, [p for p, _ in solved], attitudes)
     except StarFitError as fault:
-        first = next(iter(reasons.items()), None)
+        first = next(iter(reasons.items()), None) if len(solved) < len(reasons) else None
         raise StarFitError(f"{fault}" + (f"; {first[0]}: {first[1]}" if first is not None else "")) from fault
     found = [by_solver(p, s, sky) for (p, s), agrees in zip(solved, start.agrees, strict=True) if agrees]
-    fit = _fit(start.station, found, sky, uncertain, words)
+    fit = _fit(start.station, found, sky, uncertain)
     for _ in range(_ROUNDS):
         progress()
         at = fit.problem.station_at(fit.change)
@@ -118,11 +121,17 @@ def fit_station(
         before = {one.picture.label: one for one in found}
         again = [by_station(p, at, solver, sky, radius, before.get(p.label)) for p in pictures]
         found = [one for one in again if one is not None]
-        fit = _fit(start.station, found, sky, uncertain, words)
+        fit = _fit(start.station, found, sky, uncertain)
+    # readings that repeat worse than the rig says: all of a picture's stars share that, and hide it among their number
+    reading = reading_factor(fit)
+    if reading > 1.0:
+        worse = replace(start.station, ptu_sigma_rad=reading * start.station.angle_sigma_rad)
+        fit = _fit(worse, [_read_once(one) for one in found], sky, uncertain)
     if fit.noise_factor > _WORST_NOISE_FACTOR:
         got = f"stars that fit to {fit.rms_px:.1f} px only"
         wanted = "a camera that is fixed to its head, and the angles and times at which the pictures were taken"
         raise StarFitError(f"station {station.name}: got {got}; wanted {wanted}")
+    require_plausible(station.name, fit)
     used = {one.picture.label for one in found}
     return StationNight(
         before=station,
@@ -134,7 +143,45 @@ def fit_station(
             if p.label not in used
         ),
         wrongly_solved=int(np.count_nonzero(~start.agrees)),
+        reading_factor=reading,
     )
+
+
+def reading_factor(fit: MountFit) -> float:
+    """Return by how much readings repeat worse than the rig says; 1 where chance explains what they do.
+
+    From what the stars of each picture have in common, two angles a picture, against the variance that readings and
+    stars give it, less what the mount's parameters have taken up.
+    """
+    seen = fit.problem.sightings
+    sought = fit.problem.predict(fit.change)
+    lasting, fleeting = reading_variances(fit.problem.station)
+    total, count = 0.0, 0
+    for number in np.unique(seen.pointing[fit.kept]):
+        rows = np.flatnonzero(fit.kept & (seen.pointing == number))
+        by_angle = sought.by_angle[rows].reshape(-1, 2)
+        weight = np.repeat(seen.sigma_px[rows] ** -2.0, 2)
+        known = by_angle.T @ (weight[:, None] * by_angle)
+        angle = np.linalg.solve(known, by_angle.T @ (weight * fit.residual_px[rows].ravel()))
+        share = 1.0 if seen.readings is None else float(seen.readings[rows[0]])
+        covariance = np.linalg.inv(known) * fit.noise_factor**2 + (lasting + fleeting / share) * np.eye(2)
+        total += float(angle @ np.linalg.solve(covariance, angle))
+        count += 2
+    sigma = np.sqrt(np.diag(fit.covariance))
+    taken = sum(
+        1.0 - min(1.0, float(s / p)) ** 2
+        for n, s, p in zip(fit.problem.names, sigma, fit.problem.prior_sigma, strict=True)
+        if not n.startswith(("focal", "principal_point", "distortion", "mark "))
+    )
+    freedom = max(count - taken, 1.0)
+    if total <= float(chi2.ppf(_CHANCE, freedom)):
+        return 1.0
+    return float(np.sqrt(total / freedom))
+
+
+def _read_once(one: IdentifiedPicture) -> IdentifiedPicture:
+    """Return a picture whose angles' error does not average out."""
+    return replace(one, picture=replace(one.picture, readings=1))
 
 
 def _fit(
@@ -142,12 +189,11 @@ def _fit(
     found: Sequence[IdentifiedPicture],
     sky: SkyOverSite,
     uncertain: SkyUncertainty,
-    words: Sequence[str],
 ) -> MountFit:
     if not found:
         raise StarFitError(f"station {start.name}: got no picture whose stars agree; wanted three or more")
     seen, marks = sightings_of(found, sky, uncertain)
-    chosen = night_priors(start, marks, words)
+    chosen = night_priors(start, marks)
     problem = MountProblem(
         station=start,
         sightings=seen,
@@ -187,4 +233,6 @@ def with_change(night: StationNight, change: np.ndarray[tuple[int], np.dtype[np.
     )
     known = tuple(dict.fromkeys((*night.before.known, "orientation", "lens")))
     ordered = tuple(part for part in ("position", "orientation", "lens") if part in known)
-    return replace(station, ptu_axes=axes, known=ordered)
+    # what the encoder is said to be stays the rig's
+    sigma = night.before.ptu_sigma_rad
+    return replace(station, ptu_axes=axes, known=ordered, ptu_sigma_rad=sigma)

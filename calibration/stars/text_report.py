@@ -8,6 +8,7 @@ from calibration.mount.covariance import BASE, BORESIGHT
 from calibration.mount.problem import AXES, PERIODIC_AXES
 from calibration.stars.calibrate import NightCalibration
 from calibration.stars.joint_night import common_sigma, relative_sigma
+from calibration.stars.plausibility import off_level_deg
 from calibration.stars.sky import utc_text
 from calibration.stars.station_night import undetermined
 from groundstation.geometry.rotation import matrix_from_wxyz
@@ -131,6 +132,16 @@ def verdict(found: NightCalibration) -> list[str]:
     for night in joint.nights:
         for name in undetermined(night):
             open_in.setdefault(name, []).append(night.before.name)
+    level = ", ".join(f"{s.name} {off_level_deg(s):.1f} deg" for s in found.stations)
+    lines.append(f"bases off level: {level} (more than a level's error says that time or place are wrong)")
+    for night in joint.nights:
+        if night.reading_factor > 1.0:
+            said = float(np.degrees(night.before.angle_sigma_rad))
+            seen = night.reading_factor * said
+            lines.append(
+                f"{night.before.name}: readings repeat to {seen:.4f} deg, the rig says {said:.4f}"
+                " (ptu_sigma_deg, ptu_resolution_deg); the sigmas are those of what was seen"
+            )
     for name, stations in open_in.items():
         needed = _NEEDED.get(name.partition(".")[0], "other pictures")
         lines.append(f"{name} ({', '.join(stations)}) is hardly better known than before; needed: {needed}")

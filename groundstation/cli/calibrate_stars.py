@@ -38,9 +38,6 @@ last). Needed are a table [origin] (the station file's, or --site), a lens to 10
 and positions; the orientation need not be known. [air] with pressure_hpa (at the
 site) and air_c makes refraction certain to 1 %.
 
-LIST, with commas, of mount, scale, lean, backlash, periodic, lens (all of these
-unless stated).
-
 exit code: 0 done; 1 pictures or devices are at fault or do not determine it, and no
 rig is written; 2 wrong usage; 130 interrupted"""
 _RANGE = (-60.0, 60.0, 5.0, 55.0)
@@ -72,7 +69,6 @@ def add_stars(kinds: Commands) -> None:
     parser.add_argument(
         "--rate", type=positive_number, default=5.0, metavar="DEG_S", help="speed of the heads, deg/s (5)"
     )
-    parser.add_argument("--free", default="", metavar="LIST", help="find only these")
     parser.add_argument(
         "--clock-sigma", type=positive_number, metavar="S", help="1 sigma of the stamps, all together, s (0.1)"
     )
@@ -97,7 +93,6 @@ def run_calibrate_stars(options: argparse.Namespace) -> int:
         CLOCK_SIGMA_S,
         calibrate_night,
         sky_uncertainty,
-        star_words,
         write_night_rig,
     )
     from calibration.stars.html_report import write_night_page
@@ -108,19 +103,18 @@ def run_calibrate_stars(options: argparse.Namespace) -> int:
     from groundstation.rig.rig import load_rig
 
     require_toml_name(options.out)
-    words = star_words(options.free)
     _require_inputs(options)
     load_tetra3rs()
     file = None if options.station_file is None else load_station(options.station_file)
     rig = load_rig(file.rig if options.rig is None and file is not None else options.rig)
     site = _site(options, file)
+    names = _names(options, rig)
     folder = options.taken if options.taken is not None else _take(options, rig, site)
     with ProgressLine(sys.stderr, "stars", "picture") as line:
         pictures = read_night(folder, rig, line.update)
-    names = _names(options, rig)
     clock = CLOCK_SIGMA_S if options.clock_sigma is None else options.clock_sigma
     uncertain = sky_uncertainty(site, clock, each_clock=options.each_clock)
-    found = calibrate_night(rig, {n: p for n, p in pictures.items() if n in names}, site, uncertain, words)
+    found = calibrate_night(rig, {n: p for n, p in pictures.items() if n in names}, site, uncertain)
     print(format_night(found))
     write_night_rig(options.out, found)
     print(f"\nwrote {options.out}")

@@ -132,10 +132,11 @@ def _run_night(options: argparse.Namespace) -> int:
     """Write a drawn night's pictures with the table, the rig as it is known, the site, and the true rig."""
     from calibration.stars.simulated.night_draw import draw_night
     from calibration.stars.simulated.night_folder import write_night
+    from groundstation.simulation.session_folder import new_session_folder
 
     night = draw_night(options.seed, options.night)
-    with ProgressLine(sys.stderr, "night", "picture") as line:
-        write_night(options.out, night, options.seed, line.update)
+    with ProgressLine(sys.stderr, "night", "picture") as line, new_session_folder(options.out) as draft:
+        write_night(draft, night, options.seed, line.update)
     out = options.out
     print(f"wrote {out}: {sum(len(own) for own in night.pictures.values())} pictures; the true rig is truth.toml")
     print(f"groundstation calibrate stars --rig {out}/rig.toml --site {out}/site.toml --from {out} --out stars.toml")

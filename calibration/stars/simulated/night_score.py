@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.mount.covariance import BASE, BORESIGHT
 from calibration.stars.calibrate import NightCalibration
-from calibration.stars.operating_range import WORK_PAN_DEG, WORK_TILT_DEG
+from calibration.stars.operating_range import work_readings
 from calibration.stars.simulated.night_draw import DrawnNight
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import matrix_from_wxyz
@@ -45,16 +45,17 @@ def score_night(found: NightCalibration, night: DrawnNight) -> NightScore:
 def direction_errors_deg(found: Station, true: Station) -> FloatArray:
     """Return the errors (n, 2) of pan and tilt of the picture's middle, degrees, over the angles of operation."""
     rows = []
-    for pan in WORK_PAN_DEG:
-        for tilt in WORK_TILT_DEG:
-            a, b = (_direction(station, pan, tilt) for station in (found, true))
-            rows.append([np.arctan2(b[0], b[1]) - np.arctan2(a[0], a[1]), np.arcsin(a[2]) - np.arcsin(b[2])])
+    for reading in work_readings(true):
+        a, b = (_direction(station, reading) for station in (found, true))
+        pan = float(np.arctan2(b[0], b[1]) - np.arctan2(a[0], a[1]))
+        # behind the head the angle jumps
+        rows.append([(pan + np.pi) % (2.0 * np.pi) - np.pi, np.arcsin(a[2]) - np.arcsin(b[2])])
     return np.degrees(rows)
 
 
-def _direction(station: Station, pan_deg: float, tilt_deg: float) -> FloatArray:
+def _direction(station: Station, reading_rad: FloatArray) -> FloatArray:
     u, v = (0.5 * (np.array(station.lens.image_size_px) - 1.0)).tolist()
-    angles = station.ptu_axes.angles(float(np.radians(pan_deg)), float(np.radians(tilt_deg)), 0.0, 0.0)
+    angles = station.ptu_axes.angles(float(reading_rad[0]), float(reading_rad[1]), 0.0, 0.0)
     return station.geometry().ray(u, v, *angles).direction_runway
 
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from calibration.stars.calibrate import calibrate_night, sky_uncertainty, star_words, write_night_rig
+from calibration.stars.calibrate import calibrate_night, sky_uncertainty, write_night_rig
 from calibration.stars.head_start import StarFitError
 from calibration.stars.joint_night import common_sigma, relative_sigma, rig_covariance
 from calibration.stars.operating_range import work_jacobian
 from calibration.stars.simulated.night_score import direction_errors_deg, score_night
 from calibration.stars.station_night import undetermined
 from calibration.stars.text_report import format_night, verdict
-from groundstation.errors import RigError, UsageError
+from groundstation.errors import RigError
 from groundstation.rig.rig import load_rig
 from tests.calibration.stars.nights import calibrated, night, pictures
 
@@ -116,21 +116,6 @@ def test_one_head_alone_is_calibrated_and_told_so() -> None:
     assert "one head alone" in verdict(found)[0]
 
 
-def test_only_what_is_asked_for_is_found() -> None:
-    uncertain = sky_uncertainty(night(2).site, 0.05, each_clock=False)
-    own = {"left": pictures(2)["left"]}
-    found = calibrate_night(night(2).rig, own, night(2).site, uncertain, star_words("mount, scale,lens"))
-    axes = found.rig["left"].ptu_axes
-    assert axes.lean_rad == axes.pan_backlash_rad == axes.tilt_sag_rad == 0.0
-    assert axes.pan_scale != 0.0
-
-
-@pytest.mark.parametrize("text", ["mounts", "scale"])
-def test_words_that_cannot_be_are_refused(text: str) -> None:
-    with pytest.raises(UsageError, match="--free"):
-        star_words(text)
-
-
 def test_faults_of_inputs_are_told() -> None:
     drawn = night(2)
     uncertain = sky_uncertainty(drawn.site, 0.05, each_clock=False)
@@ -139,6 +124,62 @@ def test_faults_of_inputs_are_told() -> None:
     fixed = replace(drawn.rig, stations=(replace(drawn.rig["left"], fixed=True), drawn.rig["right"]))
     with pytest.raises(RigError, match="station left: got a station without PTU"):
         calibrate_night(fixed, pictures(2), drawn.site, uncertain)
-    late = {"left": tuple(replace(p, utc_s=p.utc_s + 3600.0 * k) for k, p in enumerate(pictures(2)["left"]))}
+    late = {"left": tuple(replace(p, utc_s=p.utc_s + 900.0 * k) for k, p in enumerate(pictures(2)["left"]))}
     with pytest.raises(StarFitError, match="angles that do not follow the stars"):
         calibrate_night(drawn.rig, late, drawn.site, uncertain)
+
+
+@pytest.mark.parametrize(
+    ("late_s", "lon_deg", "lat_sign", "complaint"),
+    [
+        (3600.0, 0.0, 1.0, "off level; wanted a pedestal level to 5 deg, t_utc_s in UTC"),
+        (12.0 * 3600.0, 0.0, 1.0, "wanted t_utc_s in UTC"),
+        (0.0, -40.0, 1.0, "t_utc_s in UTC"),
+        (0.0, 0.0, -1.0, "t_utc_s in UTC"),
+    ],
+)
+def test_a_wrong_time_or_place_is_refused(late_s: float, lon_deg: float, lat_sign: float, complaint: str) -> None:
+    """Expected: the base takes up a sky that is turned as a whole; levels, daylight and horizon contradict it."""
+    drawn = night(1)
+    own = {"left": tuple(replace(p, utc_s=p.utc_s + late_s) for p in pictures(1)["left"])}
+    site = replace(drawn.site, lon_deg=drawn.site.lon_deg + lon_deg, lat_deg=drawn.site.lat_deg * lat_sign)
+    with pytest.raises(StarFitError, match=complaint) as refused:
+        calibrate_night(drawn.rig, own, site, sky_uncertainty(site, 0.05, each_clock=False))
+    assert "\n" not in str(refused.value)
+
+
+def test_both_angles_with_the_wrong_sign_are_a_head_upside_down() -> None:
+    drawn = night(1)
+    own = {"left": tuple(replace(p, reading_rad=-p.reading_rad) for p in pictures(1)["left"])}
+    with pytest.raises(StarFitError, match=r"off level; .* signs of docs/conventions\.md"):
+        calibrate_night(drawn.rig, own, drawn.site, sky_uncertainty(drawn.site, 0.05, each_clock=False))
+
+
+def test_readings_that_jump_by_a_turn_are_refused() -> None:
+    drawn = night(1)
+    turn = np.array([2.0 * np.pi, 0.0])
+    own = {
+        "left": tuple(
+            replace(p, reading_rad=p.reading_rad + turn * (p.reading_rad[0] < 0.0)) for p in pictures(1)["left"]
+        )
+    }
+    with pytest.raises(StarFitError, match="wanted angles"):
+        calibrate_night(drawn.rig, own, drawn.site, sky_uncertainty(drawn.site, 0.05, each_clock=False))
+
+
+def test_readings_worse_than_the_rig_says_are_found(rng: np.random.Generator) -> None:
+    """Expected: five times the stated noise is in the sigmas and in the verdict, and the rig's own number stays."""
+    drawn = night(0)
+    noise = np.radians(0.01)
+    own = {
+        name: tuple(replace(p, reading_rad=p.reading_rad + noise * rng.normal(size=2)) for p in seen)
+        for name, seen in pictures(0).items()
+    }
+    found = calibrate_night(drawn.rig, own, drawn.site, sky_uncertainty(drawn.site, 0.05, each_clock=False))
+    assert relative_sigma(found.joint, 0, 1).pan_deg > 2.0 * relative_sigma(calibrated(0).joint, 0, 1).pan_deg
+    assert all(one.reading_factor > 2.0 for one in found.joint.nights)
+    assert any("readings repeat to 0.0" in line for line in verdict(found))
+    assert found.rig["left"].ptu_sigma_rad == drawn.rig["left"].ptu_sigma_rad
+    size = 2 * len(found.joint.nights[0].fit.change)
+    assert np.mean(score_night(found, drawn).nees) < chi2.ppf(0.9995, size) / size
+    assert all(one.reading_factor == 1.0 for seed in SEEDS for one in calibrated(seed).joint.nights)

@@ -133,7 +133,6 @@ def test_pictures_of_another_camera_are_refused(night: Path, copied: Path, capsy
         (["--rig", "rig.toml", "--site", "s.toml", "--from", ".", "--each-clock"], "got no --clock-sigma"),
         (["f.toml", "--range", "5,2,1,9"], "wanted PAN_LOW,PAN_HIGH,TILT_LOW,TILT_HIGH"),
         (["f.toml", "--range", "1,2,3"], "wanted PAN_LOW,PAN_HIGH,TILT_LOW,TILT_HIGH"),
-        (["f.toml", "--free", "moon"], "--free: got 'moon'"),
         (["f.toml", "--pointings", "0"], "--pointings"),
     ],
 )
@@ -208,3 +207,20 @@ def test_a_site_file_is_read_as_it_is_written(tmp_path: Path) -> None:
         site = ObservingSite(lat_deg=-33.123456789, lon_deg=151.5, height_m=12.5, y_axis_azimuth_deg=70.0, **air)
         (tmp_path / "site.toml").write_text(site_to_toml(site))
         assert read_site(tmp_path / "site.toml") == site
+
+
+def test_a_picture_listed_twice_is_refused(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = (copied / "pictures.csv").read_text().splitlines()
+    (copied / "pictures.csv").write_text("\n".join([*lines, lines[1]]) + "\n")
+    assert run(copied, copied / "out.toml") == 1
+    assert "left-000.png a second time; wanted each picture once" in capsys.readouterr().err
+
+
+def test_a_station_that_is_not_there_is_told_before_pictures_are_read(copied: Path, capsys) -> None:
+    assert run(copied, copied / "out.toml", "--stations", "lef") == 2
+    assert "--stations: got 'lef'; wanted some of left, right" in capsys.readouterr().err
+
+
+def test_a_night_is_not_drawn_over_another(night: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--out", str(night), "--night", "2"]) == 1
+    assert "empty" in capsys.readouterr().err
