@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from groundstation.estimation.camera_candidate import CameraCandidate
+from groundstation.estimation.earlier_pixels import EarlierPixels
 from groundstation.estimation.guided_search import GuidedPlace, GuidedSearch
 from groundstation.estimation.initialise import TrackInitiator
 from groundstation.estimation.station_ekf import StationEkf
@@ -17,7 +18,6 @@ from groundstation.estimation.target_point import with_point_error
 from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import (
-    INITIAL_PIXELS_S,
     Epoch,
     Frame,
     InitialPixel,
@@ -68,6 +68,7 @@ class TrackManager:
         self._eyes_m = [each.camera_pose(0.0, 0.0).position_runway_m for each in geometries.values()]
         self._initiator = TrackInitiator(geometries, config.initiation, span.span_m)
         self._guided = GuidedSearch(geometries, config.initiation, span.span_m)
+        self._earlier = EarlierPixels(geometries, config.initiation)
         self._span, self._usual_span_m = span, config.initiation.usual_span_m
         self._point_sigma_spans = np.array(config.estimation.target_point_sigma_spans)
         self._alternative = AlternativeTrack(geometries, config.initiation, span.span_m)
@@ -114,6 +115,7 @@ class TrackManager:
         """Add the candidates of a frame for the next epoch."""
         self._schedule.add(station, t_s, candidates)
         self._guided.add(station, candidates)
+        self._earlier.add(station, t_s, candidates)
 
     def add_label(self, label: CameraCandidate) -> None:
         """Add a labelled pixel for the next epoch."""
@@ -301,7 +303,7 @@ class TrackManager:
         else:
             self.log(t_s, "info", f"target {how} at {where}{', recognised' if found and not found.moving else ''}")
         if found is not None:
-            self._initial_pixels = tuple(p for p in found.pixels if t_s - p.t_s <= INITIAL_PIXELS_S)
+            self._initial_pixels = self._earlier.of(t_s, start, found.pixels)
         self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)
 
     def drop(self, t_s: float) -> None:
