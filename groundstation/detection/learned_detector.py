@@ -30,6 +30,8 @@ _DRIVE, _MOST_ODDS = 0.1, 6.0
 # train worlds hits rise from 85.3 to 86.6 and from 94.2 to 94.7 %, wrong points of the former from 3.9 to 4.2 % (4.5 %
 # where the distance of these candidates did not count)
 _EXPECTED_ODDS = 1.5
+# one sigma of a nose from the middle of the silhouette, as a share of the width
+_OFF_MIDDLE = 0.25
 # regions nearer to each other than this share of the target are pieces of one
 _PIECES = 0.35
 # a target that has more pixels is this wide in its window. Of seven widths it has the least error of the nose from 40
@@ -111,7 +113,7 @@ class LearnedDetector:
         best = self._best(picture, hint, span, centres)
         if best is None or best.candidate.odds <= 0.0:
             window_span = _window_span(max(_NARROWER * span, self._config.min_span_px))
-            narrower = self._best(picture, hint, span, [(_inside(hint.predicted_px, roi), window_span)])
+            narrower = self._best(picture, hint, span, [(_inside(hint.predicted_px, roi), window_span)], weaker=False)
             best = max((b for b in (best, narrower) if b is not None), key=lambda b: b.score, default=None)
         if best is None:
             return Miss(reason=MissReason.LOW_CONTRAST, detail="no response to aircraft near the prediction")
@@ -120,35 +122,46 @@ class LearnedDetector:
         return self._described(best.candidate, best.window, best.maps, span)
 
     def _best(
-        self, picture: Picture, hint: DetectionHint, span: float, places: Iterable[tuple[FloatArray, float]]
+        self,
+        picture: Picture,
+        hint: DetectionHint,
+        span: float,
+        places: Iterable[tuple[FloatArray, float]],
+        *,
+        weaker: bool = True,
     ) -> _Best | None:
-        """Return the likeliest target in windows at ``places``, their middles and spans, if there is any."""
+        """Return the likeliest target in windows at ``places``, their middles and spans, if there is any.
+
+        ``weaker``: one less likely aircraft than not counts as well, where it is expected.
+        """
         best: _Best | None = None
         for centre, window_span in places:
             window = channel_window(picture, centre, window_span)
             if window is None:
                 continue
             maps = self._channel.maps(window.image)
-            for score, candidate in self._scored(maps, window, hint, span):
+            for score, candidate in self._scored(maps, window, hint, span, weaker=weaker):
                 if best is None or score > best.score:
                     best = _Best(score=score, candidate=candidate, window=window, maps=maps)
         return best
 
     def _scored(
-        self, maps: ChannelMaps, window: ChannelWindow, hint: DetectionHint, span: float
+        self, maps: ChannelMaps, window: ChannelWindow, hint: DetectionHint, span: float, *, weaker: bool
     ) -> Iterator[tuple[float, ChannelCandidate]]:
         """Yield the candidates of a window, each with its odds less its distance from the prediction.
 
-        Where none is more likely aircraft than not, weaker ones count that are likely so where the target is expected.
+        Where none is more likely aircraft than not, ``weaker`` ones count that are likely so where the target is
+        expected: the less well known that place is, the less likely.
         """
-        mu, prior = self._config.level_set.mu, 0.0
+        mu = self._config.level_set.mu
         candidates = candidates_of(maps, mu)
-        if not candidates:
-            prior = _EXPECTED_ODDS
-            candidates = candidates_of(maps, mu, prior)
+        least = -math.inf
+        if not candidates and weaker:
+            least = math.log(_vagueness(hint, span)) - _EXPECTED_ODDS
+            candidates = candidates_of(maps, mu, _EXPECTED_ODDS)
         for candidate in candidates:
             score = candidate.odds - 0.5 * _distance(window, candidate, hint, span)
-            if prior == 0.0 or score + prior > 0.0:
+            if score > least:
                 yield score, candidate
 
     def _span(self, hint: DetectionHint) -> float:
@@ -290,11 +303,20 @@ def _inside(point_px: FloatArray, roi: Box[int]) -> FloatArray:
     return np.clip(point_px, (roi.x0, roi.y0), (roi.x1 - 1, roi.y1 - 1))
 
 
+def _spread(hint: DetectionHint, span_px: float) -> FloatArray:
+    """Return the covariance (2, 2) of a target's middle about the prediction: its nose may be off its middle."""
+    return hint.predicted_covariance_px2 + np.eye(2) * (_OFF_MIDDLE * span_px) ** 2
+
+
+def _vagueness(hint: DetectionHint, span_px: float) -> float:
+    """Return over how large an area a target may be, as a multiple of that of a prediction without any error."""
+    return math.sqrt(float(np.linalg.det(_spread(hint, span_px)))) / (_OFF_MIDDLE * span_px) ** 2
+
+
 def _distance(window: ChannelWindow, candidate: ChannelCandidate, hint: DetectionHint, span_px: float) -> float:
-    """Return the squared distance of a candidate from the prediction, in sigmas; its nose may be off its middle."""
+    """Return the squared distance of a candidate from the prediction, in sigmas."""
     away = window.to_picture(candidate.centre) - hint.predicted_px
-    spread = hint.predicted_covariance_px2 + np.eye(2) * (0.25 * span_px) ** 2
-    return float(away @ np.linalg.solve(spread, away))
+    return float(away @ np.linalg.solve(_spread(hint, span_px), away))
 
 
 def _outline(mask: MaskArray, window: ChannelWindow) -> Float32Array:

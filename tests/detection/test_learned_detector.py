@@ -12,7 +12,7 @@ from groundstation.arrays import ImageArray
 from groundstation.box import Box
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX, ChannelWindow, channel_window
 from groundstation.detection.config import DetectionConfig, DetectorKind
-from groundstation.detection.learned_channel import LearnedChannel, nose_of
+from groundstation.detection.learned_channel import ChannelMaps, LearnedChannel, nose_of
 from groundstation.detection.make_detector import make_detector
 from groundstation.detection.working_image import DetectionHint
 from groundstation.errors import InputError
@@ -168,6 +168,21 @@ def test_a_window_is_no_finer_than_the_picture_and_no_coarser_than_need_be(
     spans.clear()
     make_detector(LEARNED, SIZE_PX).detect(image, ROI, hint(nose, 126.0, sigma_px=150.0))
     assert spans[0] == 126.0
+
+
+def test_what_is_hardly_an_aircraft_counts_where_one_is_expected_and_that_place_is_known(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Log odds of −0.9 and a prior of 1.5: enough next to the prediction, not in a place ten times as large."""
+    aircraft = np.full(WINDOW_PX[::-1], -6.0, np.float32)
+    aircraft[38:58, 42:86] = -0.9
+    nose = np.zeros(WINDOW_PX[::-1], np.float32)
+    nose[48, 64] = 1.0
+    monkeypatch.setattr(LearnedChannel, "maps", lambda *arguments: ChannelMaps(aircraft=aircraft, nose=nose))
+    image = np.clip(sky(rng), 0.0, 255.0).round().astype(np.uint8)
+    for sigma_px, result in ((5.0, Detection), (40.0, Miss)):
+        near = hint(np.array([320.0, 240.0]), 44.0, sigma_px)
+        assert isinstance(make_detector(LEARNED, SIZE_PX).detect(image, ROI, near), result)
 
 
 def test_an_empty_sky_and_a_place_outside_give_none(rng: np.random.Generator) -> None:
