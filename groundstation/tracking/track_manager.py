@@ -258,10 +258,13 @@ class TrackManager:
 
     def _is_better(self, t_s: float, found: InitiatedTarget) -> bool:
         """Return whether a found target is followed from now on, instead of the one that there may be."""
-        if not self._ekf.has_target or (found.moving and self.state_machine.is_doubtful(t_s)):
+        machine = self.state_machine
+        if not self._ekf.has_target:
+            return True
+        if found.moving and machine.is_doubtful(t_s) and not machine.is_likelier_than(t_s, found.odds):
             return True
         moving_s = found.age_s if found.moving else None
-        return self.state_machine.yields_to(
+        return machine.yields_to(
             t_s,
             recognised=found.recognised,
             moving_s=moving_s,
