@@ -259,7 +259,7 @@ INITIAL_PIXELS_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InitialPixel:
-    """A pixel by which a target was found, in a frame that has been reported without it: it was still a candidate.
+    """A pixel by which a target was found, or that it explains, in a frame that has been reported without it.
 
     ``t_s`` and ``station`` are those of the frame's `CameraReport`; ``sigma_px`` is one sigma of u and v. At most
     `INITIAL_PIXELS_S` older than the target.

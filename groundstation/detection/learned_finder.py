@@ -46,6 +46,11 @@ _STEP = 0.54
 # target widths of the grid, px, up to this share of the frame's width
 _GRID_SPANS_PX = tuple(TARGET_PX * 2.0**k for k in range(6))
 _WIDEST = 0.5
+# the width of a window in which an aircraft is looked at again follows the one it shows by this power: a region may be
+# a part of the aircraft, and in a window made for that part another one. Where the odds fall by more, it is looked at
+# once more, in a wider or a narrower window in turns; and so many frames that do not show it are waited for. On 40
+# train worlds not trained on that follows 92 % of 1,536 looks instead of 86 %, with 1.07 windows instead of 0.88
+_GAIN, _FALL, _RESCALED, _WAITED = 0.5, 1.0, 1.6, 2
 # widths at which something of a known size is looked at, as shares of it: what outlines show may be a part or a rim
 _WIDTHS = (1.0, 1.5, 0.7)
 # a region that is narrower by more is a part of it, such as a letter on a sign
@@ -63,6 +68,28 @@ class _Look:
 
     centre_px: FloatArray
     span_px: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Kept:
+    """An aircraft of the last frames: its middle (2,) in the last one, and how it is looked at again.
+
+    Attributes
+    ----------
+    span_px : width for which the next window is made.
+    odds : its log odds, smoothed; they fall with each frame that does not show it.
+    missed : number of these since it was seen.
+    """
+
+    centre_px: FloatArray
+    span_px: float
+    odds: float
+    missed: int = 0
+
+    @property
+    def look(self) -> _Look:
+        """The window in which it is looked at again."""
+        return _Look(centre_px=self.centre_px, span_px=self.span_px)
 
 
 class LearnedFinder:
@@ -90,7 +117,8 @@ class LearnedFinder:
         self._proposer = ProposalFinder(proposal_weights(), image_size_px)
         self._next = self._next_other = self._next_part = 0
         self._last_s = -math.inf
-        self._kept: list[Candidate] = []
+        self._kept: list[_Kept] = []
+        self._is_wider = False
         self._camera_from_runway: FloatArray | None = None
 
     def reset(self) -> None:
@@ -111,9 +139,12 @@ class LearnedFinder:
         picture = as_picture(image)
         proposals = self._proposals.find(picture, t_s, camera_from_runway)
         brightest = max((p.score for p in proposals), default=1.0)
-        seen: list[Candidate] = []
-        for kept, place in zip(self._kept, self.places_kept(camera_from_runway), strict=True):
-            seen += self._seen_at(picture, _Look(centre_px=place, span_px=kept.box.w), brightest)
+        kept = [
+            replace(k, centre_px=place)
+            for k, place in zip(self._kept, self.places_kept(camera_from_runway), strict=True)
+        ]
+        again = [self._seen_again(picture, k, brightest) for k in kept]
+        seen = [c for _, c in again if c is not None]
         chosen, others = self._chosen(proposals)
         weighed = [self._weighed(picture, p) for p in chosen]
         proposed = self._proposed(picture, t_s, [c for c in seen if _odds(c) > 0.0])
@@ -125,7 +156,7 @@ class LearnedFinder:
             seen += self._seen_at(picture, look, brightest, _FLAT)
         unknown = [replace(p, score=_LEAST_SHARE * p.score) for p in others]
         found = distinct([*weighed, *seen, *unknown])
-        self._kept = likeliest_places([c for c in found if _odds(c) > 0.0])[:_KEPT]
+        self._kept = _kept_of(likeliest_places([c for c in found if _odds(c) > 0.0]), [k for k, _ in again])
         self._camera_from_runway = camera_from_runway
         return tuple(sorted(found, key=lambda c: -c.score)[: self._most])
 
@@ -139,7 +170,7 @@ class LearnedFinder:
     # --------------------------------------------------------------------------------------- where to look
     def places_kept(self, camera_from_runway: FloatArray | None = None) -> list[FloatArray]:
         """Return where (2,) the last frame's aircraft are in a frame, as the camera has turned in between."""
-        return [self._turned(_middle(c.box), camera_from_runway) for c in self._kept]
+        return [self._turned(k.centre_px, camera_from_runway) for k in self._kept]
 
     def _turned(self, pixel: FloatArray, camera_from_runway: FloatArray | None) -> FloatArray:
         """Return where a pixel (2,) of the last frame is in this one, without its lens' distortion."""
@@ -192,6 +223,18 @@ class LearnedFinder:
         at = replace(_NOTHING, u_px=float(look.centre_px[0]), v_px=float(look.centre_px[1]), score=brightest, box=whole)
         found = self._in_window(picture, look.centre_px, span, at, flat)
         return [] if found is None or _odds(found) <= 0.0 else [found]
+
+    def _seen_again(self, picture: Picture, kept: _Kept, brightest: float) -> tuple[_Kept, Candidate | None]:
+        """Return the aircraft of the last frame in this one, and the width of the window that shows it best."""
+        found = next(iter(self._seen_at(picture, kept.look, brightest)), None)
+        if found is not None and _odds(found) >= kept.odds - _FALL:
+            return kept, found
+        self._is_wider = not self._is_wider
+        other = replace(kept, span_px=kept.span_px * (_RESCALED if self._is_wider else 1.0 / _RESCALED))
+        better = next(iter(self._seen_at(picture, other.look, brightest)), None)
+        if better is None or (found is not None and _odds(found) >= _odds(better)):
+            return kept, found
+        return other, better
 
     def _weighed(self, picture: Picture, proposal: Candidate) -> Candidate:
         """Return a proposal with its score weighed, and at the nose where the channel shows one."""
@@ -281,6 +324,27 @@ def likeliest_places(found: list[Candidate]) -> list[Candidate]:
         again = any(math.hypot(c.u_px - d.u_px, c.v_px - d.v_px) <= 0.5 * max(c.box.w, d.box.w) for d in first)
         (second if again else first).append(c)
     return [*first, *second]
+
+
+def _kept_of(likely: Sequence[Candidate], before: Sequence[_Kept]) -> list[_Kept]:
+    """Return what is looked at again in the next frame: of the ``likely`` places of this one, the likeliest first, and
+    of those ``before`` that it does not show.
+    """
+    kept, shown = [], set()
+    for c in likely:
+        centre, width = _middle(c.box), c.box.w
+        known = [k for k, b in enumerate(before) if math.dist(centre, b.centre_px) <= 0.5 * max(width, b.span_px)]
+        shown.update(known)
+        span, odds = width, _odds(c)
+        if known:
+            last = before[min(known, key=lambda k: abs(math.log(before[k].span_px / width)))]
+            span, odds = last.span_px * (width / last.span_px) ** _GAIN, 0.5 * (last.odds + odds)
+        kept.append(_Kept(centre_px=centre, span_px=span, odds=odds))
+    for k, b in enumerate(before):
+        if k not in shown and b.missed < _WAITED and b.odds > _FALL:
+            unseen = replace(b, odds=b.odds - _FALL, missed=b.missed + 1)
+            kept.insert(next((i for i, each in enumerate(kept) if each.odds < unseen.odds), len(kept)), unseen)
+    return kept[:_KEPT]
 
 
 def _is_same(c: Candidate, likelier: Candidate) -> bool:

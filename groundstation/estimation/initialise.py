@@ -61,8 +61,8 @@ class TrackInitiator:
     ) -> tuple[InitiatedTarget, ...]:
         """Process the candidates of one epoch; return the targets at ``t_s`` that are confirmed, best first.
 
-        What is recognised comes before what only moves, then the higher score. ``known`` is a target at ``t_s`` that is
-        tracked already: what is where it is, is not returned.
+        What is recognised comes before what only moves, then the likelier aircraft, then the higher score. ``known`` is
+        a target at ``t_s`` that is tracked already: what is where it is, is not returned.
         """
         fixes = self.fixes(sightings)
         self._predict(t_s)
@@ -76,7 +76,8 @@ class TrackInitiator:
             # a clearer track says nothing against one that is recognised
             moving = self._is_moving(track, 0.0 if recognised else brightest)
             if moving or recognised:
-                rank = 2 * recognised + moving, track.score / track.hits
+                odds = min(track.mean_odds or 0.0, _SURE_ODDS)
+                rank = 2 * recognised + moving, odds, track.score / track.hits
                 confirmed.append((rank, initiated(track, self._config, moving=moving, recognised=recognised)))
         return tuple(target for _, target in sorted(confirmed, key=lambda each: each[0], reverse=True))
 

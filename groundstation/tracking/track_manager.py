@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from groundstation.estimation.camera_candidate import CameraCandidate
+from groundstation.estimation.earlier_pixels import EarlierPixels
 from groundstation.estimation.guided_search import GuidedPlace, GuidedSearch
 from groundstation.estimation.initialise import TrackInitiator
 from groundstation.estimation.station_ekf import StationEkf
@@ -17,7 +18,6 @@ from groundstation.estimation.target_point import with_point_error
 from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import (
-    INITIAL_PIXELS_S,
     Epoch,
     Frame,
     InitialPixel,
@@ -68,6 +68,7 @@ class TrackManager:
         self._eyes_m = [each.camera_pose(0.0, 0.0).position_runway_m for each in geometries.values()]
         self._initiator = TrackInitiator(geometries, config.initiation, span.span_m)
         self._guided = GuidedSearch(geometries, config.initiation, span.span_m)
+        self._earlier = EarlierPixels(geometries, config.initiation)
         self._span, self._usual_span_m = span, config.initiation.usual_span_m
         self._point_sigma_spans = np.array(config.estimation.target_point_sigma_spans)
         self._alternative = AlternativeTrack(geometries, config.initiation, span.span_m)
@@ -114,6 +115,7 @@ class TrackManager:
         """Add the candidates of a frame for the next epoch."""
         self._schedule.add(station, t_s, candidates)
         self._guided.add(station, candidates)
+        self._earlier.add(station, t_s, candidates)
 
     def add_label(self, label: CameraCandidate) -> None:
         """Add a labelled pixel for the next epoch."""
@@ -256,10 +258,13 @@ class TrackManager:
 
     def _is_better(self, t_s: float, found: InitiatedTarget) -> bool:
         """Return whether a found target is followed from now on, instead of the one that there may be."""
-        if not self._ekf.has_target or (found.moving and self.state_machine.is_doubtful(t_s)):
+        machine = self.state_machine
+        if not self._ekf.has_target:
+            return True
+        if found.moving and machine.is_doubtful(t_s) and not machine.is_likelier_than(t_s, found.odds):
             return True
         moving_s = found.age_s if found.moving else None
-        return self.state_machine.yields_to(
+        return machine.yields_to(
             t_s,
             recognised=found.recognised,
             moving_s=moving_s,
@@ -301,7 +306,7 @@ class TrackManager:
         else:
             self.log(t_s, "info", f"target {how} at {where}{', recognised' if found and not found.moving else ''}")
         if found is not None:
-            self._initial_pixels = tuple(p for p in found.pixels if t_s - p.t_s <= INITIAL_PIXELS_S)
+            self._initial_pixels = self._earlier.of(t_s, start, found.pixels)
         self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)
 
     def drop(self, t_s: float) -> None:

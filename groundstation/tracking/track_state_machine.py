@@ -115,6 +115,15 @@ class TrackStateMachine:
         doubtful = self.existence.probability < self._config.doubtful_existence
         return doubtful or t_s - self._newest_fix_s > self._config.search_again_s
 
+    def is_likelier_than(self, t_s: float, odds: float | None) -> bool:
+        """Return whether a camera has just seen the target, and it is far likelier an aircraft than another one.
+
+        The other one has mean log ``odds`` of aircraft. That a second camera has lost sight of the target is no reason
+        to give it up for a bird.
+        """
+        seen = t_s - self._newest_pixel_s <= self._config.confirm_after_s
+        return seen and self.recognition.is_likelier_than(odds)
+
     def yields_to(
         self,
         t_s: float,

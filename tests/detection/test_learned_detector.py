@@ -10,14 +10,15 @@ import pytest
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box
-from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
+from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX, ChannelWindow, channel_window
 from groundstation.detection.config import DetectionConfig, DetectorKind
-from groundstation.detection.learned_channel import LearnedChannel, nose_of
+from groundstation.detection.learned_channel import ChannelMaps, LearnedChannel, nose_of
 from groundstation.detection.make_detector import make_detector
 from groundstation.detection.working_image import DetectionHint
 from groundstation.errors import InputError
 from groundstation.files.channel_weights import MOST_BYTES, channel_weights, read_weights
 from groundstation.messages import Detection, Miss
+from groundstation.picture import Picture
 from groundstation.simulation.world.draw_world import draw_world
 from training.sprites import Sprite, SpriteStudio
 
@@ -122,6 +123,66 @@ def test_a_prediction_that_is_far_off_is_searched_around(sprite: Sprite, rng: np
     found = make_detector(LEARNED, SIZE_PX).detect(image, ROI, hint(nose + [70.0, 10.0], 30.0, sigma_px=40.0))
     assert isinstance(found, Detection)
     assert abs(found.u_px - nose[0]) < 8.0
+
+
+def test_what_is_in_the_picture_is_found_though_the_point_is_expected_outside(
+    sprite: Sprite, rng: np.random.Generator
+) -> None:
+    """The aircraft is at the right border, its point expected 30 px beyond it with a sigma of 40 px."""
+    image, nose = picture(sprite, (540, 200), 90.0, rng)
+    expected = np.array([SIZE_PX[0] + 30.0, nose[1]])
+    found = make_detector(LEARNED, SIZE_PX).detect(image, ROI, hint(expected, 90.0, sigma_px=40.0))
+    assert isinstance(found, Detection)
+    assert np.hypot(found.u_px - nose[0], found.v_px - nose[1]) < 10.0
+
+
+@pytest.mark.parametrize("seed", [13, 14, 17])
+def test_an_aircraft_of_which_the_middle_alone_is_seen_is_found(seed: int, rng: np.random.Generator) -> None:
+    """It shows a quarter of what is expected, as thin or pale wings do: a window for all of it does not know it."""
+    for width_px, expected_px in ((24.0, 110.0), (30.0, 130.0)):
+        image, nose = picture(drawn(seed), (280, 200), width_px, rng)
+        found = make_detector(LEARNED, SIZE_PX).detect(image, ROI, hint(nose + [3.0, -2.0], expected_px))
+        assert isinstance(found, Detection)
+        assert np.hypot(found.u_px - nose[0], found.v_px - nose[1]) < 0.1 * width_px
+
+
+def test_a_window_is_no_finer_than_the_picture_and_no_coarser_than_need_be(
+    sprite: Sprite, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A target has 44 px in its window as far as 44 px wide, then its own, and 63 px from there on."""
+    spans: list[float] = []
+
+    def noted(image: Picture, centre: np.ndarray, span_px: float) -> ChannelWindow | None:
+        spans.append(span_px)
+        return channel_window(image, centre, span_px)
+
+    monkeypatch.setattr("groundstation.detection.learned_detector.channel_window", noted)
+    for width_px, shown_px in ((24.0, 44.0), (50.0, 50.0), (126.0, 63.0)):
+        image, nose = picture(sprite, (280, 200), width_px, rng)
+        spans.clear()
+        found = make_detector(LEARNED, SIZE_PX).detect(image, ROI, hint(nose, width_px))
+        assert isinstance(found, Detection)
+        assert len(spans) == 1
+        assert width_px * TARGET_PX / spans[0] == pytest.approx(shown_px)
+    # where so fine windows would be too many the target has 44 px
+    spans.clear()
+    make_detector(LEARNED, SIZE_PX).detect(image, ROI, hint(nose, 126.0, sigma_px=150.0))
+    assert spans[0] == 126.0
+
+
+def test_what_is_hardly_an_aircraft_counts_where_one_is_expected_and_that_place_is_known(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Log odds of −0.9 and a prior of 1.5: enough next to the prediction, not in a place ten times as large."""
+    aircraft = np.full(WINDOW_PX[::-1], -6.0, np.float32)
+    aircraft[38:58, 42:86] = -0.9
+    nose = np.zeros(WINDOW_PX[::-1], np.float32)
+    nose[48, 64] = 1.0
+    monkeypatch.setattr(LearnedChannel, "maps", lambda *arguments: ChannelMaps(aircraft=aircraft, nose=nose))
+    image = np.clip(sky(rng), 0.0, 255.0).round().astype(np.uint8)
+    for sigma_px, result in ((5.0, Detection), (40.0, Miss)):
+        near = hint(np.array([320.0, 240.0]), 44.0, sigma_px)
+        assert isinstance(make_detector(LEARNED, SIZE_PX).detect(image, ROI, near), result)
 
 
 def test_an_empty_sky_and_a_place_outside_give_none(rng: np.random.Generator) -> None:

@@ -14,7 +14,7 @@ from groundstation.detection.config import DetectionConfig, DetectorKind
 from groundstation.detection.learned_finder import LearnedFinder, distinct, grid_of, likeliest_places
 from groundstation.detection.proposal_finder import ProposalFinder
 from groundstation.geometry.camera import Lens
-from tests.detection.test_learned_detector import SIZE_PX, drawn, picture
+from tests.detection.test_learned_detector import SIZE_PX, drawn, picture, sky
 
 LEARNED = DetectionConfig(detector=DetectorKind.LEARNED)
 # upper left of a dark disc, px, and its diameter
@@ -169,6 +169,39 @@ def test_it_is_kept_while_the_camera_turns(rng: np.random.Generator) -> None:
                 assert looked
                 kept.append(any(np.hypot(*(place - nose)) < 25.0 for place in looked))
         assert kept == 3 * [knows]
+
+
+def test_what_two_frames_do_not_show_is_looked_at_again(rng: np.random.Generator) -> None:
+    image, nose = picture(drawn(13), (280, 200), 44.0, rng)
+    empty = np.clip(sky(rng), 0.0, 255.0).round().astype(np.uint8)
+    finder = LearnedFinder(AcquisitionConfig(), LEARNED, SIZE_PX)
+    assert _is_found(finder.find(image, 0.0), nose)
+    waits = []
+    for k in range(1, 4):
+        finder.find(empty, 0.1 * k)
+        waits.append(len(finder.places_kept()))
+    assert waits == [1, 1, 0]
+
+
+@pytest.mark.parametrize("seed", [13, 16, 17])
+def test_an_aircraft_whose_wings_are_hidden_for_two_frames_is_found_at_once(
+    seed: int, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: neither lost, nor looked at in a window that is made for its fuselage, where nothing else finds it."""
+    image, nose = picture(drawn(seed), (280, 200), 60.0, rng)
+    hidden = np.clip(sky(rng), 0.0, 255.0).round().astype(np.uint8)
+    middle = slice(round(nose[0]) - 6, round(nose[0]) + 7)
+    hidden[:, middle] = image[:, middle]
+    finder = LearnedFinder(AcquisitionConfig(), LEARNED, SIZE_PX)
+    for k in range(2):
+        assert _is_found(finder.find(image, 0.1 * k), nose)
+    monkeypatch.setattr(CandidateFinder, "find", lambda *arguments: ())
+    monkeypatch.setattr(ProposalFinder, "proposals", lambda *arguments: [])
+    for k in range(2, 4):
+        finder.find(hidden, 0.1 * k)
+    found = finder.find(image, 0.4)
+    assert _is_found(found, nose)
+    assert max(c.box.w for c in found) > 0.6 * 60.0
 
 
 @given(

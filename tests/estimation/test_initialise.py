@@ -410,6 +410,18 @@ def test_what_is_recognised_and_moves_comes_first_whatever_stands_out_more(rng: 
     assert found[0].age_s == pytest.approx(2.9, abs=0.2)
 
 
+def test_of_two_that_are_recognised_the_likelier_comes_first_whatever_stands_out_more(rng: np.random.Generator) -> None:
+    """Expected: so far as odds tell aircraft from other things; of two that are sure the clearer one."""
+
+    def second(t: float) -> np.ndarray:
+        return np.array([-9.0, 150.0, 0.5])
+
+    for first, odds_of_other, at in ((2.9, 2.6, standing), (6.0, 4.0, second)):
+        found = of_several(Scene(rng), [(standing, 3.0, first), (second, 10.0, odds_of_other)], None)
+        assert len(found) >= 2
+        assert np.linalg.norm(found[0].kinematics.position_runway_m[[0, 2]] - at(2.9)[[0, 2]]) < 1.0
+
+
 def test_clutter_that_the_channel_doubts_hides_nothing_that_moves(rng: np.random.Generator) -> None:
     """Expected: what moves starts by a twentieth of the clutter's score, as proposals unknown to the channel have."""
     found = of_several(Scene(rng), [(standing, 10.0, 0.5), (glide, 0.5, None)], None)

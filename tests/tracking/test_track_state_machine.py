@@ -281,6 +281,31 @@ def test_what_moves_yields_to_what_moves_and_is_far_more_like_an_aircraft() -> N
     assert not life.yields_to(3.9, recognised=False, moving_s=0.6, odds=9.0)
 
 
+@pytest.mark.parametrize(
+    ("odds", "other", "unseen_s", "likelier"),
+    [
+        (5.0, -5.6, 0.1, True),
+        (5.0, 3.9, 0.1, True),
+        (5.0, 4.1, 0.1, False),
+        (5.0, None, 0.1, False),
+        (-1.0, 3.0, 0.1, False),
+        (5.0, -5.6, 0.6, False),
+    ],
+    ids=["a bird", "less likely", "as likely", "unknown", "a bird itself", "no camera sees it"],
+)
+def test_one_camera_that_knows_the_target_outweighs_two_that_see_something_else_move(
+    odds: float, other: float | None, unseen_s: float, likelier: bool
+) -> None:
+    """A target that one camera has followed for 3 s is doubtful: expected not to yield to what is no aircraft."""
+    life, ekf = stood(odds)
+    move(ekf, -15.0)
+    for k in range(100, 130):
+        life.add_pixel(0.1 * k)
+        life.recognition.add("left", 0.1 * k, odds)
+    assert life.is_doubtful(12.9 + unseen_s)
+    assert life.is_likelier_than(12.9 + unseen_s, other) is likelier
+
+
 def test_a_target_that_is_corrected_is_as_old_as_before() -> None:
     life, ekf = stood(0.5)
     move(ekf, -15.0)
