@@ -56,7 +56,7 @@ class ProtectionConfig:
     ----------
     faults : priors, sizes and risk.
     window_s : time over which residuals are summed; the time to alert.
-    inflation : factor of the filter's sigma: ANEES is 1.47 and 1.29 on the two recordings that no part of the detector
+    inflation : factor of the filter's sigma: ANEES is 1.45 and 1.28 on the two recordings that no part of the detector
         was made with (docs/results.md), the root of the larger one is 1.19.
     following : by how much more than one fix the filter follows a fault at most: measured in
         benchmarks/integrity_study.py.
