@@ -1,5 +1,7 @@
 """Figures of sessions on the pages are the kept ones, to their last digit."""
 
+import math
+
 import pytest
 from pages import kept_figures
 from pages.page_figures import PAGES, PLACES, QUOTED, Quoted, differences, of_page, quoted_at, rewritten
@@ -27,10 +29,14 @@ def test_the_figures_of_a_page_are_the_kept_ones(page: str) -> None:
 
 @pytest.mark.parametrize("place", QUOTED, ids=lambda place: f"{place.page}: {place.template[:40]}")
 def test_a_changed_figure_is_found_and_written_back(place: Quoted) -> None:
-    """Expected: each figure by itself, once its last digit is another."""
+    """Expected: each figure by itself, once its last digit is another: the one away from the value, which may be half
+    way to the next.
+    """
     text = text_of(ROOT / place.page)
-    for figure in quoted_at(text, place):
-        other = printed_as(figure.printed, number(figure.printed) + 10.0 ** -decimals(figure.printed))
+    for figure, source in zip(quoted_at(text, place), place.sources, strict=True):
+        value = source.factor * VALUES[source.session][source.name]
+        step = math.copysign(10.0 ** -decimals(figure.printed), number(figure.printed) - value)
+        other = printed_as(figure.printed, number(figure.printed) + step)
         changed = text[: figure.start] + other + text[figure.end :]
         assert [new for _, new in differences(changed, place, VALUES)] == [figure.printed]
         assert rewritten(place.page, changed, VALUES) == text
