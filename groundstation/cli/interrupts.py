@@ -10,6 +10,8 @@ import threading
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from groundstation.cli.terminated import Terminated
+
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
@@ -48,13 +50,14 @@ class Interrupts:
     def _on_unraisable(self, lost: "UnraisableHookArgs") -> None:
         if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
             # not from here: a hook is another place that an interrupt cannot leave
-            again = threading.Timer(_AGAIN_S, _interrupt_main_thread)
+            number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
+            again = threading.Timer(_AGAIN_S, _interrupt_main_thread, (number,))
             again.daemon = True
             again.start()
         else:
             self._hook_before(lost)
 
 
-def _interrupt_main_thread() -> None:
+def _interrupt_main_thread(number: signal.Signals) -> None:
     """Send it a true signal, which also ends a system call that waits."""
-    signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    signal.pthread_kill(threading.main_thread().ident or 0, number)

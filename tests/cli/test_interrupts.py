@@ -29,6 +29,20 @@ IN_A_DESTRUCTOR = """
     time.sleep(20)
     return 0
 """
+TERMINATED_IN_A_DESTRUCTOR = """
+    from groundstation.cli.terminated import TERMINATED, Terminated, ended_in_order
+    class Terminating:
+        def __del__(self):
+            signal.raise_signal(signal.SIGTERM)
+            time.sleep(0)
+    try:
+        with ended_in_order():
+            Terminating()
+            time.sleep(20)
+    except Terminated:
+        return TERMINATED
+    return 0
+"""
 AS_ANOTHER_ERROR = """
     try:
         signal.raise_signal(signal.SIGINT)
@@ -63,6 +77,12 @@ def _run(command: str) -> "subprocess.CompletedProcess[str]":
 def test_an_interrupt_is_never_lost_and_no_traceback(command: str) -> None:
     done = _run(command)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "groundstation: interrupted\n")
+
+
+def test_a_termination_that_would_be_lost_comes_again_as_one() -> None:
+    """Expected: its own exit code, not that of Ctrl-C."""
+    done = _run(TERMINATED_IN_A_DESTRUCTOR)
+    assert (done.returncode, done.stdout, done.stderr) == (143, "", "")
 
 
 def test_a_finished_command_is_not_interrupted() -> None:
