@@ -68,6 +68,7 @@ PLACES: dict[str, tuple[str, ...]] = {
         "| sony5n + sonyG | _ | ~ | _ | _ | _ | # |",
         "| all four | ~ | ~ | _ | _ | _ | # |",
     ),
+    "heads by drawn nights, relative pan; over its bound": ("| relative pan | #° | _ | # | _ |",),
     "a knock of 0.01° found (each axis); false alarms": (
         "| left base knocked by 0.01° in pan, found | _ | # of # |",
         "| a rig that stands: false alarms; mean statistic (3 expected) | _ | # of #;",
@@ -113,9 +114,6 @@ PLACES: dict[str, tuple[str, ...]] = {
     "the same from the level set's first step: least; most": (
         _SPEED.format("ground, 135 px (reduced)") + "_ | _ | ~ (# ×),",
         _SPEED.format("sky, 45 px") + "_ | _ | ~ (# ×),",
-    ),
-    "level set, growth of its time with the contour's length, power": (
-        "Time grows with the contour's length to the power #",
     ),
     "whole detector, slower of two runs: median; 99 %": (
         "two runs of today, one after the other: ~ and # ms median, ~ and # at 99 %",
