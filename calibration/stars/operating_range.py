@@ -10,8 +10,9 @@ from groundstation.geometry.aim import aim_at
 from groundstation.rig.rig import Station
 
 # about the runway's direction and the horizon, as in `calibration.mount.pointing`
-_FAR_M = 1e6
 WORK_PAN_DEG, WORK_TILT_DEG = (-30.0, -15.0, 0.0, 15.0, 30.0), (0.0, 7.5, 15.0)
+# m; a direction is aimed at as a point so far away
+_FAR_M = 1e6
 
 
 def work_readings(station: Station) -> FloatArray:

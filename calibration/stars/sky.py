@@ -79,11 +79,6 @@ class SkyOverSite:
         """Return the apparent direction (3,) of "sun" or "moon", refraction included, at a Unix time."""
         return self._directions(self._planets[name], utc_s)
 
-    def moon_lit_share(self, utc_s: float) -> float:
-        """Return the lit share of the Moon's disk, 0 to 1, at a Unix time."""
-        moon = self._observer.at(self._at(utc_s)).observe(self._planets["moon"]).apparent()
-        return float(moon.fraction_illuminated(self._planets["sun"]))
-
     def pole(self) -> FloatArray:
         """Return the direction (3,) of the celestial north pole, without refraction."""
         lat = math.radians(self.site.lat_deg)

@@ -67,13 +67,11 @@ class SolvedPicture:
     ----------
     camera_from_icrs : (3, 3), camera frame x right, y down, z forward; without aberration and refraction.
     image : (m,) rows of the picture's star images; ``stars`` the same stars of the catalogue.
-    rms_rad : of the angles left over, as the solver states it.
     """
 
     camera_from_icrs: FloatArray
     image: IntArray
     stars: CatalogueStars
-    rms_rad: float
 
 
 class StarSolver:
@@ -123,7 +121,6 @@ class StarSolver:
             camera_from_icrs=np.asarray(found.rotation_matrix_icrs_to_camera),
             image=image,
             stars=self._catalogue.of(rows[rows >= 0]),
-            rms_rad=float(np.radians(found.rmse_arcsec / 3600.0)),
         )
 
     def near(self, towards_icrs: FloatArray, angle_rad: float) -> CatalogueStars:
