@@ -91,3 +91,18 @@ class Miss:
 
     reason: MissReason
     detail: str = ""
+
+
+# log odds of aircraft from which on something is recognised. As the mean of a target: with the first weights, on 41
+# train worlds not trained on, larger in 96 % of 3,670 epochs with the aircraft as the target, and in 9 % of 67 with
+# something else
+RECOGNISED_LOG_ODDS = 1.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecognisedPixel:
+    """The likeliest aircraft in a whole frame: its point in full-image pixels, and its log odds of aircraft."""
+
+    u_px: float
+    v_px: float
+    log_odds: float

@@ -15,6 +15,7 @@ from groundstation.detection_messages import Detection as Detection
 from groundstation.detection_messages import DetectionStatus as DetectionStatus
 from groundstation.detection_messages import Miss as Miss
 from groundstation.detection_messages import MissReason as MissReason
+from groundstation.detection_messages import RecognisedPixel as RecognisedPixel
 from groundstation.picture import Picture
 
 
@@ -226,15 +227,14 @@ class CameraReport:
     Attributes
     ----------
     status, result : the outcome; a `Detection`, or a `Miss` with its reason.
-    roi : where the detector looked; None when it did not look.
-    predicted_px : (2,) the target point expected before looking, None when nothing is predicted.
-    predicted_covariance_px2 : (2, 2) its covariance.
-    pan_rad, tilt_rad : the station's angles at mid-exposure, as the filter used them; None if no reading covers it.
+    roi : where the detector looked, if it did.
+    predicted_px, predicted_covariance_px2 : (2,) and (2, 2) of the target point expected before looking, if any.
+    pan_rad, tilt_rad : the station's angles at mid-exposure, as the filter used them; None without a reading.
     innovation : None unless the filter judged the pixel.
     elapsed_s : time of the detection.
-    channel_contrast : in some frames, the silhouette's contrast-to-noise on each channel, the paper's saturation among
-        them.
+    channel_contrast : in some frames, the silhouette's contrast-to-noise on each channel, also the paper's saturation.
     image : the picture, where reports keep them.
+    recognised : of a frame that was searched whole, the likeliest aircraft, also if it is not the target.
     """
 
     t_s: float
@@ -251,6 +251,7 @@ class CameraReport:
     elapsed_s: float
     channel_contrast: Mapping[str, float] | None = None
     image: Picture | None = None
+    recognised: RecognisedPixel | None = None
 
 
 # how long before the start of a target a pixel of its tentative track may be

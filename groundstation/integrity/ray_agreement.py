@@ -5,6 +5,9 @@ or unit or time, and a wrong focal length turn the rays by degrees, so that they
 calibration and of the detection are of hundredths of a degree. The miss of two rays is an angle: their gap over their
 length where they pass each other in front of both stations, and the angle between their directions where they diverge.
 
+Aircraft that the learned channel recognises in whole frames are compared first: with wrong angles a tracker finds two
+things whose rays happen to meet, and not the aircraft that both cameras show.
+
 If not most of the rays meet, the hypothesis with which they meet most often and most closely names the fault, if nearly
 all of them do. Rays that are parallel within the tolerance tell nothing; angles in radians make all of them parallel.
 Of two hypotheses that a mirror leads into each other, that which puts the target above the stations is preferred; what
@@ -28,7 +31,10 @@ from groundstation.integrity.reading_hypothesis import (
     lag_hypotheses,
     unit_hypotheses,
 )
-from groundstation.messages import Event, PixelMeasurement, PtuSample
+from groundstation.messages import CameraReport, Detection, Event, PixelMeasurement, PtuSample
+
+# by station: time, u and v of a pixel
+_Views = Mapping[str, tuple[float, float, float]]
 
 # pairs of rays miss each other by at most this: ten times what a usable calibration is off, and some px
 _TOLERANCE_RAD, _TOLERANCE_PX = np.radians(0.2), 4.0
@@ -38,27 +44,38 @@ _MIN_RAYS = 30
 # share of the rays that miss each other from which on a fault is reported without a name
 _RIGHT_SHARE, _NAMED_SHARE, _APART_SHARE = 0.65, 0.85, 0.7
 # hypotheses with such a share of the best one's score are alternatives, of which so many are named
-_ALIKE, _MAX_ALTERNATIVES = 0.97, 3
+_ALIKE, _MAX_ALTERNATIVES = 0.97, 5
 _FOCAL_FACTORS = np.geomspace(0.05, 20.0, 53)
 _NO_VIEW = (np.nan, np.nan, np.nan)
+# angles that are off by less than this are for the filter and for `calibrate`
+_LEAST_OFF_RAD = float(np.radians(0.5))
 _LEAST_SINE = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RayHypothesis:
-    """A hypothesis on all stations: ``readings`` of those that turn, and two stations whose pixels are exchanged."""
+    """A hypothesis on all stations: ``readings`` of those that turn, and what of two stations is exchanged.
+
+    ``pixels_exchanged``: their pixels; ``places_exchanged``: where they stand. With pixels and readings exchanged each
+    is what the rig states of the other.
+    """
 
     readings: Mapping[str, ReadingHypothesis] = field(default_factory=dict)
     pixels_exchanged: tuple[str, str] | None = None
+    places_exchanged: tuple[str, str] | None = None
 
     def kind(self) -> tuple[object, ...]:
         """Return what is changed, without by how much."""
-        return (self.pixels_exchanged, *((name, h.kind()) for name, h in self.readings.items()))
+        exchanged = (self.pixels_exchanged, self.places_exchanged)
+        return (*exchanged, *((name, h.kind()) for name, h in self.readings.items()))
 
     def words(self) -> str:
         """Return what would have to be changed, for a message: "with …"."""
         if self.pixels_exchanged is not None:
-            return "the pixels of {} and {} exchanged".format(*self.pixels_exchanged)
+            what = "stations {} and {} of the rig" if self.readings else "the pixels of {} and {}"
+            return f"{what.format(*self.pixels_exchanged)} exchanged"
+        if self.places_exchanged is not None:
+            return "the places of {} and {} exchanged".format(*self.places_exchanged)
         sources = [h.source for h in self.readings.values() if h.source is not None]
         if len(sources) > 1:
             return f"the angles of {' and '.join(sorted(sources))} exchanged"
@@ -110,6 +127,25 @@ class _RayCount:
         return self.rays - self.meeting - self.apart
 
 
+class _EpochPixels:
+    """Pixels of at most `_MAX_EPOCHS` epochs: of too many every second one is dropped."""
+
+    def __init__(self) -> None:
+        self._epochs: dict[int, dict[str, tuple[float, float, float]]] = {}
+        self._every = 1
+
+    def add(self, epoch: int, station: str, view: tuple[float, float, float]) -> None:
+        if epoch % self._every:
+            return
+        self._epochs.setdefault(epoch, {})[station] = view
+        if len(self._epochs) >= _MAX_EPOCHS:
+            self._every *= 2
+            self._epochs = {k: views for k, views in self._epochs.items() if k % self._every == 0}
+
+    def views(self) -> list[_Views]:
+        return list(self._epochs.values())
+
+
 class RayAgreementMonitor:
     """Collects target pixels and readings during a run, and compares the stations' rays at its end.
 
@@ -120,8 +156,7 @@ class RayAgreementMonitor:
     def __init__(self, stations: Mapping[str, StationGeometry], turning: Iterable[str]) -> None:
         self._stations = dict(stations)
         self._angles = {name: AngleSeries() for name in turning}
-        self._epochs: dict[int, dict[str, tuple[float, float, float]]] = {}
-        self._every = 1
+        self._targets, self._recognised = _EpochPixels(), _EpochPixels()
 
     def watched(self, events: Iterable[Event]) -> Iterator[Event]:
         """Yield the events, and take from them what the comparison needs."""
@@ -133,21 +168,36 @@ class RayAgreementMonitor:
                 self.add_pixel(event.epoch, event.station, event.t_s, (event.u_px, event.v_px))
             yield event
 
+    def add_report(self, report: CameraReport) -> None:
+        """Take what one camera shows in a frame: what is taken for the target, and the likeliest aircraft."""
+        found, likeliest = report.result, report.recognised
+        if isinstance(found, Detection):
+            self.add_pixel(report.epoch, report.station, report.t_s, (found.u_px, found.v_px))
+        if likeliest is not None:
+            self._recognised.add(report.epoch, report.station, (report.t_s, likeliest.u_px, likeliest.v_px))
+
     def add_pixel(self, epoch: int, station: str, t_s: float, pixel: tuple[float, float]) -> None:
         """Take the target's pixel in one frame; of too many epochs every second one is dropped."""
-        if station not in self._stations or epoch % self._every:
-            return
-        self._epochs.setdefault(epoch, {})[station] = (t_s, *pixel)
-        if len(self._epochs) >= _MAX_EPOCHS:
-            self._every *= 2
-            self._epochs = {k: views for k, views in self._epochs.items() if k % self._every == 0}
+        if station in self._stations:
+            self._targets.add(epoch, station, (t_s, *pixel))
 
     def fault(self) -> RayFault | None:
-        """Return the fault; None if most rays meet, or if there are too few pixels to tell."""
-        stored = self._count(RayHypothesis())
+        """Return the fault; None if most rays meet, or if there are too few pixels to tell.
+
+        Aircraft recognised in whole frames name a fault if they can. They tell nothing without a name: two cameras may
+        recognise two things.
+        """
+        recognised = self._fault_of(self._recognised.views())
+        if recognised is not None and recognised.hypotheses:
+            return recognised
+        return self._fault_of(self._targets.views())
+
+    def _fault_of(self, epochs: Sequence[_Views]) -> RayFault | None:
+        """Return the fault that the pixels of some epochs show, by station."""
+        stored = self._count(RayHypothesis(), epochs)
         if stored.rays < _MIN_RAYS or stored.meeting >= _RIGHT_SHARE * stored.rays:
             return None
-        counts = [(hypothesis, self._count(hypothesis)) for hypothesis in self._hypotheses()]
+        counts = [(hypothesis, self._count(hypothesis, epochs)) for hypothesis in self._hypotheses(epochs)]
         explaining = [
             pair for pair in counts if pair[1].meeting >= _NAMED_SHARE * pair[1].rays >= _NAMED_SHARE * _MIN_RAYS
         ]
@@ -163,12 +213,15 @@ class RayAgreementMonitor:
             meeting_as_stored=stored.meeting,
         )
 
-    def _hypotheses(self) -> Iterator[RayHypothesis]:
+    def _hypotheses(self, epochs: Sequence[_Views]) -> Iterator[RayHypothesis]:
         """Yield hypotheses, the simplest first: those of all stations, then those of one."""
         turning = list(self._angles)
         for pair in itertools.combinations(turning, 2):
             a, b = pair
-            yield RayHypothesis(readings={a: ReadingHypothesis(source=b), b: ReadingHypothesis(source=a)})
+            exchanged = {a: ReadingHypothesis(source=b), b: ReadingHypothesis(source=a)}
+            yield RayHypothesis(readings=exchanged)
+            yield RayHypothesis(readings=exchanged, pixels_exchanged=pair)
+            yield RayHypothesis(places_exchanged=pair)
         for pair in itertools.combinations(self._stations, 2):
             yield RayHypothesis(pixels_exchanged=pair)
         of_heads = [*axis_hypotheses(), *unit_hypotheses(), *lag_hypotheses()] if turning else []
@@ -184,10 +237,27 @@ class RayAgreementMonitor:
                     yield RayHypothesis(readings={name: hypothesis})
                 for hypothesis in of_lenses:
                     yield RayHypothesis(readings={name: hypothesis})
+            for name, reading in self._offsets(epochs):
+                yield RayHypothesis(readings={name: reading})
 
-    def _count(self, hypothesis: RayHypothesis) -> _RayCount:
-        """Count the pairs of rays of all epochs under a hypothesis."""
-        origins, directions = self._rays(hypothesis)
+    def _offsets(self, epochs: Sequence[_Views]) -> Iterator[tuple[str, ReadingHypothesis]]:
+        """Yield what a station's tilt and pan may be off: rays as high as the others', and such that do not diverge."""
+        directions = self._rays(RayHypothesis(), epochs)[1]
+        high = {name: np.arctan2(d[:, 2], np.hypot(d[:, 0], d[:, 1])) for name, d in directions.items()}
+        aside = {name: np.arctan2(d[:, 0], d[:, 1]) for name, d in directions.items()}
+        for name in self._angles:
+            others = [other for other in self._stations if other != name]
+            higher = _percentile(50.0, [high[other] - high[name] for other in others])
+            if abs(higher) >= _LEAST_OFF_RAD:
+                yield name, ReadingHypothesis(tilt_off_rad=higher)
+            # turned by a little more than they diverge all of them converge; nothing tells by how much more it is
+            apart = _percentile(95.0, [np.abs(aside[other] - aside[name]) for other in others])
+            for sign in (1.0, -1.0) if apart >= _LEAST_OFF_RAD else ():
+                yield name, ReadingHypothesis(pan_off_rad=sign * (apart + 2.0 * _TOLERANCE_RAD))
+
+    def _count(self, hypothesis: RayHypothesis, epochs: Sequence[_Views]) -> _RayCount:
+        """Count the pairs of rays of some epochs under a hypothesis."""
+        origins, directions = self._rays(hypothesis, epochs)
         misses, angles, limits, aboves = [], [], [], []
         for a, b in itertools.combinations(self._stations, 2):
             miss, angle = _miss(origins[a], directions[a], origins[b], directions[b])
@@ -207,7 +277,9 @@ class RayAgreementMonitor:
             score=float(np.sum((1.0 - 0.5 * miss / limit + 0.5 * above)[meeting])),
         )
 
-    def _rays(self, hypothesis: RayHypothesis) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    def _rays(
+        self, hypothesis: RayHypothesis, epochs: Sequence[_Views]
+    ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
         """Return origins and directions (n, 3) of each station's rays of n epochs; not a number where there is none."""
         other = {name: name for name in self._stations}
         if hypothesis.pixels_exchanged is not None:
@@ -215,22 +287,34 @@ class RayAgreementMonitor:
             other[a], other[b] = b, a
         origins, directions = {}, {}
         for name, geometry in self._stations.items():
-            views = [views.get(other[name], _NO_VIEW) for views in self._epochs.values()]
-            stored = np.array(views).reshape(-1, 3)
+            stored = np.array([views.get(other[name], _NO_VIEW) for views in epochs]).reshape(-1, 3)
             reading = hypothesis.readings.get(name, RIGHT)
             angles = np.zeros((len(stored), 2))
             if name in self._angles:
                 angles = reading.angles(self._angles[reading.source or name].at(stored[:, 0] - reading.lag_s))
             origins[name], directions[name] = _rays_of(geometry, stored[:, 1:], angles, reading.focal_factor)
+        if hypothesis.places_exchanged is not None:
+            a, b = hypothesis.places_exchanged
+            origins[a], origins[b] = origins[b], origins[a]
         return origins, directions
+
+
+def _percentile(percent: float, parts: Sequence[FloatArray]) -> float:
+    """Return a percentile of all finite numbers; 0 if there are none."""
+    numbers = np.concatenate(parts)
+    numbers = numbers[np.isfinite(numbers)]
+    return float(np.percentile(numbers, percent)) if len(numbers) else 0.0
 
 
 def _alternatives(counts: Sequence[tuple[RayHypothesis, _RayCount]], score: float) -> tuple[RayHypothesis, ...]:
     """Return the hypotheses that are as good as that of the best score, best first, one of each kind."""
     best_first = sorted(counts, key=lambda pair: -pair[1].score)
+    best_tilt = any(h.tilt_off_rad for h in best_first[0][0].readings.values())
     kinds: dict[str, RayHypothesis] = {}
     for hypothesis, count in best_first:
-        if count.score >= _ALIKE * score:
+        # rays as high as the others' may be so by either tilt, even where one has the aircraft below the stations
+        either = best_tilt and any(h.tilt_off_rad for h in hypothesis.readings.values())
+        if count.score >= _ALIKE * score or either:
             kinds.setdefault(str(hypothesis.kind()), hypothesis)
     return tuple(kinds.values())[:_MAX_ALTERNATIVES]
 

@@ -28,6 +28,8 @@ class ReadingHypothesis:
     unit : factor that makes them what they should be.
     lag_s : to be added to their times.
     focal_factor : ratio of the true focal length to the stated one.
+    tilt_off_rad : to be added to tilt.
+    pan_off_rad : the least that has to be added to pan.
     """
 
     source: str | None = None
@@ -37,11 +39,14 @@ class ReadingHypothesis:
     unit: float = 1.0
     lag_s: float = 0.0
     focal_factor: float = 1.0
+    tilt_off_rad: float = 0.0
+    pan_off_rad: float = 0.0
 
     def angles(self, readings: FloatArray) -> FloatArray:
         """Return pan and tilt (n, 2) rad that follow from readings (n, 2) rad."""
         ordered = readings[:, ::-1] if self.exchanged else readings
-        return np.asarray(ordered * self.unit * np.array([self.pan_sign, self.tilt_sign]))
+        signs, offsets = np.array([self.pan_sign, self.tilt_sign]), np.array([self.pan_off_rad, self.tilt_off_rad])
+        return np.asarray(ordered * self.unit * signs + offsets)
 
     @property
     def axes_changed(self) -> bool:
@@ -49,9 +54,13 @@ class ReadingHypothesis:
         return self.exchanged + (self.pan_sign < 0) + (self.tilt_sign < 0) > 1
 
     def kind(self) -> "ReadingHypothesis":
-        """Return the kind of fault: the hypothesis without the amounts of a lag and of a focal length."""
+        """Return the kind of fault: the hypothesis without the amounts of a lag, a focal length and of offsets."""
         return replace(
-            self, lag_s=math.copysign(bool(self.lag_s), self.lag_s), focal_factor=float(self.focal_factor != 1.0)
+            self,
+            lag_s=math.copysign(bool(self.lag_s), self.lag_s),
+            focal_factor=float(self.focal_factor != 1.0),
+            tilt_off_rad=float(self.tilt_off_rad != 0.0),
+            pan_off_rad=float(self.pan_off_rad != 0.0),
         )
 
     def words(self) -> str:
@@ -74,6 +83,12 @@ class ReadingHypothesis:
             changes.append(f"readings {abs(self.lag_s):.2f} s {direction}")
         if self.focal_factor != 1.0:
             changes.append(f"a focal length {self.focal_factor:.3g} times the stated one")
+        if self.tilt_off_rad:
+            direction = "lower" if self.tilt_off_rad < 0 else "higher"
+            changes.append(f"a tilt {abs(math.degrees(self.tilt_off_rad)):.1f}° {direction}")
+        if self.pan_off_rad:
+            direction = "lower" if self.pan_off_rad < 0 else "higher"
+            changes.append(f"a pan at least {abs(math.degrees(self.pan_off_rad)):.1f}° {direction}")
         return " and ".join(changes)
 
 

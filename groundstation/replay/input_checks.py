@@ -2,11 +2,16 @@
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+
 from groundstation.integrity.apparent_span import ApparentSpanMonitor
 from groundstation.integrity.head_motion import HeadMotionMonitor, fault_lines
 from groundstation.integrity.ray_agreement import RayAgreementMonitor
-from groundstation.messages import Detection, Event, StepReport
+from groundstation.messages import Event, StepReport
 from groundstation.rig.rig import Rig
+
+# the longest runways; stations of one landing stand at its threshold
+_FAR_APART_M = 4000.0
 
 
 class InputChecks:
@@ -22,6 +27,8 @@ class InputChecks:
         self._heads = HeadMotionMonitor({name: geometries[name] for name in turning}, sigmas_rad)
         self._rays = RayAgreementMonitor(geometries, turning)
         self._size = ApparentSpanMonitor(geometries, span_m)
+        places = np.array([station.ptu_position_m for station in rig.stations])
+        self._apart_m = float(np.linalg.norm(np.ptp(places, axis=0)))
 
     def watched(self, events: Iterable[Event]) -> Iterator[Event]:
         """Yield the events, and take from them what the checks need."""
@@ -31,8 +38,7 @@ class InputChecks:
         """Take the pixels and silhouettes that were found."""
         self._size.add(report)
         for camera in report.cameras:
-            if isinstance(camera.result, Detection):
-                self._rays.add_pixel(camera.epoch, camera.station, camera.t_s, (camera.result.u_px, camera.result.v_px))
+            self._rays.add_report(camera)
 
     def close(self) -> None:
         """Do nothing: the checks are of what has been seen."""
@@ -43,6 +49,8 @@ class InputChecks:
         A near target that fills a picture or a flock of birds can look like a fault of no known kind.
         ``tracked`` is whether a target was tracked in a good part of the epochs.
         """
+        if not tracked and self._apart_m > _FAR_APART_M:
+            return (f"the stations are {self._apart_m:.0f} m apart: is the rig in metres?",)
         faults = [f for f in self._heads.faults() if f.hypothesis is not None or not tracked]
         if faults:
             return fault_lines(faults)

@@ -12,16 +12,14 @@ from groundstation.replay.recording_replay import load_replay_config
 from groundstation.replay.reference_prior import ReferencePrior, reference_prior
 from groundstation.replay.replay_request import ReplayRequest
 from groundstation.session import Session, Truth, load_dgps, load_session, load_truth
+from groundstation.session.time_units import TIME_UNITS_S
 from groundstation.sources.reference_fixes import reference_fixes
 from groundstation.tracking.config import Config, with_weights
 
 _MIN_BASELINE_M = 0.1
-# the longest runways; stations of one landing stand at its threshold
-_FAR_APART_M = 4000.0
 _CLOCKS_APART_S = 0.2
 # units that the times of a reference may be in by mistake; its positions are then further apart than a receiver's are
 # in seconds, and not closer than a receiver's or a simulation's in that unit
-_UNITS_S = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 _MOST_APART_S = 9.0
 _LEAST_APART_S = 1e-3
 
@@ -58,7 +56,6 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
     truth = load_truth(session, broken.append)
     notes += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
     notes += _clock_notes(session)
-    notes += _place_notes(session)
     prior = reference_prior(session, config.estimation)
     notes += prior.notes
     return ReplayInputs(
@@ -109,7 +106,7 @@ def _time_notes(name: str, times: FloatArray, span_s: tuple[float, float], most_
     here, there = (f"{a:.1f} to {b:.1f} s" for a, b in (span_s, (times.min(), times.max())))
     common = f"{name}: its times, {there}, have {'hardly anything' if inside(times) else 'nothing'} in common"
     apart = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    for unit, in_s in _UNITS_S.items():
+    for unit, in_s in TIME_UNITS_S.items():
         if apart * in_s > _LEAST_APART_S and apart > _MOST_APART_S and inside(times * in_s) > inside(times):
             return [f"{common} with the pictures', {here}, and would in {unit}: t_s is in seconds"]
     if part or (times.min() <= span_s[1] + most_s and times.max() >= span_s[0] - most_s):
@@ -130,13 +127,6 @@ def _usable_session(request: ReplayRequest) -> Session:
         got = "the session folder itself"
         raise InputError(str(request.out), got=got, wanted="another folder: results would replace recordings")
     return session
-
-
-def _place_notes(session: Session) -> list[str]:
-    """Return a note where stations stand farther apart than those of one runway."""
-    places = np.array([s.ptu_position_m for s in session.rig.stations])
-    apart_m = float(np.linalg.norm(np.ptp(places, axis=0)))
-    return [f"the stations are {apart_m:.0f} m apart: is the rig in metres?"] if apart_m > _FAR_APART_M else []
 
 
 def _clock_notes(session: Session) -> list[str]:

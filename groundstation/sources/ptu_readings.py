@@ -12,6 +12,10 @@ from groundstation.messages import PtuSample
 from groundstation.rig.ptu_axes import AxisCorrection
 from groundstation.session import Session
 from groundstation.session.folder import ptu_table
+from groundstation.session.time_units import TIME_UNITS_S
+
+# readings farther apart are of no use for the angles at an exposure
+_MOST_APART_S = 1.0
 
 
 class PtuReadings:
@@ -48,9 +52,19 @@ class PtuReadings:
             first, last = self._read_s
             got = "no reading" if last < first else f"readings from {first:.13g} to {last:.13g} s"
             if self._next is not None:
-                got = f"a first reading at {first:.13g} s"
+                got = f"a first reading at {first:.13g} s{self._unit_hint(first, from_s, to_s)}"
             wanted = f"readings around the frames, {from_s:.13g} to {to_s:.13g} s of the session's clock"
             raise SessionError(self._table.path.name, got=got, wanted=wanted)
+
+    def _unit_hint(self, first_s: float, from_s: float, to_s: float) -> str:
+        """Return what the times would be in if they are not in seconds; nothing where they do not look so."""
+        later = next((sample.t_s for sample in self._stream if sample.t_s > first_s), first_s)
+        if later - first_s < _MOST_APART_S:
+            return ""
+        for unit, in_s in TIME_UNITS_S.items():
+            if from_s - _MOST_APART_S <= first_s * in_s <= to_s and (later - first_s) * in_s < _MOST_APART_S:
+                return f", which would be {first_s * in_s:.4g} s if its times were in {unit}"
+        return ""
 
     def until(self, t_s: float) -> Iterator[PtuSample]:
         """Yield all readings not handed out yet, up to session time ``t_s``."""

@@ -5,7 +5,7 @@ arrived, so that a lost camera needs no special case.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -39,6 +39,7 @@ from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
 from groundstation.tracking.epoch_buffer import EpochBuffer, EpochView
 from groundstation.tracking.labelled_pixel import labelled_candidate, labelled_detection
+from groundstation.tracking.recognition import likeliest_aircraft
 from groundstation.tracking.station_health import StationHealth
 from groundstation.tracking.synchronise import AngleFault, InterpolatedAngles, ReadyFrame
 from groundstation.tracking.track_manager import TrackManager
@@ -139,15 +140,16 @@ class FrameUpdate:
             partial = searches and isinstance(record, Frame) and not as_picture(record.image).has_all
             reason = MissReason.NOT_RECORDED if partial else MissReason.NOT_ACQUIRED
             seen = _missed(reason, f"{len(found)} candidates")
-            return self._report(record, angles, seen, self._stopwatch() - started)
+            return self._report(record, angles, seen, self._stopwatch() - started, found=found)
         prediction = self._ekf.predict_pixel(record.station)
         if prediction is None:
-            return self._report(record, angles, _missed(MissReason.OUT_OF_VIEW, "behind the camera"))
+            return self._report(record, angles, _missed(MissReason.OUT_OF_VIEW, "behind the camera"), found=found)
         seen = self._detect(record, prediction)
         elapsed_s = self._stopwatch() - started
         if not isinstance(seen.result, Detection):
-            return self._report(record, angles, seen, elapsed_s)
-        return self._report(record, angles, seen, elapsed_s, *self._fuse_detection(record, seen.result, seen, angles))
+            return self._report(record, angles, seen, elapsed_s, found=found)
+        fused = self._fuse_detection(record, seen.result, seen, angles)
+        return self._report(record, angles, seen, elapsed_s, *fused, found=found)
 
     def _report(
         self,
@@ -157,8 +159,9 @@ class FrameUpdate:
         elapsed_s: float = 0.0,
         status: DetectionStatus | None = None,
         innovation: Innovation | None = None,
+        found: Sequence[CameraCandidate] = (),
     ) -> CameraReport:
-        """Return the report of a frame."""
+        """Return the report of a frame; ``found`` are the candidates of a search."""
         return CameraReport(
             t_s=record.t_s,
             station=record.station,
@@ -174,6 +177,7 @@ class FrameUpdate:
             elapsed_s=elapsed_s,
             channel_contrast=seen.channel_contrast,
             image=record.image if self._keep_images and isinstance(record, Frame) else None,
+            recognised=likeliest_aircraft(found),
         )
 
     def _angles(self, ready: ReadyFrame) -> _Angles | None:

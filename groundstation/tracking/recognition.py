@@ -7,13 +7,15 @@ training has low odds, too.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+from groundstation.detection_messages import RECOGNISED_LOG_ODDS
+from groundstation.estimation.camera_candidate import CameraCandidate
+from groundstation.messages import RecognisedPixel
 
 # of the mean
 _MEMORY_S = 1.0
-# mean log odds of a target that is recognised: with the first weights, on 41 train worlds not trained on, larger in
-# 96 % of 3,670 epochs with the aircraft as the target, and in 9 % of 67 with something else
-_RECOGNISED_ODDS = 1.5
 # log odds by which another one is far more likely to be an aircraft: in validate worlds 3 and 8 birds that were
 # followed had 0.5 to 1.5, and the aircraft 2.1 to 3; a choice, with no figure for other birds
 _FAR_MORE_ODDS = 1.0
@@ -44,12 +46,12 @@ class Recognition:
     def is_recognised(self) -> bool:
         """Whether the learned channel takes the target for an aircraft."""
         odds = self.odds
-        return odds is not None and odds >= _RECOGNISED_ODDS
+        return odds is not None and odds >= RECOGNISED_LOG_ODDS
 
     def is_outdone_by(self, odds: float | None) -> bool:
         """Return whether another target, of these mean log odds, is far more likely to be an aircraft."""
         own = self.odds
-        return own is not None and odds is not None and odds >= max(_RECOGNISED_ODDS, own + _FAR_MORE_ODDS)
+        return own is not None and odds is not None and odds >= max(RECOGNISED_LOG_ODDS, own + _FAR_MORE_ODDS)
 
     def is_likelier_than(self, odds: float | None) -> bool:
         """Return whether the target is far more likely to be an aircraft than another one of these mean log odds."""
@@ -73,3 +75,12 @@ class Recognition:
 class _Mean:
     odds: float
     newest_s: float
+
+
+def likeliest_aircraft(candidates: Sequence[CameraCandidate]) -> RecognisedPixel | None:
+    """Return the likeliest aircraft of a frame's candidates; None where the learned channel recognises none."""
+    recognised = [(c.odds, c) for c in candidates if c.odds is not None and c.odds >= RECOGNISED_LOG_ODDS]
+    if not recognised:
+        return None
+    odds, best = max(recognised, key=lambda pair: pair[0])
+    return RecognisedPixel(u_px=float(best.pixel[0]), v_px=float(best.pixel[1]), log_odds=odds)

@@ -7,10 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from groundstation.box import Box
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.ray_agreement import RayAgreementMonitor, RayFault
-from groundstation.messages import PixelMeasurement, PtuSample
+from groundstation.messages import (
+    CameraReport,
+    Detection,
+    DetectionStatus,
+    Miss,
+    MissReason,
+    PixelMeasurement,
+    PtuSample,
+    RecognisedPixel,
+)
 from tests.stereo_rig import aim, flight_events, glide, make_rig, make_station
 
 Stored = Callable[[PtuSample], PtuSample]
@@ -130,11 +140,126 @@ def test_a_wrong_focal_length_is_named(rng: np.random.Generator, factor: float) 
 
 
 def test_readings_of_another_flight_are_a_fault_without_a_name(rng: np.random.Generator) -> None:
-    """Expected: a mount turned by some degrees is none of the usual faults."""
-    found = fault_of(rng, lambda s: changed(s, tilt_rad=s.tilt_rad + (0.05 if s.station == "left" else 0.0)))
+    """Expected: a mount that sways by some degrees is none of the usual faults."""
+
+    def swaying(s: PtuSample) -> PtuSample:
+        return changed(s, tilt_rad=s.tilt_rad + (0.05 * math.sin(2.0 * s.t_s) if s.station == "left" else 0.0))
+
+    found = fault_of(rng, swaying)
     assert found is not None
     assert found.hypotheses == ()
     assert "rig, angles, clocks or pixels are wrong" in found.line()
+
+
+@pytest.mark.parametrize("off_deg", [-2.0, 1.0])
+def test_a_tilt_that_is_off_is_named_with_its_amount(rng: np.random.Generator, off_deg: float) -> None:
+    """Expected: which of the two stations it is cannot be told, and both are named."""
+    off_rad = math.radians(off_deg)
+    found = fault_of(rng, lambda s: changed(s, tilt_rad=s.tilt_rad + (off_rad if s.station == "left" else 0.0)))
+    assert found is not None
+    ways = ("lower", "higher") if off_deg > 0 else ("higher", "lower")
+    for station, way in zip(NAMES, ways, strict=True):
+        assert f"a tilt {abs(off_deg):.1f}° {way} for station {station}" in found.line()
+
+
+def test_a_pan_that_makes_rays_diverge_is_named_with_the_least_amount(rng: np.random.Generator) -> None:
+    """Expected: 8° off, less the 1.4° and more by which rays from 10.8 m apart converge; by a station's pan or another.
+
+    The same the other way brings the target nearer, and the rays still meet.
+    """
+    off_rad = math.radians(8.0)
+    found = fault_of(rng, lambda s: changed(s, pan_rad=s.pan_rad + (off_rad if s.station == "left" else 0.0)))
+    assert found is not None
+    for way, station in (("lower", "left"), ("higher", "right")):
+        assert f"a pan at least 7.0° {way} for station {station}" in found.line()
+    assert fault_of(rng, lambda s: changed(s, pan_rad=s.pan_rad - (off_rad if s.station == "left" else 0.0))) is None
+
+
+def test_places_exchanged_in_the_rig_are_named(rng: np.random.Generator) -> None:
+    rig = make_rig()
+    geometries = {station.name: station.geometry() for station in rig.stations}
+    left, right = (next(s for s in rig.stations if s.name == name) for name in NAMES)
+    geometries["left"] = replace(left, ptu_position_m=right.ptu_position_m).geometry()
+    geometries["right"] = replace(right, ptu_position_m=left.ptu_position_m).geometry()
+    monitor = RayAgreementMonitor(geometries, NAMES)
+    for event in flight_events(rig, glide, rng):
+        list(monitor.watched([event]))
+    found = monitor.fault()
+    assert found is not None
+    assert "the places of left and right exchanged" in found.line()
+
+
+def test_stations_exchanged_in_the_rig_are_named(rng: np.random.Generator) -> None:
+    """Each with the place and the mount of the other, which differ by half a degree."""
+    rig = make_rig()
+    left, right = (next(s for s in rig.stations if s.name == name) for name in NAMES)
+    half_rad = np.deg2rad(0.25)
+    left = replace(left, runway_from_base_wxyz=np.array([math.cos(half_rad), math.sin(half_rad), 0.0, 0.0]))
+    rig = replace(rig, stations=(left, right))
+    monitor = RayAgreementMonitor({"left": right.geometry(), "right": left.geometry()}, NAMES)
+    for event in flight_events(rig, glide, rng):
+        list(monitor.watched([event]))
+    found = monitor.fault()
+    assert found is not None
+    assert "stations left and right of the rig exchanged" in found.line()
+
+
+def camera_report(event: PixelMeasurement, found: tuple[float, float] | None, odds: float | None) -> CameraReport:
+    """A report whose target is ``found`` at log odds of −2, and whose likeliest aircraft is the event's pixel."""
+    return CameraReport(
+        t_s=event.t_s,
+        station=event.station,
+        epoch=event.epoch,
+        status=DetectionStatus.MISS if found is None else DetectionStatus.OK,
+        result=Miss(reason=MissReason.NOT_ACQUIRED) if found is None else detection(*found, log_odds=-2.0),
+        roi=None,
+        predicted_px=None,
+        predicted_covariance_px2=None,
+        pan_rad=0.0,
+        tilt_rad=0.0,
+        innovation=None,
+        elapsed_s=0.0,
+        recognised=None if odds is None else RecognisedPixel(u_px=event.u_px, v_px=event.v_px, log_odds=odds),
+    )
+
+
+def detection(u_px: float, v_px: float, *, log_odds: float) -> Detection:
+    return Detection(
+        u_px=u_px,
+        v_px=v_px,
+        covariance_px2=np.eye(2),
+        noise_px2=np.eye(2),
+        centroid_px=np.array([u_px, v_px]),
+        box=Box(u_px, v_px, 1.0, 1.0),
+        area_px=1.0,
+        contour_px=np.zeros((0, 2), np.float32),
+        contrast_to_noise=1.0,
+        channel="learned",
+        log_odds=log_odds,
+    )
+
+
+@pytest.mark.parametrize("tracked", [False, True])
+def test_an_aircraft_that_is_recognised_tells_before_what_is_tracked(rng: np.random.Generator, tracked: bool) -> None:
+    """Expected: with angles exchanged a tracker holds something else, whose rays meet, or nothing."""
+    rig = make_rig()
+    geometries = {station.name: station.geometry() for station in rig.stations}
+    stored = FAULTS["exchanged stations"][0]
+    monitor, angles = RayAgreementMonitor(geometries, NAMES), {}
+    for event in flight_events(rig, glide, rng):
+        if isinstance(event, PtuSample):
+            sample = stored(event)
+            angles[sample.station] = sample
+            list(monitor.watched([sample]))
+        elif isinstance(event, PixelMeasurement):
+            reading = angles[event.station]
+            seen = geometries[event.station].project(np.array([0.0, 300.0, 20.0]), reading.pan_rad, reading.tilt_rad)
+            assert seen is not None
+            wrong = (float(seen.pixel[0]), float(seen.pixel[1])) if tracked else None
+            monitor.add_report(camera_report(event, wrong, 3.0))
+    found = monitor.fault()
+    assert found is not None
+    assert "angles of left and right exchanged" in found.line()
 
 
 def test_a_distant_target_is_no_evidence(rng: np.random.Generator) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -84,6 +85,19 @@ def test_a_session_without_a_track_says_why(tmp_path: Path, capsys: pytest.Captu
     page = (out / "report.html").read_text()
     assert "No track: in none of 12 pairs" in page
     assert "no usable reference" not in page
+
+
+def test_a_rig_in_millimetres_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session = Tiny(rows=12).write(tmp_path / "session")
+    rig, places = re.subn(
+        r"ptu_position_m = \[(.*?), (.*?), (.*?)\]",
+        lambda place: f"ptu_position_m = {[1000.0 * float(x) for x in place.groups()]}",
+        (session / "rig.toml").read_text(),
+    )
+    assert places == 2
+    (session / "rig.toml").write_text(rig)
+    assert main(["replay", str(session), "--out", str(tmp_path / "out"), "--no-rerun"]) == 1
+    assert "m apart: is the rig in metres?" in capsys.readouterr().err
 
 
 def test_a_reference_of_another_time_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

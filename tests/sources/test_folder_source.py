@@ -211,3 +211,15 @@ def test_entering_without_anything_to_replay_leaves_no_thread(tmp_path: Path) ->
         reported
         == "ptu.csv: got a first reading at 100 s; wanted readings around the frames, 0 to 2.2 s of the session's clock"
     )
+
+
+def test_readings_in_milliseconds_are_called_so(tmp_path: Path) -> None:
+    folder = Tiny(rows=12).write(tmp_path)
+    table = folder / "ptu.csv"
+    head, *rows = table.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    stored = [",".join([f"{1000.0 * float(first) + 300.0:.3f}", *others]) for first, *others in cells]
+    table.write_text("\n".join([head, *stored]) + "\n")
+    reported = complaint(SessionError, FolderSource(load_session(folder)).__enter__)
+    assert "got a first reading at" in reported
+    assert "s if its times were in milliseconds; wanted readings around the frames" in reported
