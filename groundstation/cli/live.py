@@ -81,6 +81,9 @@ def add_live(commands: Commands) -> None:
     )
     live.add_argument("--dgps", action="store_true", help="with --simulate: a reference receiver on the aircraft")
     live.add_argument("--no-record", action="store_true", help="keep the track, not the pictures")
+    live.add_argument(
+        "--details", action="store_true", help="show each device's rate and clock, also if it is in order"
+    )
     screen = live.add_mutually_exclusive_group()
     screen.add_argument("--view", action="store_true", help="the operator's screen in the desktop viewer")
     screen.add_argument("--web", action="store_true", help="the operator's screen in a browser on this machine")
@@ -116,7 +119,7 @@ def run_live(options: argparse.Namespace) -> int:
         words = line if begun else f"interrupted; {line}{left_by(options, began_s)}"
         end_by_force(words, 1 if begun else INTERRUPTED)
 
-    with stop, StatusDisplay(sys.stderr) as display, StatusWatchdog(display.silent) as watch:
+    with stop, StatusDisplay(sys.stderr, details=options.details) as display, StatusWatchdog(display.silent) as watch:
 
         def show_status(status: "LiveStatus") -> None:
             watch.notify()

@@ -17,20 +17,20 @@ _LINE_EVERY_S, _CHANGE_EVERY_S = 5.0, 0.5
 
 
 class StatusDisplay:
-    """The status on a terminal: one line for each device, updated in place.
+    """The status on a terminal, updated in place; ``details``: with one line for each device, its rate and its clock.
 
     If the stream is no terminal: one line every five seconds, and at a change of the track's status, at most one in
     half a second. A context manager; may be called from two threads.
     """
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    def __init__(self, stream: TextIO, *, details: bool = True) -> None:
+        self._stream, self._details = stream, details
         self._lock = threading.Lock()
         self._screen: StatusScreen | None = None
         if is_interactive(stream):
             from groundstation.cli import status_screen
 
-            self._screen = status_screen.StatusScreen(stream)
+            self._screen = status_screen.StatusScreen(stream, details=details)
         self._printed_s = -math.inf
         self._printed: TrackStatus | None = None
         self._silent_s = 0.0
@@ -53,7 +53,7 @@ class StatusDisplay:
             since_s = status.t_s - self._printed_s
             if since_s >= _LINE_EVERY_S or (status.track is not self._printed and since_s >= _CHANGE_EVERY_S):
                 self._printed_s, self._printed = status.t_s, status.track
-                print_line(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
+                print_line(f"{status.t_s:7.1f} s  {status.one_line(details=self._details)}", self._stream)
 
     def silent(self, age_s: float) -> None:
         """Show a warning that no status has arrived for some seconds."""

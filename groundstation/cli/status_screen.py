@@ -18,14 +18,16 @@ _TRACK_STYLES = {
     TrackStatus.LOST: "bold red",
 }
 _WARNING_STYLE, _SILENT_STYLE = "bold reverse red", "red"
-# a device without data for longer is drawn as silent
-_SILENT_S = 1.0
 
 
 class StatusScreen:
-    """Track, devices and warnings, one row each, redrawn in place by the caller's thread."""
+    """Track, devices and warnings, one row each, redrawn in place by the caller's thread.
 
-    def __init__(self, stream: TextIO) -> None:
+    ``details``: with a row for each device, not only for those in trouble.
+    """
+
+    def __init__(self, stream: TextIO, *, details: bool) -> None:
+        self._details = details
         self._console = open_console(stream)
         self._live = Live(
             console=self._console, auto_refresh=False, redirect_stdout=False, vertical_overflow="ellipsis"
@@ -58,22 +60,18 @@ class StatusScreen:
             self._live.start()
             # a process that is killed must not leave a terminal without a cursor
             self._console.show_cursor(True)
-        self._live.update(status_table(self._status, warning), refresh=True)
+        self._live.update(status_table(self._status, warning, details=self._details), refresh=True)
 
 
-def status_table(status: LiveStatus | None, warning: str = "") -> Table:
+def status_table(status: LiveStatus | None, warning: str = "", *, details: bool = True) -> Table:
     """Return a row for each line of a status, and for the warning; a long line continues indented."""
     table = Table.grid(padding=(0, 1, 0, 0))
     table.add_column(width=1)
     table.add_column(overflow="fold")
-    lines = () if status is None else status.lines
-    devices = () if status is None else status.devices
-    for number, line in enumerate(lines):
-        style = ""
+    for number, (line, silent) in enumerate([] if status is None else status.rows(details=details)):
+        style = _SILENT_STYLE if silent else ""
         if number == 0 and status is not None:
             style = "bold red" if line.startswith("unknown") else _TRACK_STYLES[status.track]
-        elif number <= len(devices) and devices[number - 1].age_s > _SILENT_S:
-            style = _SILENT_STYLE
         table.add_row(Text("•", style=style), Text(line, style=style))
     if warning:
         table.add_row(Text("!", style=_WARNING_STYLE), Text(warning, style=_WARNING_STYLE))

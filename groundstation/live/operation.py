@@ -34,6 +34,7 @@ from groundstation.thread_scheduling import short_gil_switch_interval
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.warm_up import warm_up
+from ptu_drivers.health import UnitState
 
 _WAIT_S = 0.01
 _STATUS_EVERY_S = 0.5  # and at once when time alone, or a lost process, has changed it
@@ -290,16 +291,18 @@ class Operation:
     def _camera_state(self, worker: CameraWorker, now_s: float) -> DeviceState:
         camera, found = worker.camera, worker.camera.read_back
         clock = clock_status(camera.clock_state, has_clock=found is None or found.device_clock)
-        note = ", ".join(w for w in (lost_frames(camera.counts, worker.counts_before), clock) if w)
+        lost = lost_frames(camera.counts, worker.counts_before)
+        note = ", ".join(w for w in (lost, clock) if w)
         name = f"{worker.station} camera"
         rate = self._board.rate(name, worker.frames, now_s)
-        return DeviceState(name=name, rate_hz=rate, age_s=now_s - worker.newest_s, note=note)
+        return DeviceState(name=name, rate_hz=rate, age_s=now_s - worker.newest_s, note=note, trouble=bool(lost))
 
     def _head_state(self, station: str, head: HeadState, now_s: float) -> DeviceState:
         note = head.state + (f", {head.failures} answers rejected" if head.failures else "")
         name = f"{station} PTU"
         rate = self._board.rate(name, head.readings, now_s)
-        return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note)
+        trouble = bool(head.failures) or head.state not in ("", UnitState.READY)
+        return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note, trouble=trouble)
 
     # --------------------------------------------------------------------------------------- set-up
     def _pipeline(self) -> Pipeline:

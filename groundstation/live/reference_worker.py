@@ -100,7 +100,13 @@ class ReferenceWorker:
         )
         age_s = now_s - self.newest_s
         return ReferenceState(
-            name="DGPS", rate_hz=rate_hz, age_s=age_s, note=note, fixes=self.fixes, newest_s=self.newest_s
+            name="DGPS",
+            rate_hz=rate_hz,
+            age_s=age_s,
+            note=note,
+            trouble=bool(refused or strangers),
+            fixes=self.fixes,
+            newest_s=self.newest_s,
         )
 
     # ------------------------------------------------------------------------------------ the thread

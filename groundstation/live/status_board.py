@@ -22,24 +22,35 @@ _WORDS = {
 _OLD_S, _STALE_S = 0.5, 1.0
 # a receiver that has given no position for so long is gone
 GONE_S = 2.0
+# a device without data for longer is silent
+SILENT_S = 1.0
 # all delays of a day, in bins; the last one holds what is longer
 _BIN_S, _BINS = 0.00025, 8000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceState:
-    """How a device does: how often it delivers, Hz, how old its newest is, s, and further notes on it."""
+    """How a device does: how often it delivers, Hz, how old its newest is, s, and further notes on it.
+
+    ``trouble`` is whether a note is of something that should not be.
+    """
 
     name: str
     rate_hz: float
     age_s: float
     note: str = ""
+    trouble: bool = False
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing has come for a second, or nothing ever."""
+        return self.age_s > SILENT_S
 
     def summary(self) -> str:
         """Return it in a few words."""
         if not math.isfinite(self.age_s):
             return f"{self.name} nothing yet" + (f", {self.note}" if self.note else "")
-        quiet = f", silent for {self.age_s:.1f} s" if self.age_s > 1.0 else ""
+        quiet = f", silent for {self.age_s:.1f} s" if self.silent else ""
         return f"{self.name} {self.rate_hz:.0f} Hz{quiet}" + (f", {self.note}" if self.note else "")
 
 
@@ -62,7 +73,10 @@ class ReferenceState(DeviceState):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveStatus:
-    """The state of the station at ``t_s``, as figures and as ``lines`` for a person."""
+    """The state of the station at ``t_s``, as figures and as lines for a person.
+
+    ``lines`` are all there is; of these the first ``device_from`` are on the aircraft, and follow one on each device.
+    """
 
     t_s: float
     track: TrackStatus
@@ -71,10 +85,25 @@ class LiveStatus:
     devices: tuple[DeviceState, ...]
     dropped: Mapping[str, int]
     lines: tuple[str, ...]
+    device_from: int = 1
 
-    def one_line(self) -> str:
+    def rows(self, *, details: bool) -> list[tuple[str, bool]]:
+        """Return lines, and whether each is of a silent device; without ``details`` only on devices in trouble."""
+        after = self.device_from + len(self.devices)
+        described = list(zip(self.devices, self.lines[self.device_from : after], strict=True))
+        shown = [(line, d.silent) for d, line in described if details or d.silent or d.trouble]
+        well = [d.name for d in self.devices if not (details or d.silent or d.trouble)]
+        if well:
+            shown.append((f"in order: {', '.join(well)}", False))
+        return (
+            [(line, False) for line in self.lines[: self.device_from]]
+            + shown
+            + [(e, False) for e in self.lines[after:]]
+        )
+
+    def one_line(self, *, details: bool = True) -> str:
         """Return the whole in one line."""
-        return " · ".join(self.lines)
+        return " · ".join(line for line, _ in self.rows(details=details))
 
 
 def dropped_text(dropped: Mapping[str, int]) -> str:
@@ -157,6 +186,7 @@ class StatusBoard:
             devices=devices,
             dropped=dict(dropped),
             lines=tuple(lines),
+            device_from=1 + len(approach),
         )
 
     def _track(self, now_s: float, track: TrackStatus) -> str:

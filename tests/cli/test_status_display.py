@@ -110,3 +110,14 @@ def test_terminal_without_cursor_movement_gets_plain_lines(term: str, monkeypatc
     screen = Terminal()
     StatusDisplay(screen).show(status("searching", LONG))
     assert screen.getvalue() == f"    1.0 s  searching · {LONG}\n"
+
+
+def test_rates_and_clocks_are_shown_on_demand() -> None:
+    well = DeviceState(name="left camera", rate_hz=30.0, age_s=0.0, note="its clock is still being found")
+    shown = replace(status("tracking", well.summary(), track=TrackStatus.TRACKING), devices=(well,))
+    brief, whole = Terminal(), Terminal()
+    for screen, details in ((brief, False), (whole, True)):
+        with StatusDisplay(screen, details=details) as display:
+            display.show(shown)
+    assert brief.rows() == ["• tracking", "• in order: left camera"]
+    assert whole.rows() == ["• tracking", "• left camera 30 Hz, its clock is still being found"]

@@ -161,3 +161,28 @@ def test_a_cameras_clock_is_described_in_words() -> None:
     before = CameraCounts(dropped=59, lost=2)
     assert lost_frames(CameraCounts(dropped=59, lost=2), before) == ""
     assert lost_frames(CameraCounts(dropped=61, lost=3, incomplete=1), before) == "1 incomplete, 1 lost, 2 dropped"
+
+
+def test_devices_in_order_are_named_and_those_in_trouble_come_first() -> None:
+    """Expected: rates and clocks on demand; silence and faults always."""
+    devices = (
+        DeviceState(name="left camera", rate_hz=30.0, age_s=0.02, note="its clock 12.0 s behind ours"),
+        DeviceState(name="right camera", rate_hz=30.0, age_s=0.02, note="3 lost", trouble=True),
+        DeviceState(name="left PTU", rate_hz=0.0, age_s=4.0, note="line lost", trouble=True),
+        DeviceState(name="right PTU", rate_hz=80.0, age_s=0.01, note="ready"),
+    )
+    status = StatusBoard().status(1.0, TrackStatus.SEARCHING, devices, {"frames of left": 2}, "recording", ("GO",))
+    brief = [line for line, _ in status.rows(details=False)]
+    assert brief == [
+        "searching the sky",
+        "GO",
+        "right camera 30 Hz, 3 lost",
+        "left PTU 0 Hz, silent for 4.0 s, line lost",
+        "in order: left camera, right PTU",
+        "dropped: 2 frames of left",
+        "recording",
+    ]
+    assert [line for line, silent in status.rows(details=False) if silent] == [brief[3]]
+    assert [line for line, _ in status.rows(details=True)] == list(status.lines)
+    assert "its clock 12.0 s behind ours" in status.one_line()
+    assert "behind ours" not in status.one_line(details=False)

@@ -45,7 +45,16 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, int]:
     folder = tmp_path_factory.mktemp("live")
     (folder / "small.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
     out = folder / "out"
-    command = [sys.executable, "-m", "groundstation", "live", "--simulate", "--rig", str(folder / "small.toml")]
+    command = [
+        sys.executable,
+        "-m",
+        "groundstation",
+        "live",
+        "--details",
+        "--simulate",
+        "--rig",
+        str(folder / "small.toml"),
+    ]
     child = subprocess.Popen(
         [*command, "--dgps", "--out", str(out), "--rate", "5"],
         cwd=ROOT,
