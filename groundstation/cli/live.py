@@ -109,6 +109,7 @@ def run_live(options: argparse.Namespace) -> int:
         screen="desktop" if options.view else "browser" if options.web else "none",
         record=not options.no_record,
         weights=options.weights,
+        command=options.words,
         web_port=options.port,
         approach=approach_options(options),
     )

@@ -1,5 +1,6 @@
 """Between a session and a ROS 2 bag."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -61,7 +62,8 @@ def to_ros_bag(
             events, fault = pass_on(stream, bag.take, progress, stream.epoch_count)
             bag.write_reference(fixes)
             if track is not None:
-                notes.append(f"{bag.write_track(track)} estimates of {run} are on /track")
+                part_s = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
+                notes.append(f"{bag.write_track(track, part_s)} estimates of {run} are on /track")
         if bag.partial_pictures:
             notes.append(f"{bag.partial_pictures} pictures hold only what detection read; the rest is grey")
         if bag.pixels_with_sigma:

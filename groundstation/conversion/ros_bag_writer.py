@@ -106,15 +106,18 @@ class RosBagWriter:
             )
             self._write("/reference", fix.t_s, message)
 
-    def write_track(self, table: CsvTable) -> int:
-        """Write the track of a run (`track_table`) as odometry; return the number of estimates. Raises `InputError`."""
+    def write_track(self, table: CsvTable, span_s: tuple[float, float]) -> int:
+        """Write the track of a run (`track_table`) as odometry, from and to the two times of ``span_s``.
+
+        Returns the number of estimates; raises `InputError`.
+        """
         count = 0
         for row in table:
             values = [table.optional_number(row, name) for name in (*_POSITION, *_VELOCITY, *_COVARIANCE)]
             known = [value for value in values if value is not None]
-            if len(known) < len(values):
-                continue
             t_s = table.number(row, "t_s")
+            if len(known) < len(values) or not span_s[0] <= t_s <= span_s[1]:
+                continue
             covariance = np.zeros((3, 3))
             for (i, j), value in zip(_UPPER, known[6:], strict=True):
                 covariance[i, j] = covariance[j, i] = value

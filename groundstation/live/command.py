@@ -27,6 +27,7 @@ from groundstation.live.opened_cameras import opened_cameras
 from groundstation.live.operation import ApproachOpener, Operation, OperationOutputs, OperationResult, StatusSink
 from groundstation.live.operator_screen import StatusCallback, open_screen
 from groundstation.live.out_folder import StartingFolder, removed_unless_started, require_free, written_files
+from groundstation.live.provenance_file import write_provenance
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import ReferenceReceiver, reference_tuning
 from groundstation.live.shutdown import Shutdown
@@ -55,7 +56,7 @@ class LiveRequest:
     folder. ``seconds`` None continues until ``stop``. ``screen`` is "desktop", "browser" or "none",
     ``web_port`` the browser's page's port, None for any. ``weights``
     are one's own for the learned channel, which then detects. ``approach`` is what is wanted of an approach, over what
-    the station file asks for.
+    the station file asks for. ``command`` is the command line without the program, empty if there is none.
     """
 
     station: Path | None
@@ -66,6 +67,7 @@ class LiveRequest:
     weights: Path | None = None
     web_port: int | None = None
     approach: ApproachOptions = field(default_factory=ApproachOptions)
+    command: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,8 +144,8 @@ def _live(
         say("compiling, once")
         warm_up(station.config.detection.detector)
         outputs = _Outputs(out, opened, tell, simulator, station.approach(request.approach, start_s))
-        recorder = outputs.open_recorder(station) if request.record else None
-        if recorder is not None:
+        write_provenance(out, request.command, request.station, file, outputs.faults)
+        if (recorder := outputs.open_recorder(station) if request.record else None) is not None:
             shutdown.watch_recorder(lambda: recorder.status.written_bytes)
         outputs.open_screen(request, station, shutdown, say)
         errors = station.reference_errors()

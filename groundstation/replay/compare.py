@@ -13,6 +13,7 @@ from groundstation.errors import InputError
 from groundstation.evaluation.comparison_text import ScoredRun, format_comparison, scored
 from groundstation.evaluation.key_figures import moved_figures
 from groundstation.evaluation.summary import SUMMARY_FORMAT
+from groundstation.files.new_folder import make_folder, removed_if_empty
 from groundstation.files.overwriting import Output
 from groundstation.files.toml_table import quoted, shown
 from groundstation.files.whole_file import write_text_whole
@@ -72,6 +73,14 @@ def compare(
     """Evaluate every run; raises `InputError` for a path that is no run or an unfinished one."""
     runs = plan_runs(request.sources, request.configs)
     _refuse_overwriting(request, runs)
+    with removed_if_empty(request.work):
+        return _compare(request, runs, progress)
+
+
+def _compare(
+    request: CompareRequest, runs: Sequence[PlannedRun], progress: Callable[[str, int, int], None]
+) -> CompareResult:
+    """Evaluate the runs."""
     if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
         raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
     before = None
@@ -88,7 +97,7 @@ def compare(
     notes: list[str] = []
     folders: dict[str, Path] = {}
     if request.keep:
-        _make_folder(request.work)
+        make_folder(request.work)
     found = [_scored(run, request, progress, notes, folders) for run in runs]
     if before is not None:
         (first,) = plan_runs([before])
@@ -109,13 +118,6 @@ def _refuse_overwriting(request: CompareRequest, runs: Sequence[PlannedRun]) -> 
         read += [] if request.baseline is None else [Path(request.baseline)]
         written = [Output(path=request.work, names=COMPARISON_FILES), Output(path=request.work / PLOTS, names=("*",))]
     refuse_replay_overwriting(read, runs, request.work, written)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
 
 
 def _other_part(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:

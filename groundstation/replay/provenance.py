@@ -30,17 +30,23 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
     path = Path(os.path.realpath(request.session))
     own_rig = path / "rig.toml" if session.recorded is None else Path(os.path.realpath(session.recorded.path))
     rig = own_rig if request.rig is None else Path(os.path.realpath(request.rig))
-    return {
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "version": __version__,
-        "commit": commit_of(_ROOT),
-        "command": shlex.join(("groundstation", *request.command)) if request.command else None,
+    return program_provenance(request.command) | {
         "session": {"path": str(path), "sha256": hash_of(_inputs(path, session))},
-        "rig": {"path": str(rig), "sha256": hash_of([rig])},
+        "rig": file_provenance(rig),
         "configuration": {
             "path": None if request.config is None else str(Path(os.path.realpath(request.config))),
             "sha256": hashlib.sha256(configuration.encode()).hexdigest(),
         },
+    }
+
+
+def program_provenance(command: Sequence[str]) -> dict[str, Any]:
+    """Return date, program, command (empty if it is none of the command line) and machine of a run."""
+    return {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "version": __version__,
+        "commit": commit_of(_ROOT),
+        "command": shlex.join(("groundstation", *command)) if command else None,
         "machine": {
             "name": platform.node(),
             "system": platform.platform(),
@@ -48,6 +54,12 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
             "cores": os.cpu_count(),
         },
     }
+
+
+def file_provenance(file: Path) -> dict[str, Any]:
+    """Return the path of a file and its hash, None where it cannot be read."""
+    real = Path(os.path.realpath(file))
+    return {"path": str(real), "sha256": hash_of([real])}
 
 
 def _inputs(path: Path, session: Session) -> list[Path]:

@@ -7,15 +7,14 @@ import json
 import time
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, closing
-from pathlib import Path
 from typing import Any
 
 from groundstation.detection.detector_callback import for_stations
-from groundstation.errors import InputError
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.files.folder_lock import locked_folder
+from groundstation.files.new_folder import make_folder, removed_if_empty
 from groundstation.messages import Event, ReferenceFix
 from groundstation.replay.initial_state import initial_state
 from groundstation.replay.provenance import provenance
@@ -55,7 +54,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
 
     Raises `InputError` if the session cannot be loaded. A fault during the run is in the result.
     """
-    with ExitStack() as unfinished:
+    with removed_if_empty(request.out), ExitStack() as unfinished:
         # an interrupt may fall between a draft's creation and what would discard it
         unfinished.callback(remove_draft, request.out / "session.rrd")
         return _replay(request, progress, unfinished)
@@ -77,7 +76,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         learns = bool(fixes) or _learns_as_recorded(request, inputs)
         written = provenance(request, session, json.dumps(config_to_mapping(config), sort_keys=True))
         initial = initial_state(request, config, session, inputs.dgps, source.span_s[0])
-        _make_folder(request.out)
+        make_folder(request.out)
         unfinished.enter_context(locked_folder(request.out))
         warm_up(config.detection.detector)
         outputs = ReplayOutputs(request, session, comparison, opened)
@@ -187,13 +186,6 @@ def _evaluate(
 
 def _dgps_time(t_s: float | None, prior: ReferencePrior) -> float | None:
     return None if t_s is None else t_s + prior.offset_s
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
 
 
 def _speed(outcome: RunOutcome, span_s: float, prepared_s: float) -> dict[str, float]:

@@ -111,3 +111,4 @@ def test_a_replay_that_is_ended_leaves_no_draft(tmp_path: Path, number: signal.S
     assert err.splitlines()[-1].startswith("groundstation: interrupted; ")
     assert "Traceback" not in err
     assert not [path.name for path in tmp_path.rglob("*") if "session.rrd" in path.name]
+    assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()), "no empty folder is left"

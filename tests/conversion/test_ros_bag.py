@@ -392,3 +392,14 @@ def test_pixels_go_both_ways(tmp_path: Path) -> None:
     assert main(["convert", str(bag), str(second)]) == 0
     given, back = in_order(streamed(first)), in_order(streamed(second))
     assert all(nearly_same(one, two) for one, two in zip(given, back, strict=True))
+
+
+@pytest.mark.parametrize(("span", "count"), [(["--from", "1.3"], 0), (["--to", "1.3"], 1)])
+def test_the_track_is_cut_as_the_session_is(
+    written: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], span: list[str], count: int
+) -> None:
+    """The run's one estimate is at 1.1 s."""
+    session, _ = written
+    run = session.parent / "run"
+    assert main(["convert", str(session), str(tmp_path / "ros"), "--ros2", "--run", str(run), *span]) == 0
+    assert f"{count} estimates of {run} are on /track" in capsys.readouterr().out

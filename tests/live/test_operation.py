@@ -1,6 +1,8 @@
 """The whole of a station in operation, with a range that is not there: flown, recorded, ended softly, replayed."""
 
 import errno
+import json
+import os
 import signal
 import subprocess
 import sys
@@ -11,10 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from groundstation import __version__
 from groundstation.cli.main import main
 from groundstation.geometry.camera import Lens
 from groundstation.live.guarded_sink import GuardedSink
 from groundstation.messages import ReferenceFix, StepReport
+from groundstation.replay.provenance import hash_of
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_dgps, load_session
@@ -93,6 +97,16 @@ def test_ctrl_c_ends_it_softly(flown: tuple[Path, str, int]) -> None:
     assert len(rows) > 24
     # both cameras, processed by both pipelines' thread
     assert {line.split(",")[1] for line in (out / "detections.csv").read_text().splitlines()[1:]} == {"left", "right"}
+
+
+def test_its_folder_says_where_it_comes_from(flown: tuple[Path, str, int]) -> None:
+    out, _, _ = flown
+    told = json.loads((out / "provenance.json").read_text(encoding="utf-8"))
+    assert told["command"].startswith("groundstation live --details --simulate")
+    assert told["version"] == __version__
+    assert told["machine"]["cores"] == os.cpu_count()
+    assert told["station"] is None
+    assert told["rig"]["sha256"] == hash_of([Path(told["rig"]["path"])]) is not None
 
 
 def test_its_recording_gives_the_same_track_bit_for_bit(flown: tuple[Path, str, int], tmp_path: Path) -> None:
