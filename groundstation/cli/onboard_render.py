@@ -8,15 +8,22 @@ from groundstation.cli.progress import ProgressLine
 
 _RENDER = """Render a nose camera's video of an approach, with the inertial unit's log and the exact
 truth, for `onboard fly` and `onboard edges` to be tried on."""
-_RENDER_MORE = """example:
+_RENDER_MORE = """examples:
   groundstation onboard render --scene dusk --seed 3 --out out/flight
+  groundstation onboard render --world 17 --out out/drawn
 
 DIR gets nose.avi (no loss), nose.toml, imu.csv and truth.csv; one that is there already
 is left as it is, and nothing is rendered
 
+a world: runway, ground, light, camera with its mount, flight and unit drawn from a seed
+(0 to 2999999: the sets train, validate, test of a million each); nose.toml names what
+was drawn, and has the width as announced, which may be wrong
+
 exit code: 0 done; 1 the folder or --motion is at fault; 2 wrong usage; 130 interrupted"""
 SCENES = ("day", "haze", "dusk", "night", "short-final")
 _MOST_SEED_DIGITS = 9
+MOST_WORLD = 2_999_999
+FRAMES, WORLD_FRAMES = 130, 24
 
 
 def add_render(kinds: Commands) -> None:
@@ -33,12 +40,23 @@ def add_render(kinds: Commands) -> None:
         default="waves",
         help="how it flies: smooth waves about the glide path (default), or JSBSim's C172 in turbulence",
     )
-    render.add_argument("--frames", type=_count, default=130, metavar="N", help="pictures at 10 Hz (default 130)")
+    render.add_argument(
+        "--frames", type=_count, metavar="N", help="pictures (default 130, at 10 Hz; 24 of a world, at 2 to 10 Hz)"
+    )
+    render.add_argument(
+        "--world", type=_world, metavar="SEED", help="draw all of it instead; only --frames holds; see below"
+    )
 
 
 def _seed(text: str) -> int:
     if not (text.isascii() and text.isdigit()) or len(text) > _MOST_SEED_DIGITS:
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted a whole number from 0 to 999999999")
+    return int(text)
+
+
+def _world(text: str) -> int:
+    if not (text.isascii() and text.isdigit()) or len(text) > _MOST_SEED_DIGITS or int(text) > MOST_WORLD:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a whole number from 0 to {MOST_WORLD}")
     return int(text)
 
 
@@ -50,10 +68,14 @@ def _count(text: str) -> int:
 
 def run_render(options: argparse.Namespace) -> int:
     """Render and write; returns the exit code."""
-    from groundstation.onboard.render import render_flight
+    from groundstation.onboard.render import render_flight, render_world
 
     scene = SCENES.index(options.scene)
     with ProgressLine(sys.stderr, "render", "frame") as line:
-        files = render_flight(options.out, scene, options.seed, options.frames, options.motion, line.update)
+        if options.world is not None:
+            files = render_world(options.out, options.world, options.frames or WORLD_FRAMES, line.update)
+        else:
+            frames = options.frames or FRAMES
+            files = render_flight(options.out, scene, options.seed, frames, options.motion, line.update)
     print_files(files)
     return 0

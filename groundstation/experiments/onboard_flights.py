@@ -14,6 +14,7 @@ from groundstation.experiments.truth_session import TruthSession
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.edges.pose import Attitude, nose_pose
 from groundstation.onboard.pose.inertial_filter import rotation_vector
+from groundstation.onboard.scenes.flight import Sensors
 from groundstation.onboard.scenes.nose_flight import (
     CAMERA_PITCH_DEG,
     NoseFlight,
@@ -23,7 +24,9 @@ from groundstation.onboard.scenes.nose_flight import (
 )
 from groundstation.onboard.scenes.sequences import SEQUENCES
 from groundstation.onboard.visual_inertial.config import ApproachConfig, CornerMethod
-from groundstation.onboard.visual_inertial.nose_navigator import NoseNavigator, NoseReport
+from groundstation.onboard.visual_inertial.lasting_errors import KnownHeight
+from groundstation.onboard.visual_inertial.nose_navigator import NoseNavigator
+from groundstation.onboard.visual_inertial.nose_report import NoseReport
 
 _SEED_STEP = 70_000
 _LONGEST_S = 13.0
@@ -54,14 +57,19 @@ def follow(flight: NoseFlight, pictures: list[ImageArray], config: ApproachConfi
     setup, motion = flight.setup, flight.motion
     navigator = NoseNavigator(flight.runway, setup.lens, setup.mount, config)
     attitude, place = navigation_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
-    rows, outcomes, fed = [], dict[str, int](), 0
+    rows, outcomes, fed, sensors = [], dict[str, int](), 0, Sensors()
     for sample, picture in zip(flight.frames, pictures, strict=True):
         while fed <= sample:
             navigator.process_imu(motion.samples[fed])
             fed += 1
         roll, pitch, yaw = (float(angle) for angle in attitude[sample])
         reported = nose_pose(place[sample], Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw), _MOUNT)
-        report = navigator.update(float(motion.t_s[sample]), picture, reported)
+        height = KnownHeight(
+            up_m=float(place[sample, 2]),
+            lasting_m=max(sensors.position_bias_m[2], 1e-3),
+            noise_m=sensors.position_noise_m[2],
+        )
+        report = navigator.update(float(motion.t_s[sample]), picture, reported, height)
         outcomes[report.outcome] = outcomes.get(report.outcome, 0) + 1
         if report.fix is not None:
             rows.append(_compared(flight, sample, report))

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from groundstation.arrays import ImageArray
 from groundstation.errors import InputError
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
+from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.undistortion import Undistorter
@@ -24,8 +25,10 @@ from groundstation.onboard.visual_inertial.config import ApproachConfig, CornerM
 from groundstation.onboard.visual_inertial.corner_finder import FoundCorners
 from groundstation.onboard.visual_inertial.ground_track import read_ground_track
 from groundstation.onboard.visual_inertial.inertial_unit_file import has_poses, load_unit, read_samples
-from groundstation.onboard.visual_inertial.nose_navigator import NoseFix, NoseNavigator, NoseReport
-from groundstation.onboard.visual_inertial.outcome_text import why_unused
+from groundstation.onboard.visual_inertial.lasting_errors import KnownHeight
+from groundstation.onboard.visual_inertial.nose_navigator import NoseNavigator
+from groundstation.onboard.visual_inertial.nose_report import NoseFix, NoseReport
+from groundstation.onboard.visual_inertial.outcome_text import PictureOutcomes, what_failed
 from groundstation.onboard.visual_inertial.track_file import NoseFiles, agreement_words, write_agreement
 from groundstation.sinks.overlay_video import OverlayVideo
 from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other_times
@@ -108,9 +111,10 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
     except OSError as fault:
         raise InputError(str(request.out), got=str(fault.strerror), wanted="a folder that can be made") from fault
     unit = load_unit(request.camera, camera)
-    navigator = NoseNavigator(
-        _runway(request, camera), camera.lens, unit.mount, ApproachConfig(inertial=unit.config, corners=request.corners)
-    )
+    config = ApproachConfig(inertial=unit.config, corners=request.corners)
+    if request.runway is None and camera.width_sigma_m is not None:
+        config = replace(config, width_sigma=camera.width_sigma_m / camera.guess.width_m)
+    navigator = NoseNavigator(_runway(request, camera), camera.lens, unit.mount, config)
     return _Flight(request, video, camera, navigator, log).run(samples, ground, progress)
 
 
@@ -142,7 +146,7 @@ class _Flight:
     ) -> FlyResult:
         """Go through the video."""
         request, out = self._request, self._request.out
-        outcomes: Counter[str] = Counter()
+        outcomes = PictureOutcomes()
         statuses: Counter[str] = Counter()
         fixes: list[NoseFix] = []
         fault = None
@@ -163,7 +167,7 @@ class _Flight:
                     overlay.write(draw_sight(frame.image, frame.index, report, seen, self._flat))
                     if recording is not None:
                         recording.write(frame.image, report, seen, self._flat)
-                    outcomes[report.outcome] += 1
+                    outcomes.count(report)
                     statuses["waiting" if report.fix is None else report.fix.status.value] += 1
                     if report.fix is not None:
                         fixes.append(report.fix)
@@ -179,11 +183,11 @@ class _Flight:
                 files.append(out / "agreement.csv")
                 write_agreement(files[-1], both)
         return FlyResult(
-            outcomes=dict(outcomes),
+            outcomes=dict(outcomes.counts),
             statuses=dict(statuses),
             agreement=words,
             agrees=agrees,
-            unused=why_unused(outcomes, self._navigator.runway.length_m, self._navigator.runway.width_m),
+            unused=what_failed(outcomes, self._navigator.runway.length_m, self._navigator.runway.width_m),
             files=(*tables.files, *files),
             fault=fault,
             damage=self._video.lost_line(),
@@ -197,8 +201,19 @@ class _Flight:
                 self._navigator.process_imu(samples[fed])
                 fed += 1
             image = self._flat.flat(frame.image)
-            report = self._navigator.update(frame.t_s, image, self._outside(frame.t_s, image))
-            yield frame, report
+            outside = self._outside(frame.t_s, image)
+            yield frame, self._navigator.update(frame.t_s, image, outside, self._height(outside))
+
+    def _height(self, outside: NoseCameraPose | None) -> KnownHeight | None:
+        """Return the log's height; the pictures' own motion has no other than that of the runway."""
+        if self._log is None or outside is None:
+            return None
+        noise, usual = self._camera.noise, TrackerConfig()
+        return KnownHeight(
+            up_m=float(outside.camera_threshold_m[2]),
+            lasting_m=noise.lasting_height_m or usual.lasting_height_m,
+            noise_m=usual.position_sigma_m[2] if noise.position_m is None else noise.position_m,
+        )
 
     def _outside(self, t_s: float, image: ImageArray) -> NoseCameraPose | None:
         """Return a pose from the log, or from the pictures' motion as long as the filter needs one."""

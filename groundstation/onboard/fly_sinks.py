@@ -16,7 +16,7 @@ from groundstation.onboard.edges.undistortion import Undistorter
 from groundstation.onboard.pose.agreement import PositionTrack
 from groundstation.onboard.pose.runway import CORNERS
 from groundstation.onboard.sinks import draw_edges, log_outline
-from groundstation.onboard.visual_inertial.nose_navigator import NoseReport
+from groundstation.onboard.visual_inertial.nose_report import NoseReport
 from groundstation.viewer.recording_file import written_recording
 
 _CORNER_BGR = (60, 60, 255)

@@ -1,8 +1,9 @@
 """A rendered approach as files: nose.avi without loss, nose.toml, imu.csv, truth.csv."""
 
 import csv
+import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -12,6 +13,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.files.overwriting import refuse_existing
 from groundstation.geometry.rotation import wxyz_from_matrix
+from groundstation.onboard.scenes.draw_nose_world import NoseWorld, draw_nose_world, reported_poses
 from groundstation.onboard.scenes.nose_flight import (
     CAMERA_PITCH_DEG,
     NoseFlight,
@@ -24,7 +26,7 @@ from groundstation.onboard.scenes.sequences import SEQUENCES
 from groundstation.onboard.visual_inertial.inertial_unit_file import SAMPLE_COLUMNS
 
 _FFV1 = sum(ord(c) << 8 * i for i, c in enumerate("FFV1"))
-_LOG_COLUMNS = (*SAMPLE_COLUMNS, "roll_deg", "pitch_deg", "yaw_deg", "x_m", "y_m", "z_m")
+POSE_COLUMNS = ("roll_deg", "pitch_deg", "yaw_deg", "x_m", "y_m", "z_m")
 TRUTH_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "roll_deg", "pitch_deg", "yaw_deg")
 
 
@@ -53,14 +55,51 @@ def render_flight(
 
     Raises `InputError` where the folder cannot be written, or one of the files already exists.
     """
+    flight = drawn_flight(scene, seed, frames, motion)
+    attitude, place = navigation_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
+    account = NavigationAccount(attitude_rad=attitude, place_m=place)
+    return _write_flight(folder, flight, camera_file(flight, attitude, place), account, progress)
+
+
+def render_world(
+    folder: Path,
+    seed: int,
+    frames: int,
+    progress: Callable[[int, int | None], None] = lambda done, total: None,
+) -> tuple[Path, ...]:
+    """Write the files of a drawn approach, as `render_flight` does; without poses where its unit gives none.
+
+    Raises `InputError` as that, and `ScenarioError` for a seed of no set.
+    """
+    world = draw_nose_world(seed, frames)
+    attitude, place = reported_poses(world)
+    account = NavigationAccount(attitude_rad=attitude, place_m=place, poses=world.poses)
+    return _write_flight(folder, world.flight, world_camera_file(world, account), account, progress)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NavigationAccount:
+    """A navigation's attitude (n, 3) in rad and place (n, 3) in m at each sample; ``poses``: whether a log has them."""
+
+    attitude_rad: FloatArray
+    place_m: FloatArray
+    poses: bool = True
+
+
+def _write_flight(
+    folder: Path,
+    flight: NoseFlight,
+    camera_text: str,
+    account: NavigationAccount,
+    progress: Callable[[int, int | None], None],
+) -> tuple[Path, ...]:
     files = tuple(folder / name for name in ("nose.avi", "nose.toml", "imu.csv", "truth.csv"))
     refuse_existing(files)
-    flight = drawn_flight(scene, seed, frames, motion)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        reported = navigation_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
-        files[1].write_text(camera_file(flight, *reported), encoding="utf-8")
-        _write(files[2], _LOG_COLUMNS, _log_rows(flight, *reported))
+        files[1].write_text(camera_text, encoding="utf-8")
+        columns = (*SAMPLE_COLUMNS, *POSE_COLUMNS) if account.poses else SAMPLE_COLUMNS
+        _write(files[2], columns, _log_rows(flight, account))
         _write(files[3], TRUTH_COLUMNS, _truth_rows(flight))
     except OSError as fault:
         raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
@@ -79,23 +118,57 @@ def render_flight(
 def camera_file(flight: NoseFlight, attitude_rad: FloatArray, place_m: FloatArray) -> str:
     """Return the camera file's text, which starts at the navigation's attitude (n, 3) and place (n, 3) then."""
     lens, field, first = flight.setup.lens, flight.sequence.airfield, flight.frames[0]
-    x, y, z = place_m[first]
-    roll, pitch, yaw = np.degrees(attitude_rad[first])
     return (
         f"image_size_px = {list(lens.image_size_px)}\n"
         f"focal_px = {lens.focal_px.tolist()}\n"
         f"principal_point_px = {lens.principal_point_px.tolist()}\n"
         f"mount_deg = [0.0, {CAMERA_PITCH_DEG}, 0.0]\n\n"
         f"[runway]\nwidth_m = {field.width_m}\nlength_m = {field.length_m}\n\n"
-        f"[start]\nheight_m = {z:.3f}\ndistance_m = {y:.3f}\nlateral_m = {x:.3f}\n"
-        f"roll_deg = {roll:.3f}\npitch_deg = {pitch:.3f}\nyaw_deg = {yaw:.3f}\n\n"
+        f"{_start(attitude_rad[first], place_m[first])}\n"
         f"[imu]\ncamera_in_body_m = {flight.setup.mount.camera_in_body_m.tolist()}\n"
     )
 
 
-def _log_rows(flight: NoseFlight, attitude_rad: FloatArray, place_m: FloatArray) -> Iterable[list[float]]:
-    for sample, angles, at in zip(flight.motion.samples, np.degrees(attitude_rad), place_m, strict=True):
-        yield [sample.t_s, *sample.force_m_s2, *np.degrees(sample.rate_rad_s), *angles, *at]
+def world_camera_file(world: NoseWorld, account: NavigationAccount) -> str:
+    """Return the camera file's text of a drawn approach: what was drawn in a comment, and what a user would know."""
+    flight, mount, noise = world.flight, world.mount, world.noise
+    lens, first, unit = flight.setup.lens, flight.frames[0], flight.setup.config
+    angles = [round(math.degrees(one), 6) for one in (mount.roll_rad, mount.pitch_rad, mount.yaw_rad)]
+    stated = ""
+    if noise.attitude_rad is not None and noise.lasting_attitude_rad is not None:
+        stated = (
+            f"[pose_noise]\nattitude_deg = {math.degrees(noise.attitude_rad):.6g}\nposition_m = {noise.position_m}\n"
+            f"lasting_attitude_deg = {math.degrees(noise.lasting_attitude_rad):.6g}\n"
+            f"lasting_height_m = {noise.lasting_height_m}\n\n"
+        )
+    return (
+        f"# seed {flight.sequence.seed}: {'; '.join(f'{name} {kind}' for name, kind in world.factors.items())}\n"
+        f"image_size_px = {list(lens.image_size_px)}\nfocal_px = {lens.focal_px.tolist()}\n"
+        f"principal_point_px = {lens.principal_point_px.tolist()}\ndistortion = {lens.distortion.tolist()}\n"
+        f"mount_deg = {angles}\n\n"
+        f"[runway]\nwidth_m = {world.announced_m:.3f}\nlength_m = {flight.sequence.airfield.length_m:.3f}\n\n"
+        f"{_start(account.attitude_rad[first], account.place_m[first])}\n{stated}"
+        f"[imu]\ncamera_in_body_m = {flight.setup.mount.camera_in_body_m.tolist()}\n"
+        f"force_noise = {unit.force_noise:.6g}\nrate_noise = {unit.rate_noise:.6g}\n"
+        f"force_bias_sigma = {unit.force_bias_sigma:.6g}\nrate_bias_sigma = {unit.rate_bias_sigma:.6g}\n"
+    )
+
+
+def _start(attitude_rad: FloatArray, place_m: FloatArray) -> str:
+    """Return the section of a start at an attitude (3,) and a place (3,)."""
+    x, y, z = place_m
+    roll, pitch, yaw = np.degrees(attitude_rad)
+    return (
+        f"[start]\nheight_m = {z:.3f}\ndistance_m = {y:.3f}\nlateral_m = {x:.3f}\n"
+        f"roll_deg = {roll:.3f}\npitch_deg = {pitch:.3f}\nyaw_deg = {yaw:.3f}\n"
+    )
+
+
+def _log_rows(flight: NoseFlight, account: NavigationAccount) -> Iterable[list[float]]:
+    angles = np.degrees(account.attitude_rad)
+    for sample, turned, at in zip(flight.motion.samples, angles, account.place_m, strict=True):
+        pose = [*turned, *at] if account.poses else []
+        yield [sample.t_s, *sample.force_m_s2, *np.degrees(sample.rate_rad_s), *pose]
 
 
 def _truth_rows(flight: NoseFlight) -> Iterable[list[float]]:

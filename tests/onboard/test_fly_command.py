@@ -17,9 +17,10 @@ from groundstation.onboard.edges.camera_file import load_nose_camera
 from groundstation.onboard.edges.imu_file import load_imu
 from groundstation.onboard.edges.undistortion import Undistorter
 from groundstation.onboard.pose.inertial_filter import NavigationStatus, UpdateOutcome
+from groundstation.onboard.scenes.sequences import SEQUENCES
 from groundstation.onboard.visual_inertial.corner_finder import NoCorners
 from groundstation.onboard.visual_inertial.ground_track import GroundTrackError, read_ground_track
-from groundstation.onboard.visual_inertial.nose_navigator import NoseFix, NoseReport
+from groundstation.onboard.visual_inertial.nose_report import OTHER_WIDTH, NoseFix, NoseReport
 from groundstation.onboard.visual_inertial.outcome_text import USED, WORDS, why_unused
 from groundstation.onboard.visual_inertial.track_file import PICTURE_COLUMNS, TRACK_COLUMNS
 from groundstation.simulation import jsbsim_model
@@ -144,6 +145,11 @@ def test_a_flight_without_a_pose_is_no_success(
     for outcome, count in Counter(row["outcome"] for row in rows(tmp_path / "out" / "pictures.csv")).items():
         assert f"{count} had {WORDS[outcome]} ({outcome})" in shown.err
     assert "Is the runway 30 m wide and 1500 m long?" in shown.err
+    # and what failed: edges that were followed, of a runway of another width
+    apart = re.search(r"Edges were ([0-9.]+) m apart in the median where 30 m are announced", shown.err)
+    assert apart is not None
+    assert float(apart[1]) == pytest.approx(SEQUENCES[0].airfield.width_m, abs=2.5)
+    assert f" {OTHER_WIDTH}. " in shown.err.splitlines()[-1]
 
 
 def test_every_outcome_has_words() -> None:

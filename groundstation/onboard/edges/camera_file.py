@@ -26,7 +26,7 @@ _KEYS = frozenset(
         "pose_noise",
     },
 )
-_RUNWAY_KEYS = frozenset({"width_m", "length_m", "heading_deg", "lat_deg", "lon_deg", "alt_m"})
+_RUNWAY_KEYS = frozenset({"width_m", "width_sigma_m", "length_m", "heading_deg", "lat_deg", "lon_deg", "alt_m"})
 _NOISE_KEYS = frozenset({"attitude_deg", "position_m", "lasting_attitude_deg", "lasting_height_m"})
 _START_KEYS = frozenset({"height_m", "distance_m", "lateral_m", "roll_deg", "pitch_deg", "yaw_deg"})
 # of the picture's width: a view of 157°, and one of 0.06°
@@ -66,6 +66,7 @@ class NoseCamera:
     place : the threshold on Earth, None where the file does not give it.
     start : pose at the first frame, None where the file does not give it.
     noise : of the poses in `--imu`, as far as the file states it.
+    width_sigma_m : how well the width is known, None where the file does not say.
     """
 
     lens: Lens
@@ -76,6 +77,7 @@ class NoseCamera:
     place: RunwayPlace | None
     start: NoseCameraPose | None
     noise: PoseNoise = PoseNoise()
+    width_sigma_m: float | None = None
 
 
 def load_nose_camera(path: Path) -> NoseCamera:
@@ -102,6 +104,9 @@ def load_nose_camera(path: Path) -> NoseCamera:
         place=_place(runway, heading),
         start=_start(table, guess, heading, mount) if "start" in table else None,
         noise=_noise(table),
+        width_sigma_m=(
+            runway.number("width_sigma_m", minimum=0.0, maximum=guess.width_m) if "width_sigma_m" in runway else None
+        ),
     )
 
 

@@ -18,7 +18,8 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.edges.layout_kernel import bar_information, mark_trend
+from groundstation.onboard.edges.judging_kernel import MarkFreedom, judge, sum_variation
+from groundstation.onboard.edges.layout_kernel import bar_information
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
     GREY_AND_TINTS,
@@ -30,12 +31,10 @@ from groundstation.onboard.edges.profile_fit import (
     layout_levels,
     layout_likelihoods,
     levels_at,
-    noise_at,
     picked_blocks,
 )
-from groundstation.onboard.edges.profile_kernel import QUANTUM
+from groundstation.onboard.edges.profile_kernel import QUANTUM, picked_trials
 
-_PAINT, _LIGHT = 2, 3
 # sigmas by which paint has to exceed zero, and light darkness
 _BRIGHT = 3.0
 # a light's and a line's variance along the edge, over the square of their mean excess: usual values, and how far
@@ -69,7 +68,7 @@ def weighed_layouts(
     misfit, along = found.misfit.copy(), np.zeros(len(layouts))
     for k, fit in enumerate(_likelihoods(profiles, found, found.misfit, config)):
         moved_px = best_displacement(fit, offset_px, weight).moved_px
-        misfit[:, k] = _judged(profiles, found, fit, k, moved_px, known[:, k], config)
+        misfit[:, k] = _judged(profiles, found, k, moved_px, known[:, k], config)
         along[k] = _along(profiles, found, k, fit, moved_px)
     fits = _likelihoods(profiles, found, misfit, config)
     return [replace(fit, base=fit.base + float(own)) for fit, own in zip(fits, along, strict=True)]
@@ -121,49 +120,26 @@ def _likelihoods(
 
 
 def _judged(
-    profiles: EdgeProfiles,
-    found: LayoutLevels,
-    fit: ProfileFit,
-    k: int,
-    moved_px: FloatArray,
-    known: FloatArray,
-    config: ProfileConfig,
+    profiles: EdgeProfiles, found: LayoutLevels, k: int, moved_px: FloatArray, known: FloatArray, config: ProfileConfig
 ) -> FloatArray:
     """Return the misfits (2, blocks, trials) of a layout with what its marks are free to fit.
 
-    ``known`` (2, bars, blocks, trials): `bar_information` of both lines.
+    Their expected excess is a straight trend along both edges; a block may be as far from it as it is seen to be,
+    within limits: paint sampled by few pixels is not alike, and many lamps in a row are. ``known`` (2, bars, blocks,
+    trials): `bar_information` of both lines.
     """
-    misfit, levels = found.misfit[:, k], found.levels[:, k]
-    noise = max(noise_at(fit, moved_px), 1e-9)
-    power = 0.5 * profiles.coarse * found.freedom / config.values_as_one
-    picked = picked_blocks(fit, moved_px)
-    here = np.take_along_axis(levels, picked[:, :, None, None, None], axis=2)[:, :, 0]
-    there = np.take_along_axis(known, picked[:, None, :, None], axis=3)[..., 0]
-    nats = np.zeros_like(misfit)
-    for bar, most in ((_PAINT, config.paint_spread), (_LIGHT, config.light_spread)):
-        information = known[:, bar - _PAINT]
-        if not information.any():
-            continue
-        expected, spread = _expected(here[:, :, bar], there[:, bar - _PAINT], most, config)
-        stiffness = noise / spread[:, None] ** 2
-        share = information * stiffness / (information + stiffness)
-        misfit = misfit + share * ((levels[:, :, :, bar] - expected[:, None]) ** 2).sum(axis=3)
-        nats += 1.5 * profiles.coarse / config.values_as_one * np.log1p(information / stiffness)
-    return np.asarray(misfit * np.exp(nats / np.maximum(power, 1e-9)[:, :, None]))
-
-
-def _expected(
-    excess: FloatArray, known: FloatArray, most: float, config: ProfileConfig
-) -> tuple[FloatArray, FloatArray]:
-    """Return the expected excess (blocks, 3) of a mark, and how far a block may be from it (blocks,).
-
-    A straight trend along both edges; as uneven as it is seen to be, within limits: paint sampled by few pixels is not
-    alike, and many lamps in a row are. ``excess`` (2, blocks, 3), ``known`` (2, blocks).
-    """
-    trend = np.empty(excess.shape[1:])
-    seen = float(mark_trend(np.ascontiguousarray(excess), np.ascontiguousarray(known), trend))
-    strength = np.abs(trend[:, 0]) / math.sqrt(3.0)
-    return trend, np.hypot(config.mark_least, np.clip(seen, config.least_spread * strength, most * strength))
+    free = MarkFreedom(
+        most=np.array([config.paint_spread, config.light_spread]),
+        least=config.least_spread,
+        floor=config.mark_least,
+        weight=profiles.coarse / config.values_as_one,
+    )
+    misfit = np.ascontiguousarray(found.misfit[:, k])
+    out, picked = np.empty_like(misfit), np.empty(misfit.shape[:2], np.int64)
+    picked_trials(misfit.shape[2], profiles.steps, moved_px, picked)
+    levels, known = np.ascontiguousarray(found.levels[:, k]), np.ascontiguousarray(known)
+    judge(misfit, levels, known, found.freedom, picked, free, out)
+    return out
 
 
 def _along(profiles: EdgeProfiles, found: LayoutLevels, k: int, fit: ProfileFit, moved_px: FloatArray) -> float:
@@ -179,26 +155,13 @@ def _along(profiles: EdgeProfiles, found: LayoutLevels, k: int, fit: ProfileFit,
     near = _SPACING_M / along_m >= _APART_ROWS
     if not near.any():
         return 0.0
-    picked, levels = picked_blocks(fit, moved_px), levels_at(fit, moved_px)[:, :, 2 + bar].mean(axis=2)
-    bins, middle = profiles.weight.shape[2], profiles.weight.shape[2] // 2
-    mean = profiles.total.sum(axis=3) / np.maximum(3.0 * profiles.weight, 1e-9)
-    varied = np.maximum(profiles.squares / np.maximum(profiles.weight, 1e-9) - mean**2, 0.0)
-    own, square, usual, rows = 0.0, 0.0, 0.0, 0.0
-    for line in range(2):
-        for block in np.flatnonzero(near):
-            inner, outer = found.bars[line, k, bar, block] + middle + picked[line, block] - fit.misfit.shape[2] // 2
-            first, last = max(round(inner), 0), min(max(round(outer), round(inner) + 1), bins)
-            seen = profiles.weight[line, block] > 0.0
-            if last <= first or not seen[first:last].all():
-                continue
-            count = float(profiles.weight[line, block, first:last].mean())
-            own += count * float(varied[line, block, first:last].mean())
-            usual += count * float(np.median(varied[line, block, seen]))
-            square += count * float(levels[line, block]) ** 2
-            rows += count
-    if rows < 2.0 or square <= 0.0:
+    moved = np.asarray(picked_blocks(fit, moved_px) - fit.misfit.shape[2] // 2, np.float64)
+    level = np.asarray(levels_at(fit, moved_px)[:, :, 2 + bar].mean(axis=2), np.float64)
+    bars = np.ascontiguousarray(found.bars[:, k, bar])
+    seen = sum_variation(profiles.total, profiles.weight, profiles.squares, bars, moved, level, near)
+    if seen.rows < 2.0 or seen.square <= 0.0:
         return 0.0
-    return varying(own, usual, square, rows, lamps=bar == 1)
+    return varying(seen.own, seen.usual, seen.square, seen.rows, lamps=bar == 1)
 
 
 def varying(own: float, usual: float, square: float, rows: float, *, lamps: bool) -> float:

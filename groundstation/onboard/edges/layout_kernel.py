@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.profile_kernel import fill_bar, fill_steps
 
 _SQUARE = 1e-9  # of a level that nothing measures
@@ -44,32 +44,6 @@ def bar_information(weight: FloatArray, blurs: FloatArray, bars: FloatArray, tri
                     aa, ab, bb = common[o, 0] + _SQUARE, common[o, 1], common[o, 2] + _SQUARE
                     known = (a * a * bb - 2.0 * a * b * ab + b * b * aa) / max(aa * bb - ab * ab, _SQUARE)
                     out[n, m, k, o] = max(own - known, 0.0)
-
-
-@njit(cache=True, nogil=True)
-def gather_squares(image: ImageArray, x: FloatArray, rows: FloatArray, steps: FloatArray, square: FloatArray) -> None:
-    """Add the squares of the grey of pixels (0 to 1) to ``square`` (2, blocks, bins), with the weights of `gather`."""
-    blocks, bins = square.shape[1], square.shape[2]
-    half, height = bins // 2, rows[1] - rows[0]
-    for row in range(max(math.ceil(rows[0]), 0), min(math.floor(rows[1]), image.shape[0] - 1) + 1):
-        t = (row - rows[0]) / height
-        k = min(int(t * blocks), blocks - 1)
-        step = steps[0] * (1.0 - t) + steps[1] * t
-        for line in range(2):
-            outwards = (-1.0 if line == 0 else 1.0) / step
-            edge = x[2 * line] * (1.0 - t) + x[2 * line + 1] * t
-            other = x[2 - 2 * line] * (1.0 - t) + x[3 - 2 * line] * t
-            first = max(math.ceil(max(edge - half * step, other if line == 1 else 0.0)), 0)
-            last = min(math.floor(min(edge + half * step, other if line == 0 else np.inf)), image.shape[1] - 1)
-            for j in range(first, last + 1):
-                place = outwards * (j - edge) + half
-                i = int(place)
-                if i >= bins - 1:
-                    continue
-                f = place - i
-                grey = (float(image[row, j, 0]) + float(image[row, j, 1]) + float(image[row, j, 2])) / 765.0
-                square[line, k, i] += (1.0 - f) * grey * grey
-                square[line, k, i + 1] += f * grey * grey
 
 
 @njit(cache=True, nogil=True)

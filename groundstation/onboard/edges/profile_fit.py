@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.coordinate_ascent import best_displacements
-from groundstation.onboard.edges.layout_kernel import gather_squares, refine_displacement
+from groundstation.onboard.edges.gather_kernel import gather
+from groundstation.onboard.edges.judging_kernel import usual_noise
+from groundstation.onboard.edges.layout_kernel import refine_displacement
 from groundstation.onboard.edges.profile_kernel import (
     ExcessPrior,
-    gather,
     line_likelihood,
     misfits,
     picked_levels,
@@ -76,7 +77,7 @@ class EdgeProfiles:
     blurs : (2, blocks) sigma of the picture's blur, in bins.
     coarse : how many of the finest steps a bin has.
     view : of the runway.
-    squares : (2, blocks, bins) sums of the squares of a pixel's grey.
+    squares : (2, blocks, bins) sums of the squares of a pixel's grey; (2, 0, 0) where nothing asks for them.
     width_m : of the runway between the lines about which they are taken.
     """
 
@@ -156,10 +157,9 @@ def edge_profiles(
     view: ProfileView,
 ) -> EdgeProfiles:
     """Return the profiles about lines x (4,), of (blocks, bins) ``sizes``; ``steps`` (2,) px of a bin at both rows."""
-    total, weight, squares = np.zeros((2, *sizes, 3)), np.zeros((2, *sizes)), np.zeros((2, *sizes))
-    gather(image, x, rows, steps, total, weight)
-    if view.along_m is not None and coarse > 1.0:
-        gather_squares(image, x, rows, steps, squares)
+    total, weight = np.zeros((2, *sizes, 3)), np.zeros((2, *sizes))
+    squares = np.zeros((2, *sizes) if view.along_m is not None and coarse > 1.0 else (2, 0, 0))
+    gather(image, x, rows, steps, total, weight, squares)
     step, m = _along(sizes[0], steps), _along(sizes[0], px_per_m)
     lean = np.hypot(1.0, (x[1::2] - x[::2]) / (rows[1] - rows[0]))
     blurs = np.hypot(blur_px * lean[:, None] / step, LEAST_BLUR)
@@ -314,9 +314,7 @@ def picked_blocks(fit: ProfileFit, moved_px: FloatArray) -> NDArray[np.int64]:
 
 def noise_at(fit: ProfileFit, moved_px: FloatArray) -> float:
     """Return the usual variance of a pixel about its profile, both lines displaced outwards by (4,) px."""
-    picked = picked_blocks(fit, moved_px)
-    own = np.take_along_axis(fit.misfit, picked[:, :, None], axis=2)[:, :, 0]
-    return float(np.median(own / np.maximum(fit.freedom, 1.0)))
+    return float(usual_noise(np.ascontiguousarray(fit.misfit), fit.freedom, picked_blocks(fit, moved_px)))
 
 
 def _along(blocks: int, ends: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Compiled arithmetic of the profile across an edge: gathering it, levels by least squares, a line's likelihood."""
+"""Compiled arithmetic of the profile across an edge: levels by least squares, a line's likelihood."""
 
 import math
 from typing import NamedTuple
@@ -7,52 +7,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import FloatArray
 
 _SQUARE = 1e-9  # of a level that nothing measures
 # of a pixel's grey and of its tints, that a codec leaves unknown: two grey levels
 QUANTUM = (2.0 / 255.0) ** 2
-
-
-@njit(cache=True, nogil=True)
-def gather(
-    image: ImageArray,
-    x: FloatArray,
-    rows: FloatArray,
-    steps: FloatArray,
-    total: FloatArray,
-    weight: FloatArray,
-) -> None:
-    """Add the pixels about both lines to straightened profiles, each row's in its own steps.
-
-    ``steps`` (2,) px of a bin at the upper and the lower row; ``total`` (2, blocks, bins, 3) sums of colours (0 to 1)
-    and ``weight`` (2, blocks, bins), outwards to the right, the middle bin on the line.
-    """
-    blocks, bins = weight.shape[1], weight.shape[2]
-    half, height = bins // 2, rows[1] - rows[0]
-    for row in range(max(math.ceil(rows[0]), 0), min(math.floor(rows[1]), image.shape[0] - 1) + 1):
-        t = (row - rows[0]) / height
-        k = min(int(t * blocks), blocks - 1)
-        step = steps[0] * (1.0 - t) + steps[1] * t
-        for line in range(2):
-            outwards = (-1.0 if line == 0 else 1.0) / step
-            edge = x[2 * line] * (1.0 - t) + x[2 * line + 1] * t
-            # pixels beyond the other line are not this edge's pavement
-            other = x[2 - 2 * line] * (1.0 - t) + x[3 - 2 * line] * t
-            first = max(math.ceil(max(edge - half * step, other if line == 1 else 0.0)), 0)
-            last = min(math.floor(min(edge + half * step, other if line == 0 else np.inf)), image.shape[1] - 1)
-            for j in range(first, last + 1):
-                place = outwards * (j - edge) + half
-                i = int(place)
-                if i >= bins - 1:
-                    continue
-                f = place - i
-                for c in range(3):
-                    colour = image[row, j, c] / 255.0
-                    total[line, k, i, c] += (1.0 - f) * colour
-                    total[line, k, i + 1, c] += f * colour
-                weight[line, k, i] += 1.0 - f
-                weight[line, k, i + 1] += f
 
 
 # the normal distribution, in steps of 1 / 32 from −4 to 4
@@ -67,18 +26,6 @@ def _under(z: float) -> float:
     k = int(place)
     f = place - k
     return _NORMAL[k] * (1.0 - f) + _NORMAL[k + 1] * f
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _product(a: FloatArray, i: int, b: FloatArray, j: int, shift: int, first: int, last: int) -> float:
-    """Return the sum of products of row ``i`` of a and row ``j`` of b over bins from first to before last.
-
-    Row j is taken from ``shift`` on.
-    """
-    total = 0.0
-    for k in range(first, last):
-        total += a[i, k] * b[j, k + shift]
-    return total
 
 
 class ExcessPrior(NamedTuple):
@@ -114,76 +61,90 @@ def fill_bar(
         shape[i] = _under((z - inner) / blur) - _under((z - outer) / blur)
 
 
-@njit(cache=True, nogil=True)
-def _fill_colours(total: FloatArray, weight: FloatArray, colours: FloatArray, squares: FloatArray) -> float:
-    """Fill the colours (3, bins) of a block's sums (bins, 3), and their squares (3,) over the weights (bins,).
+# Below, trials are the last dimension of every array, so that all are worked out side by side. A signal has
+# 2 · (trials // 2) zeros before it: from trial o on its bins are those that a shape meets there.
 
-    Returns the sum of the weights.
+
+@njit(cache=True, nogil=True)
+def _fill_signals(total: FloatArray, weight: FloatArray, first: int, signals: FloatArray, squares: FloatArray) -> float:
+    """Fill the weights and the three colours of a block, (4, bins with zeros about them), from bin ``first`` on.
+
+    Fills also the colours' squares (3,) over the weights (bins,); returns the sum of the weights.
     """
     whole = 0.0
     squares[:] = 0.0
     for i in range(weight.size):
         whole += weight[i]
+        signals[0, first + i] = weight[i]
         for c in range(3):
-            colours[c, i] = total[i, c]
+            signals[1 + c, first + i] = total[i, c]
             if weight[i] > 0.0:
-                squares[c] += colours[c, i] ** 2 / weight[i]
+                squares[c] += total[i, c] ** 2 / weight[i]
     return whole
 
 
 @njit(cache=True, nogil=True)
+def _correlate(a: FloatArray, b: FloatArray, first: int, last: int, signal: FloatArray, out: FloatArray) -> None:
+    """Fill the sums (trials,) of the product of two shapes, from bin ``first`` to before ``last``, with a signal."""
+    out[:] = 0.0
+    for i in range(first, last):
+        factor = a[i] * b[i]
+        for o in range(out.size):
+            out[o] += factor * signal[i + o]
+
+
+@njit(cache=True, nogil=True)
 def _fill_common(
-    weight: FloatArray, colours: FloatArray, steps: FloatArray, shift: int, weighed: FloatArray, common: FloatArray
+    steps: FloatArray, ones: FloatArray, signals: FloatArray, matrix: FloatArray, right: FloatArray
 ) -> None:
-    """Fill the weighted steps (2, bins), and ``common`` (2, 5): the matrix and the right sides of the steps."""
-    bins = weight.size
+    """Fill the rows of pavement and ground in the matrix (size, size, trials) and the right sides (3, size, trials)."""
+    last = steps.shape[1]
     for m in range(2):
-        for i in range(bins):
-            weighed[m, i] = weight[i] * steps[m, i + shift]
         for n in range(m + 1):
-            common[m, n] = _product(weighed, m, steps, n, shift, 0, bins)
+            _correlate(steps[m], steps[n], 0, last, signals[0], matrix[m, n])
         for c in range(3):
-            common[m, 2 + c] = _product(colours, c, steps, m, shift, 0, bins)
+            _correlate(steps[m], ones, 0, last, signals[1 + c], right[c, m])
 
 
 @njit(cache=True, nogil=True)
 def _fill_bars(
-    weight: FloatArray,
-    weighed: FloatArray,
-    colours: FloatArray,
     shapes: FloatArray,
     limits: NDArray[np.int64],
-    shift: int,
+    steps: FloatArray,
+    ones: FloatArray,
+    signals: FloatArray,
     matrix: FloatArray,
     right: FloatArray,
 ) -> None:
-    """Fill the rows of a layout's bars, ``shapes`` (bars, bins), in the matrix and the right sides (3, size)."""
+    """Fill the rows of a layout's bars, ``shapes`` (bars, bins), in the matrix and the right sides."""
     for m in range(shapes.shape[0]):
-        first, last = max(limits[m, 0] - shift, 0), min(limits[m, 1] - shift, weight.size)
+        first, last = limits[m, 0], limits[m, 1]
         for n in range(2):
-            matrix[2 + m, n] = _product(weighed, n, shapes, m, shift, first, last)
+            _correlate(steps[n], shapes[m], first, last, signals[0], matrix[2 + m, n])
         for n in range(m + 1):
-            own = 0.0
-            for i in range(max(first, limits[n, 0] - shift), min(last, limits[n, 1] - shift)):
-                own += weight[i] * shapes[m, i + shift] * shapes[n, i + shift]
-            matrix[2 + m, 2 + n] = own
+            low, high = max(first, limits[n, 0]), min(last, limits[n, 1])
+            _correlate(shapes[m], shapes[n], low, high, signals[0], matrix[2 + m, 2 + n])
         for c in range(3):
-            right[c, 2 + m] = _product(colours, c, shapes, m, shift, first, last)
+            _correlate(shapes[m], ones, first, last, signals[1 + c], right[c, 2 + m])
 
 
 @njit(cache=True, nogil=True)
 def _factorise(matrix: FloatArray, stiffness: FloatArray, lower: FloatArray, diagonal: FloatArray) -> None:
-    """Fill L and D of Cholesky's L D Lᵀ, with the prior's weights (bars,); they are the same for all colours."""
-    for m in range(matrix.shape[0]):
-        matrix[m, m] += _SQUARE + (stiffness[m - 2] if m > 1 else 0.0)
-        diagonal[m] = matrix[m, m]
+    """Fill L and D (size, trials) of Cholesky's L D Lᵀ, with the prior's weights (bars,); alike for all colours."""
+    size, trials = matrix.shape[0], matrix.shape[2]
+    for m in range(size):
+        more = _SQUARE + (stiffness[m - 2] if m > 1 else 0.0)
+        for o in range(trials):
+            diagonal[m, o] = matrix[m, m, o] + more
         for n in range(m):
-            own = matrix[m, n]
-            for p in range(n):
-                own -= lower[m, p] * lower[n, p] * diagonal[p]
-            lower[m, n] = own / diagonal[n]
-            diagonal[m] -= lower[m, n] ** 2 * diagonal[n]
-        diagonal[m] = max(diagonal[m], _SQUARE)
+            for o in range(trials):
+                own = matrix[m, n, o]
+                for p in range(n):
+                    own -= lower[m, p, o] * lower[n, p, o] * diagonal[p, o]
+                lower[m, n, o] = own / diagonal[n, o]
+                diagonal[m, o] -= lower[m, n, o] ** 2 * diagonal[n, o]
+        for o in range(trials):
+            diagonal[m, o] = max(diagonal[m, o], _SQUARE)
 
 
 @njit(cache=True, nogil=True)
@@ -193,29 +154,42 @@ def _solve_levels(
     right: FloatArray,
     stiffness: FloatArray,
     excess: FloatArray,
-    k: int,
-    squares: FloatArray,
-    y: FloatArray,
+    squares: float,
     levels: FloatArray,
     left: FloatArray,
 ) -> None:
-    """Fill the levels (size, 3) of block ``k`` by substitution, ``y`` (size,) between, and what is ``left`` (3,)."""
-    size = y.size
-    for c in range(3):
-        left[c] = squares[c]
-        for m in range(size):
-            y[m] = right[c, m]
-            if m > 1:
-                y[m] += stiffness[m - 2] * excess[m - 2, k, c]
-                left[c] += stiffness[m - 2] * excess[m - 2, k, c] ** 2
+    """Fill one colour's levels (size, trials) by substitution, and what is ``left`` of its squares (trials,).
+
+    ``right`` (size, trials), ``excess`` (bars,).
+    """
+    size, trials = right.shape
+    left[:] = squares
+    for m in range(size):
+        held = stiffness[m - 2] * excess[m - 2] if m > 1 else 0.0
+        again = held * excess[m - 2] if m > 1 else 0.0
+        for o in range(trials):
+            y = right[m, o] + held
             for n in range(m):
-                y[m] -= lower[m, n] * y[n]
-            left[c] -= y[m] ** 2 / diagonal[m]
-        for m in range(size - 1, -1, -1):
-            own = y[m] / diagonal[m]
+                y -= lower[m, n, o] * levels[n, o]
+            levels[m, o] = y
+            left[o] += again - y**2 / diagonal[m, o]
+    for m in range(size - 1, -1, -1):
+        for o in range(trials):
+            own = levels[m, o] / diagonal[m, o]
             for n in range(m + 1, size):
-                own -= lower[n, m] * levels[n, c]
-            levels[m, c] = own
+                own -= lower[n, m, o] * levels[n, o]
+            levels[m, o] = own
+
+
+@njit(cache=True, nogil=True)
+def _fill_misfit(left: FloatArray, whole: float, apart: bool, misfit: FloatArray) -> None:
+    """Fill the misfits (trials,) of what is left of three colours (3, trials), or of grey and two tints."""
+    for o in range(misfit.size):
+        if apart:
+            tints = max(left[1, o], 0.0) + max(left[2, o], 0.0) + QUANTUM * whole
+            misfit[o] = max(math.sqrt((max(left[0, o], 0.0) + QUANTUM * whole) * tints), 1e-9)
+        else:
+            misfit[o] = max(left[0, o] + left[1, o] + left[2, o], 1e-9)
 
 
 @njit(cache=True, nogil=True)
@@ -248,35 +222,26 @@ def misfits(
     layouts, count, trials = bars.shape[0], bars.shape[1], misfit.shape[2]
     middle, size = trials // 2, 2 + count
     origin = bins // 2 + middle
-    steps, shapes = np.empty((2, bins + trials)), np.empty((layouts, count, bins + trials))
-    limits, common = np.empty((layouts, count, 2), np.int64), np.empty((2, 5))
-    weighed, colours = np.empty((2, bins)), np.empty((3, bins))
-    matrix, right = np.empty((size, size)), np.empty((3, size))
-    lower, diagonal, y = np.zeros((size, size)), np.empty(size), np.empty(size)
-    squares, left = np.empty(3), np.empty(3)
+    steps, shapes, ones = np.empty((2, bins + trials)), np.empty((count, bins + trials)), np.ones(bins + trials)
+    limits, signals = np.empty((count, 2), np.int64), np.zeros((4, bins + 2 * trials))
+    matrix, right = np.empty((size, size, trials)), np.empty((3, size, trials))
+    lower, diagonal, own = np.zeros((size, size, trials)), np.empty((size, trials)), np.empty((size, trials))
+    squares, left = np.empty(3), np.empty((3, trials))
     for k in range(blocks):
         fill_steps(steps, blurs[k], origin)
+        whole = _fill_signals(total[k], weight[k], 2 * middle, signals, squares)
+        _fill_common(steps, ones, signals, matrix, right)
         for n in range(layouts):
             for m in range(count):
-                fill_bar(shapes[n, m], bars[n, m, k, 0], bars[n, m, k, 1], blurs[k], origin, limits[n, m])
-        whole = _fill_colours(total[k], weight[k], colours, squares)
-        for o in range(trials):
-            shift = 2 * middle - o
-            _fill_common(weight[k], colours, steps, shift, weighed, common)
-            for n in range(layouts):
-                for m in range(2):
-                    for other in range(m + 1):
-                        matrix[m, other] = common[m, other]
-                    for c in range(3):
-                        right[c, m] = common[m, 2 + c]
-                _fill_bars(weight[k], weighed, colours, shapes[n], limits[n], shift, matrix, right)
-                _factorise(matrix, stiffness, lower, diagonal)
-                _solve_levels(lower, diagonal, right, stiffness, excess, k, squares, y, levels[n, k, o], left)
-                if apart:
-                    tints = max(left[1], 0.0) + max(left[2], 0.0) + QUANTUM * whole
-                    misfit[n, k, o] = max(math.sqrt((max(left[0], 0.0) + QUANTUM * whole) * tints), 1e-9)
-                else:
-                    misfit[n, k, o] = max(left[0] + left[1] + left[2], 1e-9)
+                fill_bar(shapes[m], bars[n, m, k, 0], bars[n, m, k, 1], blurs[k], origin, limits[m])
+            _fill_bars(shapes, limits, steps, ones, signals, matrix, right)
+            _factorise(matrix, stiffness, lower, diagonal)
+            for c in range(3):
+                _solve_levels(lower, diagonal, right[c], stiffness, excess[:, k, c], squares[c], own, left[c])
+                for o in range(trials):
+                    for m in range(size):
+                        levels[n, k, o, m, c] = own[m, o]
+            _fill_misfit(left, whole, apart, misfit[n, k])
 
 
 @njit(cache=True, nogil=True)

@@ -27,6 +27,18 @@ class Surfaces:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Shadow:
+    """A shadow on the ground: its middle, the direction of its length from the y axis, sides; what it takes, 0 to 1."""
+
+    x_m: float
+    y_m: float
+    turn_rad: float
+    width_m: float
+    length_m: float
+    darkness: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Airfield:
     """An airfield in the threshold frame; lengths in m.
 
@@ -43,6 +55,9 @@ class Airfield:
     repair : darkest and lightest stretch of newer or older pavement, against the runway's own.
     repair_tint : share of that which is independent in each colour; 0: all stretches are as grey as the runway.
     field_m : size of the fields' patchwork, 0 for none.
+    grain : texture of the ground, as a share of its reflectance.
+    paint_opacity, rubber_opacity : of all paint, 0 for none, and of the rubber at the touchdown.
+    shadows : on top of all else.
     """
 
     width_m: float = 18.0
@@ -57,12 +72,16 @@ class Airfield:
     repair: tuple[float, float] = (0.72, 1.35)
     repair_tint: float = 1.0
     field_m: float = 90.0
+    grain: float = 0.45
+    paint_opacity: float = 0.9
+    rubber_opacity: float = 0.3
+    shadows: tuple[Shadow, ...] = ()
     surfaces: Surfaces = Surfaces()
 
 
 def patches(field: Airfield, generator: np.random.Generator) -> FloatArray:
     """Return the painted patches (n, 13), columns as in `PATCH`, in the order of painting."""
-    s, half = field.surfaces, 0.5 * field.width_m
+    s = field.surfaces
     middle = -0.5 * field.length_m
     rows: list[FloatArray] = []
     for x, y, turn, width in field.roads:
@@ -76,17 +95,29 @@ def patches(field: Airfield, generator: np.random.Generator) -> FloatArray:
         for y in (-0.5 * field.end_m, -field.length_m + 0.5 * field.end_m):
             rows.append(_patch(0.0, y, field.width_m, field.end_m, s.runway_end, mottle=0.08))
     for x in (-0.17 * field.width_m, 0.17 * field.width_m):
-        rows.append(_patch(x, -75.0, 0.22 * field.width_m, 90.0, s.rubber, opacity=0.3, mottle=0.3))
-    rows.append(_patch(0.0, middle, 0.4, field.length_m - 60.0, s.paint, opacity=0.9, dashes=(20.0, 0.6)))
+        rows.append(_patch(x, -75.0, 0.22 * field.width_m, 90.0, s.rubber, opacity=field.rubber_opacity, mottle=0.3))
+    if field.paint_opacity > 0.0:
+        rows += _paint(field)
+    for one in field.shadows:
+        black = (0.0, 0.0, 0.0)
+        rows.append(_patch(one.x_m, one.y_m, one.width_m, one.length_m, black, turn=one.turn_rad, opacity=one.darkness))
+    return np.array(rows)
+
+
+def _paint(field: Airfield) -> list[FloatArray]:
+    """Return the painted centre line, side lines and bars."""
+    paint, opacity, half, middle = field.surfaces.paint, field.paint_opacity, 0.5 * field.width_m, -0.5 * field.length_m
+    rows = [_patch(0.0, middle, 0.4, field.length_m - 60.0, paint, opacity=opacity, dashes=(20.0, 0.6))]
     if field.edge_stripe_m > 0.0:
         x = half - field.edge_stripe_inset_m - 0.5 * field.edge_stripe_m
-        rows += [_patch(k * x, middle, field.edge_stripe_m, field.length_m, s.paint, opacity=0.9) for k in (-1, 1)]
+        rows += [_patch(k * x, middle, field.edge_stripe_m, field.length_m, paint, opacity=opacity) for k in (-1, 1)]
     pitch = (half - 1.5) / max(field.bars, 1)
     for k in range(field.bars):
         for sign in (-1.0, 1.0):
             for y in (-12.0, -field.length_m + 12.0):
-                rows.append(_patch(sign * (0.8 + (k + 0.5) * pitch), y, 0.55 * pitch, 14.0, s.paint, opacity=0.9))
-    return np.array(rows)
+                x = sign * (0.8 + (k + 0.5) * pitch)
+                rows.append(_patch(x, y, 0.55 * pitch, 14.0, paint, opacity=opacity))
+    return rows
 
 
 def _repairs(field: Airfield, generator: np.random.Generator) -> list[FloatArray]:

@@ -26,6 +26,13 @@ class Illumination(NamedTuple):
     cloud_along_m: float
 
 
+class GroundTexture(NamedTuple):
+    """Size of the fields' patchwork, m, 0 for none; the texture as a share of the reflectance."""
+
+    field_m: float
+    grain: float
+
+
 class Footprint(NamedTuple):
     """How the ground point of a pixel moves with the pixel (u, v), m per px."""
 
@@ -126,7 +133,7 @@ def _ground_colour(
     patches: FloatArray,
     base: FloatArray,
     near: MaskArray,
-    field_m: float,
+    fields: GroundTexture,
     seed: int,
     out: FloatArray,
 ) -> None:
@@ -139,10 +146,10 @@ def _ground_colour(
     fx, fy = fx + 1e-6, fy + 1e-6
     grain += _tufts(x, y, fx, fy, 5.0, seed + 51) / 0.45 + _tufts(x, y, fx, fy, 19.0, seed + 61) / 0.45
     mix = 0.5
-    if field_m > 0.0:
-        mix = min(max(0.5 + 1.4 * value_noise(x / field_m, y / (1.6 * field_m), seed + 91), 0.0), 1.0)
+    if fields.field_m > 0.0:
+        mix = min(max(0.5 + 1.4 * value_noise(x / fields.field_m, y / (1.6 * fields.field_m), seed + 91), 0.0), 1.0)
     for c in range(3):
-        out[c] = (base[0, c] * (1.0 - mix) + base[1, c] * mix) * (1.0 + 0.45 * grain)
+        out[c] = (base[0, c] * (1.0 - mix) + base[1, c] * mix) * (1.0 + fields.grain * grain)
     for k in range(patches.shape[0]):
         if not near[k]:
             continue
@@ -202,7 +209,7 @@ def render_ground(
     patches: FloatArray,
     base: FloatArray,
     light: Illumination,
-    field_m: float,
+    fields: GroundTexture,
     seed: int,
     out: FloatArray,
 ) -> None:
@@ -239,7 +246,7 @@ def render_ground(
             x, y = point[0]
             footprint = Footprint(point[1, 0] - x, point[1, 1] - y, point[2, 0] - x, point[2, 1] - y)
             _mark_near(x, y, footprint, columns, near)
-            _ground_colour(x, y, footprint, patches, base, near, field_m, seed, colour)
+            _ground_colour(x, y, footprint, patches, base, near, fields, seed, colour)
             distance = math.sqrt((x - camera[0]) ** 2 + (y - camera[1]) ** 2 + camera[2] ** 2)
             cloud = 1.0 - light.cloud_shadow * min(
                 max(0.5 + 1.6 * value_noise(x / light.cloud_across_m, y / light.cloud_along_m, seed + 33), 0.0), 1.0

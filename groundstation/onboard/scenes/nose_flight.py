@@ -124,9 +124,11 @@ def attitude_of(runway_from_body_wxyz: FloatArray) -> FloatArray:
     return np.array([math.atan2(M[2, 1], M[2, 2]), pitch, math.atan2(M[1, 0], M[0, 0])])
 
 
-def navigation_poses(flight: NoseFlight, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def navigation_poses(
+    flight: NoseFlight, rng: np.random.Generator, sensors: Sensors | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return a navigation's pose at each sample: attitude (n, 3) in rad and the camera's place (n, 3) in m."""
-    sensors, motion = Sensors(), flight.motion
+    sensors, motion = sensors or Sensors(), flight.motion
     attitude = np.array([attitude_of(wxyz_from_matrix(R)) for R in motion.runway_from_body])
     attitude += rng.normal(0.0, sensors.attitude_bias_rad, 3)
     attitude += rng.normal(0.0, sensors.attitude_noise_rad, attitude.shape)

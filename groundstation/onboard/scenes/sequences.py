@@ -12,7 +12,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix, nose_pose, pixels_from_points
 from groundstation.onboard.scenes.flight import PoseSeries, Sensors, StraightApproach, fly, measured
 from groundstation.onboard.scenes.ground import Airfield, Surfaces, edge_lamps, patches
-from groundstation.onboard.scenes.ground_kernel import add_lamps, render_ground
+from groundstation.onboard.scenes.ground_kernel import GroundTexture, add_lamps, render_ground
 from groundstation.onboard.scenes.light import DAY, DUSK, HAZE, NIGHT, Light
 
 NOSE_LENS = Lens(
@@ -204,8 +204,8 @@ class Renderer:
         base = np.array([field.surfaces.ground, field.surfaces.ground_other])
         rotation = np.ascontiguousarray(pose.threshold_from_camera)
         render_ground(
-            self._rays, rotation, pose.camera_threshold_m, self._patches, base, light.illumination(), field.field_m,
-            self.sequence.seed, linear,
+            self._rays, rotation, pose.camera_threshold_m, self._patches, base, light.illumination(),
+            GroundTexture(field.field_m, field.grain), self.sequence.seed, linear,
         )  # fmt: skip
         if light.lamp_power > 0.0:
             self._light_lamps(linear, pose, light)

@@ -46,6 +46,8 @@ class ApproachConfig:
     changing_s, changing_share : edges also have errors for some seconds: period, and size relative to constant ones.
     near_sigma_m, end_sigma_px : the same of a threshold, whose bars begin 6 m behind it, and of its blur;
         ``far_end_…`` of the far one.
+    width_sigma : how well the announced width is known, as a share of it; learnt where a height is known.
+    height_memory_s : for how long the filter's own error in height stays about the same.
     faint_px : additional error of a threshold's rows, over the rise of the difference in units of its noise.
     confirmed_after : number of poses since the filter's start before its fixes are reported: the first two fit any
         velocity, so that two wrong ones start it as well as two right ones.
@@ -70,6 +72,8 @@ class ApproachConfig:
     near_sigma_m: float = 3.0
     end_sigma_px: float = 0.7
     faint_px: float = 5.0
+    width_sigma: float = 0.02
+    height_memory_s: float = 3.0
     clear_levels: float = 150.0
     most_faint: float = 2.5
     dark_grey: float = 115.0

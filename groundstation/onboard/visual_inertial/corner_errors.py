@@ -78,6 +78,17 @@ def tracked_modes(pixels: FloatArray, edges: Edges, runway: Runway, config: Appr
     return np.hstack([moved.reshape(8, -1), np.stack(_threshold_modes(pixels, runway, config), axis=1)])
 
 
+def width_mode(pixels: FloatArray, width_sigma: float) -> FloatArray:
+    """Return the column (8,) of a runway that is wider than announced by one sigma, as a share of its width.
+
+    Each corner is farther out along its threshold, by half of that.
+    """
+    moved = np.zeros((4, 2))
+    for k in range(4):
+        moved[k] = 0.5 * width_sigma * (pixels[k] - pixels[3 - k])
+    return moved.ravel()
+
+
 def weights_of_ends(edges: Edges, row_px: float) -> FloatArray:
     """Return how a line's place in a row follows from its crossings with the upper and the lower row, (2,)."""
     upper, lower = edges.rows_px

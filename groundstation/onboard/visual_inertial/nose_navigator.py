@@ -5,13 +5,13 @@ filter's pose, edges and filter would confirm each other. Without one, it uses t
 trusted.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.camera import Lens
-from groundstation.geometry.rotation import matrix_from_wxyz
+from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_state import PITCH, ROLL, UP, C, D
@@ -27,7 +27,6 @@ from groundstation.onboard.pose.inertial_filter import (
     ImuSample,
     InertialFilter,
     Navigation,
-    NavigationStatus,
     PoseInnovation,
     PoseObservation,
     UpdateOutcome,
@@ -36,64 +35,18 @@ from groundstation.onboard.pose.pose_solver import PointCorrespondences, PoseSta
 from groundstation.onboard.pose.runway import Runway
 from groundstation.onboard.visual_inertial.config import ApproachConfig
 from groundstation.onboard.visual_inertial.consider_parameters import ConsiderFilterBank
-from groundstation.onboard.visual_inertial.corner_errors import edge_mode_count, mode_count
+from groundstation.onboard.visual_inertial.corner_errors import edge_mode_count, mode_count, width_mode
 from groundstation.onboard.visual_inertial.corner_finder import FoundCorners, NoCorners, find_corners
+from groundstation.onboard.visual_inertial.lasting_errors import KnownHeight, LastingErrors
+from groundstation.onboard.visual_inertial.nose_report import NoseFix, NoseReport
 from groundstation.onboard.visual_inertial.pose_sensitivity import pixel_jacobian_of_pose, pose_jacobian_of_pixels
 
 # largest distance of the edges from their surveyed position when the filter takes over
 _START_TURN_RAD = 0.02
 _START_SHIFT_M = 1.5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NoseFix:
-    """Pose and velocity of the camera: runway frame.
-
-    Attributes
-    ----------
-    position_m, velocity_m_s : (3,) of the camera; the velocity is the body's.
-    runway_from_body_wxyz : (4,).
-    covariance : (9, 9) of position (m), rotation vector (rad, R_true = exp([δθ]×) R) and velocity (m/s): that of the
-        filter relative to the visible runway, and the constant distance between the visible edges and the pavement's.
-    status : of the filter.
-    """
-
-    t_s: float
-    position_m: FloatArray
-    velocity_m_s: FloatArray
-    runway_from_body_wxyz: FloatArray
-    covariance: FloatArray
-    status: NavigationStatus
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NoseReport:
-    """Results of a picture; each part is None where the one before gave nothing for it.
-
-    ``tracker_pose`` is the edge tracker's input, ``edges`` its report; ``corners``, ``pose`` and ``innovation``
-    follow; ``fix`` is None until poses confirm the filter's start.
-    """
-
-    t_s: float
-    tracker_pose: NoseCameraPose | None
-    edges: EdgeReport | None
-    corners: FoundCorners | NoCorners | None
-    pose: RunwayPose | None
-    innovation: PoseInnovation | None
-    fix: NoseFix | None
-
-    @property
-    def outcome(self) -> str:
-        """Return in one word the result of the picture: the filter's outcome, or the missing part."""
-        if self.tracker_pose is None:
-            return "no_pose"
-        if self.edges is None or self.edges.edges is None:
-            return "no_edges"
-        if self.corners is None or isinstance(self.corners, NoCorners):
-            return "edges_alone" if self.corners is None else self.corners.value
-        if self.innovation is None:
-            return "no_fit"
-        return self.innovation.outcome.value
+# of a fix's covariance and of the sensitivities: the rotation vector; of a position: up
+ATTITUDE_OF_FIX = slice(3, 6)
+UPWARDS = 2
 
 
 class NoseNavigator:
@@ -119,14 +72,17 @@ class NoseNavigator:
         self._in_a_row = 0
         self._scatter = 1.0
         self._last: ImuSample | None = None
+        self._height: KnownHeight | None = None
         self._begin()
 
     def _begin(self) -> None:
         """Make the filters new; the next pose starts them."""
         self._filter = InertialFilter(self._config.inertial, self._mount)
         self._edge_modes = edge_mode_count(self._config.corners)
-        count = mode_count(self._config.corners) + 2 * self._edge_modes
+        # the edges' again as waves, and the runway's width
+        count = mode_count(self._config.corners) + 2 * self._edge_modes + 1
         self._lasting = ConsiderFilterBank(self._config.inertial, self._mount, count)
+        self._errors = LastingErrors(count, self._config.height_memory_s)
         self._used = self._refused = 0
         self._confirmed = False
         self._scatter = 1.0
@@ -149,8 +105,15 @@ class NoseNavigator:
         self._lasting.process_imu(sample)
         self._last = sample
 
-    def update(self, t_s: float, image: ImageArray, outside: NoseCameraPose | None) -> NoseReport:
-        """Take a picture (h, w, 3) uint8 BGR, with a pose from outside as far as there is one."""
+    def update(
+        self,
+        t_s: float,
+        image: ImageArray,
+        outside: NoseCameraPose | None,
+        height: KnownHeight | None = None,
+    ) -> NoseReport:
+        """Take a picture (h, w, 3) uint8 BGR, with a pose from outside and a known height as far as there are any."""
+        self._height = height
         if self._last is not None and t_s > self._last.t_s:
             # the sample before holds until the next: the state is brought to the picture's time
             self.process_imu(replace(self._last, t_s=t_s))
@@ -162,7 +125,8 @@ class NoseNavigator:
             self._in_a_row = 0
             return self._report(t_s, tracker_pose, edges, None, None, None)
         if not self._settled(edges.edges):
-            return self._report(t_s, tracker_pose, edges, None, None, None)
+            report = self._report(t_s, tracker_pose, edges, None, None, None)
+            return replace(report, other_width_m=None if self._as_wide(edges.edges) else _apart_m(edges.edges))
         own = self._own() if self._inside else None
         corners = find_corners(
             image, edges.edges, own or tracker_pose, self._runway, self._kappa, self._config,
@@ -212,24 +176,26 @@ class NoseNavigator:
 
     def _row_sigmas(self, predicted: NoseCameraPose) -> FloatArray | None:
         """Return sigmas (2,) px of the predicted rows of the thresholds; None while the filter is not trusted."""
-        fix = self._fix(self._filter.navigation, 0.0) if self._inside else None
         H = None
-        if fix is not None:
+        if self._inside:
             H = pixel_jacobian_of_pose(
                 self._runway.corners_m, self._kappa, predicted.camera_threshold_m, predicted.threshold_from_camera
             )
-        if fix is None or H is None:
+        if H is None:
             return None
-        rows = np.sqrt(np.einsum("ij,jk,ik->i", H[1::2], fix.covariance[:6, :6], H[1::2]))
+        S = self._sensitivity_of_fix()
+        P = (self._covariance(self._filter.navigation) + S @ S.T)[:6, :6]
+        rows = np.sqrt(np.einsum("ij,jk,ik->i", H[1::2], P, H[1::2]))
         return np.array([max(rows[0], rows[3]), max(rows[1], rows[2])])
 
     def _settled(self, edges: Edges) -> bool:
         """Return whether the edges may start a filter, or continue one that is trusted."""
         self._in_a_row += 1
-        mean = edges.state.mean
-        wide = abs(float(mean[C] - mean[D])) / self._runway.width_m
-        close = abs(wide - 1.0) < self._config.width_share
-        return close and (self._inside or self._in_a_row > self._config.settled_after)
+        return self._as_wide(edges) and (self._inside or self._in_a_row > self._config.settled_after)
+
+    def _as_wide(self, edges: Edges) -> bool:
+        """Return whether edges are about as far apart as the runway is wide."""
+        return abs(_apart_m(edges) / self._runway.width_m - 1.0) < self._config.width_share
 
     def _trusted(self) -> bool:
         config, now = self._config, self._filter.navigation
@@ -265,7 +231,7 @@ class NoseNavigator:
         covariance = sum(
             (D[:, 2 * k : 2 * k + 2] @ independent[k] @ D[:, 2 * k : 2 * k + 2].T for k in range(4)), np.zeros(1)
         )
-        lasting = D @ self._in_time(t_s, corners.systematic_px)
+        lasting = D @ self._in_time(t_s, corners)
         observation = PoseObservation(
             t_s=t_s,
             position_m=pose.position_m,
@@ -287,15 +253,16 @@ class NoseNavigator:
             self._used, self._inside, self._confirmed = 1, False, False
         return innovation
 
-    def _in_time(self, t_s: float, systematic_px: FloatArray) -> FloatArray:
-        """Return the constant errors, and the edges' part that varies within the flight: two phases of a wave.
+    def _in_time(self, t_s: float, corners: FoundCorners) -> FloatArray:
+        """Return the constant errors, the edges' part that varies within the flight (two phases of a wave), the width.
 
         A constant error of an edge may cancel in the state; one that is there for some seconds does not.
         """
-        config, edges = self._config, systematic_px[:, : self._edge_modes]
+        config, edges = self._config, corners.systematic_px[:, : self._edge_modes]
         angle = 2.0 * np.pi * t_s / config.changing_s
         waves = [config.changing_share * float(wave) * edges for wave in (np.cos(angle), np.sin(angle))]
-        return np.hstack([systematic_px, *waves])
+        width = width_mode(corners.pixels, config.width_sigma)
+        return np.hstack([corners.systematic_px, *waves, width[:, None]])
 
     def _learn_scatter(self, innovation: PoseInnovation, observation: PoseObservation) -> None:
         """Adapt the covariance of each picture to the innovations, never below that of the fits."""
@@ -318,6 +285,39 @@ class NoseNavigator:
                 position, wxyz = self._filter.camera_pose()
         return pose_jacobian_of_pixels(self._runway.corners_m, self._kappa, position, matrix_from_wxyz(wxyz), weights)
 
+    def _fix(self, t_s: float) -> NoseFix:
+        """Return the camera's place with the whole covariance, less what lasts as far as that has been learnt."""
+        now, S, learnt = self._filter.navigation, self._sensitivity_of_fix(), self._errors
+        off = S @ learnt.mean
+        turned = rotation_from_vector(-off[ATTITUDE_OF_FIX]) @ matrix_from_wxyz(now.runway_from_body_wxyz)
+        return NoseFix(
+            t_s=t_s,
+            position_m=self._filter.camera_pose()[0] - off[:3],
+            velocity_m_s=now.velocity_m_s - off[6:],
+            runway_from_body_wxyz=wxyz_from_matrix(turned),
+            covariance=self._covariance(now) + S @ learnt.covariance @ S.T,
+            status=now.status,
+        )
+
+    def _arm(self, now: Navigation) -> FloatArray:
+        """Return how the camera's place moves with the body's rotation vector, (3, 3)."""
+        x, y, z = matrix_from_wxyz(now.runway_from_body_wxyz) @ self._mount.camera_in_body_m
+        return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+
+    def _covariance(self, now: Navigation) -> FloatArray:
+        """Return the filter's own covariance of the camera's place, attitude and velocity, (9, 9)."""
+        G = np.zeros((9, now.P.shape[0]))
+        G[:3, POSITION] = G[ATTITUDE_OF_FIX, ATTITUDE] = G[6:, VELOCITY] = np.eye(3)
+        G[:3, ATTITUDE] = self._arm(now)
+        return np.asarray(G @ now.P @ G.T)
+
+    def _sensitivity_of_fix(self) -> FloatArray:
+        """Return what one sigma of each lasting error makes of the camera's place, attitude and velocity, (9, n)."""
+        now = self._filter.navigation
+        S = self._lasting.sensitivity(now)
+        S[:3] += self._arm(now) @ S[ATTITUDE_OF_FIX]
+        return S
+
     def _report(
         self,
         t_s: float,
@@ -327,25 +327,17 @@ class NoseNavigator:
         pose: RunwayPose | None,
         innovation: PoseInnovation | None,
     ) -> NoseReport:
-        fix = self._fix(self._filter.navigation, t_s) if self._confirmed else None
+        """Return what came of a picture, with the fix after it and after what is known of the height."""
+        if self._confirmed and self._height is not None:
+            S, P = self._sensitivity_of_fix(), self._covariance(self._filter.navigation)
+            off_m = float(self._filter.camera_pose()[0][UPWARDS]) - self._height.up_m
+            self._errors.update(t_s, off_m, S[UPWARDS], float(P[UPWARDS, UPWARDS]), self._height)
+        fix = self._fix(t_s) if self._confirmed else None
         return NoseReport(
             t_s=t_s, tracker_pose=tracker_pose, edges=edges, corners=corners, pose=pose, innovation=innovation, fix=fix
         )
 
-    def _fix(self, now: Navigation, t_s: float) -> NoseFix:
-        """Return the camera's place with the whole covariance."""
-        position, _ = self._filter.camera_pose()
-        arm = matrix_from_wxyz(now.runway_from_body_wxyz) @ self._mount.camera_in_body_m
-        G = np.zeros((9, now.P.shape[0]))
-        G[:3, POSITION] = G[3:6, ATTITUDE] = G[6:, VELOCITY] = np.eye(3)
-        G[:3, ATTITUDE] = [[0.0, arm[2], -arm[1]], [-arm[2], 0.0, arm[0]], [arm[1], -arm[0], 0.0]]
-        S = self._lasting.sensitivity(now)
-        S[:3] += G[:3, ATTITUDE] @ S[3:6]
-        return NoseFix(
-            t_s=t_s,
-            position_m=position,
-            velocity_m_s=now.velocity_m_s,
-            runway_from_body_wxyz=now.runway_from_body_wxyz,
-            covariance=G @ now.P @ G.T + S @ S.T,
-            status=now.status,
-        )
+
+def _apart_m(edges: Edges) -> float:
+    """Return how far edges are apart on the ground."""
+    return abs(float(edges.state.mean[C] - edges.state.mean[D]))

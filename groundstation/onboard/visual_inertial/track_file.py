@@ -16,7 +16,7 @@ from groundstation.onboard.pose.agreement import PositionAgreement
 from groundstation.onboard.pose.runway import CORNERS
 from groundstation.onboard.scenes.nose_flight import attitude_of
 from groundstation.onboard.visual_inertial.corner_finder import FoundCorners
-from groundstation.onboard.visual_inertial.nose_navigator import NoseFix, NoseReport
+from groundstation.onboard.visual_inertial.nose_report import NoseFix, NoseReport
 
 TRACK_COLUMNS = (
     *("t_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"),

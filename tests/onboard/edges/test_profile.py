@@ -10,13 +10,14 @@ import pytest
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.coordinate_ascent import best_displacements
 from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
+from groundstation.onboard.edges.gather_kernel import gather
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
 from groundstation.onboard.edges.markings import Change, Markings, initial_markings, unsettled_m2
 from groundstation.onboard.edges.pose import intrinsic_matrix
 from groundstation.onboard.edges.profile import edges_by_profile
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import OUTWARDS
-from groundstation.onboard.edges.profile_kernel import ExcessPrior, gather, line_likelihood, misfits, moments
+from groundstation.onboard.edges.profile_kernel import ExcessPrior, line_likelihood, misfits, moments
 from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_rows
 from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer, varied
 from tests.onboard.edges.seen import smooth_picture
@@ -194,7 +195,7 @@ def test_levels_and_displacement_of_a_profile_are_found() -> None:
 def test_every_pixel_of_a_window_is_counted_once_and_none_twice() -> None:
     x, rows, steps = np.array([250.3, 190.7, 380.1, 455.6]), np.array([262.0, 300.0]), np.array([0.5, 0.9])
     total, weight = np.zeros((2, 8, 41, 3)), np.zeros((2, 8, 41))
-    gather(np.full((480, 640, 3), 51, np.uint8), x, rows, steps, total, weight)
+    gather(np.full((480, 640, 3), 51, np.uint8), x, rows, steps, total, weight, np.zeros((2, 0, 0)))
     np.testing.assert_allclose(total, 0.2 * np.repeat(weight[..., None], 3, axis=3), atol=1e-12)
     count = 0
     for row in range(262, 301):
@@ -204,7 +205,7 @@ def test_every_pixel_of_a_window_is_counted_once_and_none_twice() -> None:
     assert weight[0].sum() == pytest.approx(count)
     picture = smooth_picture(2)
     total[:] = weight[:] = 0.0
-    gather(picture, x, rows, steps, total, weight)
+    gather(picture, x, rows, steps, total, weight, np.zeros((2, 0, 0)))
     # the middle bin lies on the line
     t = 0.5 / 8.0 * np.array([-1.0, 0.0, 1.0]).mean() + 0.5 / 8.0
     row = 262.0 + 38.0 * t
@@ -221,7 +222,7 @@ def test_no_pixel_beyond_the_other_line_is_an_edges_own() -> None:
         left, right = crossings_at(x, rows, np.array([row, row]))[[0, 2]]
         picture[row, math.ceil(left) : math.floor(right) + 1] = 51
     total, weight = np.zeros((2, 8, 61, 3)), np.zeros((2, 8, 61))
-    gather(picture, x, rows, steps, total, weight)
+    gather(picture, x, rows, steps, total, weight, np.zeros((2, 0, 0)))
     within = np.arange(61) < 30
     np.testing.assert_allclose(total[:, :, within], 0.2 * np.repeat(weight[:, :, within, None], 3, axis=3), atol=1e-12)
     assert (weight[:, 0, :11] == 0.0).all()  # at most 9 px apart in the first rows, 18 bins
