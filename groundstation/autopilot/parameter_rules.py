@@ -113,6 +113,16 @@ _EKF3 = (
 )
 
 
+# EKF3 remembers as long as its slowest sensor's delay; a range beacon's counts whether there is one or not
+_EKF3_MEMORY = ParameterRule(
+    names=("EK3_BCN_DELAY",),
+    accepts=lambda value: 200.0 <= value <= 250.0,
+    recommended=250,
+    why="EKF3 remembers no longer than its slowest sensor's delay: what the radio holds up longer counts as newer",
+    finding=ParameterVerdict.WARNING,
+)
+
+
 def _ardupilot_gps(settings: AutopilotSettings) -> tuple[ParameterRule, ...]:
     k = settings.gps_id + 1
     older = "GPS_TYPE" if k == 1 else f"GPS_TYPE{k}"
@@ -158,6 +168,7 @@ def _ardupilot_gps(settings: AutopilotSettings) -> tuple[ParameterRule, ...]:
             why="a larger noise than that drowns the stream's sigma",
             finding=ParameterVerdict.WARNING,
         ),
+        _EKF3_MEMORY,
         *_EKF3,
     )
 
@@ -207,6 +218,7 @@ def _ardupilot_vision(mode: AutopilotMode) -> tuple[ParameterRule, ...]:
         ParameterRule(
             names=("EK3_SRC1_VELZ",), accepts=_is(6, 0), recommended=6, why="the sink rate is another source's"
         ),
+        _EKF3_MEMORY,
         *_EKF3,
     )
 

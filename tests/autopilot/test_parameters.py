@@ -44,6 +44,8 @@ def test_the_recommended_values_are_good_and_an_absent_one_is_said(autopilot: in
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_POSZ", 1, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_YAW", 2, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_DELAY_MS", 400, ParameterVerdict.ERROR),
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_BCN_DELAY", 50, ParameterVerdict.WARNING),
+        (_ARDUPILOT, AutopilotMode.ODOMETRY, "EK3_BCN_DELAY", 50, ParameterVerdict.WARNING),
         (_ARDUPILOT, AutopilotMode.VISION, "VISO_QUAL_MIN", 1, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.VISION, "EK3_SRC1_POSXY", 3, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.ODOMETRY, "VISO_TYPE", 0, ParameterVerdict.ERROR),
