@@ -65,14 +65,15 @@ class LinkDelay:
 
     @property
     def least_sigma_s(self) -> float:
-        """One sigma of the fastest message's delay.
+        """One sigma of the delay of the message that the vehicle takes for the fastest.
 
-        The fastest of n is slower than the fastest that can be, by one n-th of what a uniform delay varies by; and
-        the two ways need not be equally fast.
+        It judges by other messages than these, and by its last hundred: their fastest is taken to be off by what the
+        third fastest here is slower than the fastest. And the two ways need not be equally fast.
         """
-        sigma_s = self.one_way_sigma_s
-        slower_s = min(12.0**0.5 * sigma_s / (len(self._there_s) + 1), sigma_s)
-        return math.hypot(slower_s, _UNEQUAL * (self.least_one_way_s or 0.0))
+        if len(self._there_s) < _LEAST:
+            return self.one_way_sigma_s
+        fastest_s, _, third_s = sorted(self._there_s)[:_LEAST]
+        return math.hypot(third_s - fastest_s, _UNEQUAL * self._least())
 
     def beyond_sigma_s(self, allowed_s: float) -> float:
         """Return the rms of that by which a message is later than the fastest by more than is allowed."""

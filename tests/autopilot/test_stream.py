@@ -370,3 +370,12 @@ def test_jitter_of_one_way_is_not_taken_for_delay_of_the_other() -> None:
         link.answered(0.0, 777.04, 0.04 + back_s)
     assert link.one_way_s == pytest.approx(0.04)
     assert link.least_one_way_s == pytest.approx(0.04)
+
+
+def test_what_is_taken_for_the_fastest_is_off_by_what_the_fastest_differ_by() -> None:
+    """Expected: 20 ms before three answers; then what the third is slower, and a tenth of the fastest's delay."""
+    link = VehicleState().link_delay
+    assert link.least_sigma_s == 0.02
+    for there_s in (0.05, 0.2, 0.06, 0.07, 0.19):
+        link.answered(0.0, there_s, there_s + 0.05)
+    assert link.least_sigma_s == pytest.approx(math.hypot(0.02, 0.005))
