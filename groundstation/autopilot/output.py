@@ -122,6 +122,8 @@ class AutopilotOutput:
             words = [f"autopilot: silent, {self._stream.silent_because}"]
         if not heard:
             words.append("vehicle not heard")
+        if doubt := self._stream.doubt(self.vehicle):
+            words.append(doubt)
         if self._link.refused:
             words.append(f"{self._link.refused} messages refused (checksum or signature)")
         if self._link.fault:

@@ -33,6 +33,8 @@ _LATEST_FIX_S = 0.3
 # a radio may not ask for a longer prediction
 _MOST_PREDICTION_S = 0.5
 _EVERY_S = 1.0
+# half a metre at 25 m/s
+_MUCH_S = 0.02
 # of a vehicle that is heard, the clock is asked for more often: the fastest of few answers is late
 _CLOCK_EVERY_S = 0.2
 # of the last minutes
@@ -161,6 +163,16 @@ class AutopilotStream:
             return link.one_way_sigma_s
         left_s = ekf3_memory_s(self._settings, vehicle) - self.delay_s(vehicle)
         return math.hypot(link.least_sigma_s, link.beyond_sigma_s(left_s))
+
+    def doubt(self, vehicle: VehicleState) -> str:
+        """Return what is to be said of the link's varying delay; "" where it is little or not known."""
+        sigma_s = self.link_delay_sigma_s(vehicle)
+        if vehicle.link_delay.one_way_s is None or sigma_s < _MUCH_S:
+            return ""
+        words = f"the link's delay varies: positions are misdated by {1e3 * sigma_s:.0f} ms (1 σ)"
+        if not self._by_the_fastest(vehicle):
+            return words
+        return f"{words}, EKF3 remembers {1e3 * ekf3_memory_s(self._settings, vehicle):.0f} ms (EK3_BCN_DELAY)"
 
     def _by_the_fastest(self, vehicle: VehicleState) -> bool:
         return self._settings.mode is AutopilotMode.GPS_INPUT or vehicle.autopilot == ARDUPILOT

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from groundstation.autopilot.local_frame import LocalFrame
+from groundstation.autopilot.received import receive
 from groundstation.autopilot.settings import MOST_DELAY_S, AutopilotMode, AutopilotSettings
 from groundstation.autopilot.stream import AutopilotStream
 from groundstation.autopilot.vehicle_attitude import VehicleAttitude
@@ -379,3 +380,34 @@ def test_what_is_taken_for_the_fastest_is_off_by_what_the_fastest_differ_by() ->
     for there_s in (0.05, 0.2, 0.06, 0.07, 0.19):
         link.answered(0.0, there_s, there_s + 0.05)
     assert link.least_sigma_s == pytest.approx(math.hypot(0.02, 0.005))
+
+
+def test_answers_are_received_with_the_vehicles_clock_each_way() -> None:
+    """Expected: 30 ms there of the fastest, 40 of the median, whatever the way back and the vehicle's clock."""
+    vehicle = VehicleState(system=1)
+    for k, (there_s, back_s) in enumerate([(0.03, 0.3), (0.05, 0.03), (0.04, 0.2)]):
+        sent_s = 10.0 + k
+        fields = {"tc1": round(1e9 * (77.0 + sent_s + there_s)), "ts1": round(1e9 * (1000.0 + sent_s))}
+        receive(vehicle, "TIMESYNC", fields, (1, 1), sent_s + there_s + back_s, link_s=1000.0)
+    assert vehicle.link_delay.least_one_way_s == pytest.approx(0.03)
+    assert vehicle.link_delay.one_way_s == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "memory_ms", "words"),
+    [
+        (12, 0.0, "misdated by 55 ms (1 σ)"),
+        (3, 50.0, "EKF3 remembers 200 ms (EK3_BCN_DELAY)"),
+        (3, 250.0, "misdated by 43 ms (1 σ)"),
+    ],
+)
+def test_a_link_whose_delay_varies_is_told(autopilot: int, memory_ms: float, words: str) -> None:
+    """Expected: half of the messages 110 ms late: 55 ms; of ArduPilot the rms of what EKF3 forgets, 110 or 60 ms."""
+    vehicle = VehicleState(autopilot=autopilot, parameters={"EK3_BCN_DELAY": memory_ms})
+    mode = AutopilotMode.ODOMETRY if autopilot == 12 else AutopilotMode.GPS_INPUT
+    stream = stream_of(StraightFlight(), mode, link_delay_sigma_s=None)
+    assert stream.doubt(vehicle) == ""
+    for k in range(60):
+        there_s = 0.14 if k % 2 else 0.03
+        vehicle.link_delay.answered(0.0, there_s, there_s + 0.03)
+    assert words in stream.doubt(vehicle)
