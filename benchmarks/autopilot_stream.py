@@ -38,6 +38,8 @@ def streamed(job: tuple[list[int], float]) -> list[dict[str, Any]]:
                     "lost": of.lost,
                     "squares": of.squares_m2.tolist(),
                     "samples": of.samples,
+                    "misdated_s": of.misdated_s,
+                    "longest_gap_s": of.longest_gap_s,
                     "normalised": of.normalised.tolist(),
                     "zero_delay": of.zero_delay_m2.tolist(),
                     "estimates": of.estimates,
@@ -55,13 +57,18 @@ def summary(name: str, flights: list[dict[str, Any]]) -> str:
     rms = np.sqrt(sum(np.array(f["squares"]) for f in mine) / sum(f["samples"] for f in mine))
     zero = np.sqrt(sum(np.array(f["zero_delay"]) for f in mine) / sum(f["estimates"] for f in mine))
     normalised = np.sqrt(sum(np.array(f["normalised"]) for f in mine) / sum(f["samples"] for f in mine))
+    samples = sum(f["samples"] for f in mine)
+    late_s, late_s2 = (sum(f["misdated_s"][k] for f in mine) / samples for k in range(2))
+    gap_s = max(f["longest_gap_s"] for f in mine)
     all_axes = np.linalg.norm(rms) / np.linalg.norm(zero)
     good = {"accepted", "the first of a series"}
     clean = sum(set(f["verdicts"]) <= good for f in mine)
     tally = ", ".join(f"{n} {verdict}" for verdict, n in verdicts.most_common())
     return (
         f"{name}\n  landings without a refusal other than by loss: {clean} of {len(mine)}; "
-        f"lost {sum(f['lost'] for f in mine)}, {tally}\n"
+        f"lost {sum(f['lost'] for f in mine)}, {tally}; longest gap {gap_s:.2f} s\n"
+        f"  taken to be later than it is by {1e3 * late_s:.0f} ms, "
+        f"one sigma {1e3 * (late_s2 - late_s**2) ** 0.5:.0f} ms\n"
         f"  rms error across, along, up: {rms[0]:.3f} {rms[1]:.3f} {rms[2]:.3f} m; "
         f"over the zero-delay filter's {rms[0] / zero[0]:.2f} {rms[1] / zero[1]:.2f} {rms[2] / zero[2]:.2f}, "
         f"all axes {all_axes:.2f}\n"

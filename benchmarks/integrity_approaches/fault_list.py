@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from groundstation.integrity.fault_table import FaultTable
 from groundstation.integrity.protection_levels import ProtectionConfig
+from groundstation.landing_site.fault_table import FaultTable
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.landing_site.runway import LandingRunway
 from groundstation.rig.rig import ClockModel, Rig, Station

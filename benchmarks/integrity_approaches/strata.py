@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.integrity.fault_table import StationFault
+from groundstation.landing_site.fault_table import StationFault
 from integrity_approaches.fault_list import SITES
 from integrity_approaches.linear_approach import DrawnFaults, LinearApproach, no_fault
 

@@ -5,6 +5,7 @@ rig is stated with 0.01° of pan and tilt at each station, one sigma, and the tr
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from groundstation.landing_site.approach_prior import ApproachPrior, WheelPositi
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.landing_site.planned_approach import PlannedApproach
 from groundstation.landing_site.runway import LandingRunway
-from groundstation.messages import InitialState, Kinematics, StepReport, TrackStatus
+from groundstation.messages import Event, InitialState, Kinematics, StepReport, TrackStatus
 from groundstation.rig.rig import Rig
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.airframes.trainer import REST_HEIGHT_PER_SPAN
@@ -90,11 +91,19 @@ def gusty_landing(seed: int, wind_m_s: float, aircraft: FlightModelKind) -> Land
 
 def track(landing: Landing, seed: int) -> TrackedApproach:
     """Track a landing until shortly after its touchdown, from a start off by metres."""
+    pipeline, events = watched(landing, seed, PAIRS_HZ)
+    return TrackedApproach(landing=landing, reports=(*(pipeline.step(event) for event in events), pipeline.finish()))
+
+
+def watched(
+    landing: Landing, seed: int, pairs_hz: float, mount_sigma_rad: float = MOUNT_SIGMA_RAD
+) -> tuple[Pipeline, Sequence[Event]]:
+    """Return a pipeline before its first event, and what the stations see and read until shortly after a touchdown."""
     until_s = landing.touchdown_s + _PAST_TOUCHDOWN_S - landing.trajectory.span_s[0]
     flown = TruncatedTrajectory(whole=landing.trajectory, duration_s=until_s)
-    plain = case_b(seed=seed, rate_hz=PAIRS_HZ, trajectory=flown)
-    stated = _with_covariance(plain.rig)
-    sigma = StationErrors(mount_rad=np.array([MOUNT_SIGMA_RAD, 0.0, MOUNT_SIGMA_RAD]))
+    plain = case_b(seed=seed, rate_hz=pairs_hz, trajectory=flown)
+    stated = _with_covariance(plain.rig, mount_sigma_rad) if mount_sigma_rad else plain.rig
+    sigma = StationErrors(mount_rad=np.array([mount_sigma_rad, 0.0, mount_sigma_rad]))
     errors = drawn_errors(np.random.default_rng([seed, 302]), stated.names, sigma)
     flight = simulate(replace(plain, rig=stated, true_rig=perturbed(stated, errors)))
     start_s = flown.span_s[0]
@@ -109,14 +118,11 @@ def track(landing: Landing, seed: int) -> TrackedApproach:
     )
     shipped = Config()
     tuning = replace(shipped.estimation, labelled_sigma_px=0.5)
-    pipeline = Pipeline(flight.rig, replace(shipped, estimation=tuning), initial=initial)
-    return TrackedApproach(
-        landing=landing, reports=(*(pipeline.step(event) for event in flight.events), pipeline.finish())
-    )
+    return Pipeline(flight.rig, replace(shipped, estimation=tuning), initial=initial), flight.events
 
 
-def _with_covariance(rig: Rig) -> Rig:
+def _with_covariance(rig: Rig, mount_sigma_rad: float) -> Rig:
     """Return the rig with the stated uncertainty of each station's pan and tilt."""
     names = ("runway_from_base.x", "runway_from_base.z")
-    covariance = MOUNT_SIGMA_RAD**2 * np.eye(2)
+    covariance = mount_sigma_rad**2 * np.eye(2)
     return Rig(stations=tuple(replace(s, covariance_parameters=names, covariance=covariance) for s in rig.stations))

@@ -15,7 +15,7 @@ _TWELVE = "| 30 pairs/s, ten minutes, twelve approaches, today's code "
 PLACES: dict[str, tuple[str, ...]] = {
     "landing-1, y 100–250 m, RMSE": (_AT + "#/#/# (",),
     "stream at the moment of use, radio of 30–200 ms: rms over the filter's": (
-        "ratio # (PX4, global position, synchronised) to # (PX4",
+        "ratio # (GPS_INPUT, ArduPilot as `autopilot check` recommends) to # (PX4",
     ),
     "landing on the stream: height below 20 m; scatter over the true state's": (
         "height below 20 m # m rms; touchdown scatter over that on the true state # along and # across",

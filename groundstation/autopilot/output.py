@@ -14,7 +14,8 @@ from groundstation.autopilot.received import receive
 from groundstation.autopilot.settings import AutopilotSettings
 from groundstation.autopilot.signing_key import read_signing_key
 from groundstation.autopilot.status_text import status_texts
-from groundstation.autopilot.stream import AutopilotStream, StreamClock, delay_parameters
+from groundstation.autopilot.stream import AutopilotStream, StreamClock
+from groundstation.autopilot.vehicle_delay import asked_parameters
 from groundstation.autopilot.vehicle_state import VehicleState
 from groundstation.errors import ConfigError
 from groundstation.messages import Kinematics, StepReport
@@ -121,6 +122,8 @@ class AutopilotOutput:
             words = [f"autopilot: silent, {self._stream.silent_because}"]
         if not heard:
             words.append("vehicle not heard")
+        if doubt := self._stream.doubt(self.vehicle):
+            words.append(doubt)
         if self._link.refused:
             words.append(f"{self._link.refused} messages refused (checksum or signature)")
         if self._link.fault:
@@ -145,14 +148,14 @@ class AutopilotOutput:
         self._link.close()
 
     def _questions(self, now_s: float) -> list[MavlinkMessage]:
-        """Return requests for the vehicle's parameters that state the delay, until they are answered."""
+        """Return requests for the vehicle's parameters that the stream depends on, until they are answered."""
         system = self.vehicle.system
-        if system is None or self.settings.delay_s is not None or now_s < self._asked_s + _ASK_EVERY_S:
+        if system is None or now_s < self._asked_s + _ASK_EVERY_S:
             return []
         self._asked_s = now_s
         missing = [
             name
-            for name in delay_parameters(self.settings.mode)
+            for name in asked_parameters(self.settings.mode, self.vehicle)
             if name not in self.vehicle.parameters and self._asked[name] < _ASKED_TIMES
         ]
         self._asked.update(missing)

@@ -56,9 +56,9 @@ def receive(
         wxyz = np.array([_number(fields, f"q{k}") for k in (1, 2, 3, 4)])
         vehicle.attitude = VehicleAttitude.from_quaternion(received_s, wxyz, rates) or vehicle.attitude
     elif name == "TIMESYNC":
-        sent_ns = _number(fields, "ts1")
-        if _number(fields, "tc1") > 0 and math.isfinite(sent_ns):
-            vehicle.round_trip.answered(1e-9 * sent_ns - link_s, received_s)
+        sent_ns, vehicle_ns = _number(fields, "ts1"), _number(fields, "tc1")
+        if vehicle_ns > 0 and math.isfinite(sent_ns):
+            vehicle.link_delay.answered(1e-9 * sent_ns - link_s, 1e-9 * vehicle_ns, received_s)
     elif name == "GPS_GLOBAL_ORIGIN":
         lat_deg, lon_deg = (1e-7 * _number(fields, key) for key in ("latitude", "longitude"))
         if lat_deg or lon_deg:

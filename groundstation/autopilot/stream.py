@@ -22,6 +22,7 @@ from groundstation.autopilot.message import MavlinkMessage
 from groundstation.autopilot.navigation_state import NavigationState
 from groundstation.autopilot.reset_detector import ResetDetector
 from groundstation.autopilot.settings import MOST_DELAY_S, AutopilotMode, AutopilotSettings
+from groundstation.autopilot.vehicle_delay import assumed_delay_s, ekf3_memory_s
 from groundstation.autopilot.vehicle_state import ARDUPILOT, VehicleState
 from groundstation.autopilot.vision_estimate import global_origin, odometry, vision_estimates
 from groundstation.geometry.rotation import wxyz_from_matrix
@@ -32,6 +33,10 @@ _LATEST_FIX_S = 0.3
 # a radio may not ask for a longer prediction
 _MOST_PREDICTION_S = 0.5
 _EVERY_S = 1.0
+# half a metre at 25 m/s
+_MUCH_S = 0.02
+# of a vehicle that is heard, the clock is asked for more often: the fastest of few answers is late
+_CLOCK_EVERY_S = 0.2
 # of the last minutes
 _KEPT_AGES = 10_000
 _ALL_STATIONS, _ONE_STATION = 100, 50
@@ -88,7 +93,10 @@ class AutopilotStream:
         self._fix_s, self._stations = -math.inf, 0
         self._due_s: float | None = None
         self._service_s = -math.inf
+        self._clock_asked_s = -math.inf
         self._last_stamp_us = -1
+        # of stamps before their sending, for ArduPilot
+        self._stamp_lead_s: float | None = None
 
     def note(self, report: StepReport) -> None:
         """Note what the pipeline answered; before the `messages` of that time."""
@@ -106,7 +114,7 @@ class AutopilotStream:
 
     def messages(self, now_s: float, vehicle: VehicleState) -> list[MavlinkMessage]:
         """Return what is to be sent at a session time; to be called often, at least at the stream's rate."""
-        messages = self._service(now_s, vehicle)
+        messages = [*self._service(now_s, vehicle), *self._clock_request(now_s, vehicle)]
         period_s = self._settings.period_s
         if self._due_s is None:
             self._due_s = now_s
@@ -124,10 +132,11 @@ class AutopilotStream:
     # ---------------------------------------------------------------------------------- which state
     def delay_s(self, vehicle: VehicleState) -> float:
         """Return how long before its arrival the vehicle takes a measurement to be, s."""
-        if self._settings.delay_s is not None:
-            return self._settings.delay_s
-        told = _parameter_delay_s(self._settings, vehicle)
-        return self._settings.assumed_delay_s if told is None else told
+        return assumed_delay_s(self._settings, vehicle)
+
+    def state_time_s(self, now_s: float, vehicle: VehicleState) -> float:
+        """Return the time for which the vehicle takes what is sent at ``now_s``; both session time."""
+        return now_s + self.link_delay_s(vehicle) - self.delay_s(vehicle)
 
     def link_delay_s(self, vehicle: VehicleState) -> float:
         """Return the delay of the link, one way, s, as the vehicle takes it.
@@ -136,18 +145,37 @@ class AutopilotStream:
         """
         if self._settings.link_delay_s is not None:
             return self._settings.link_delay_s
-        trips = vehicle.round_trip
-        by_the_fastest = self._settings.mode is AutopilotMode.GPS_INPUT or vehicle.autopilot == ARDUPILOT
-        return (trips.least_one_way_s if by_the_fastest else trips.one_way_s) or 0.0
+        link = vehicle.link_delay
+        return (link.least_one_way_s if self._by_the_fastest(vehicle) else link.one_way_s) or 0.0
 
     def link_delay_sigma_s(self, vehicle: VehicleState) -> float:
-        """Return one sigma of a message's delay about `link_delay_s`, s: an error of the time that it is taken for.
+        """Return one sigma of the time for which the vehicle takes a message, s.
 
-        It is that of the arrivals. A vehicle whose clock follows the sender's by TIMESYNC, or that takes the fastest
-        message for all, is wrong by less, but from outside it is not seen which it is.
+        Of PX4 it is that of the arrivals: one whose clock follows the sender's by TIMESYNC is wrong by less, but from
+        outside it is not seen which it is. ArduPilot takes the fastest message for all: it is wrong by what is not
+        known of that, and by what a message is later than its filter's memory holds.
         """
         told_s = self._settings.link_delay_sigma_s
-        return vehicle.round_trip.one_way_sigma_s if told_s is None else told_s
+        if told_s is not None:
+            return told_s
+        link = vehicle.link_delay
+        if not self._by_the_fastest(vehicle):
+            return link.one_way_sigma_s
+        left_s = ekf3_memory_s(self._settings, vehicle) - self.delay_s(vehicle)
+        return math.hypot(link.least_sigma_s, link.beyond_sigma_s(left_s))
+
+    def doubt(self, vehicle: VehicleState) -> str:
+        """Return what is to be said of the link's varying delay; "" where it is little or not known."""
+        sigma_s = self.link_delay_sigma_s(vehicle)
+        if vehicle.link_delay.one_way_s is None or sigma_s < _MUCH_S:
+            return ""
+        words = f"the link's delay varies: positions are misdated by {1e3 * sigma_s:.0f} ms (1 σ)"
+        if not self._by_the_fastest(vehicle):
+            return words
+        return f"{words}, EKF3 remembers {1e3 * ekf3_memory_s(self._settings, vehicle):.0f} ms (EK3_BCN_DELAY)"
+
+    def _by_the_fastest(self, vehicle: VehicleState) -> bool:
+        return self._settings.mode is AutopilotMode.GPS_INPUT or vehicle.autopilot == ARDUPILOT
 
     def _state(self, now_s: float, vehicle: VehicleState) -> NavigationState | str:
         """Return the state to be sent, or why there is none."""
@@ -158,7 +186,7 @@ class AutopilotStream:
         delay_s = self.delay_s(vehicle)
         if delay_s > MOST_DELAY_S[self._settings.mode]:
             return f"the vehicle states a delay of {1e3 * delay_s:.0f} ms, which its filter does not take"
-        t_s = now_s + self.link_delay_s(vehicle) - delay_s
+        t_s = self.state_time_s(now_s, vehicle)
         if t_s - self._fix_s > _MOST_PREDICTION_S:
             return f"the link is slower than {_MOST_PREDICTION_S:g} s"
         kinematics = self._estimate_at(t_s)
@@ -193,9 +221,22 @@ class AutopilotStream:
         )
 
     # ------------------------------------------------------------------------------------- encoding
+    def _stamp_s(self, state: NavigationState, now_s: float, vehicle: VehicleState) -> float:
+        """Return the session time that a message is stamped with.
+
+        The vehicle subtracts its delay from the stamp, or from the arrival where clocks are not synchronised. ArduPilot
+        compares stamps with arrivals over many messages: they keep their distance from the sending, whatever is learnt
+        of the link meanwhile.
+        """
+        if not self._by_the_fastest(vehicle):
+            return state.t_s + self.delay_s(vehicle)
+        if self._stamp_lead_s is None:
+            self._stamp_lead_s = self.link_delay_s(vehicle)
+        return now_s + self._stamp_lead_s
+
     def _encoded(self, state: NavigationState, now_s: float, vehicle: VehicleState) -> list[MavlinkMessage]:
-        # the vehicle subtracts its delay from the stamp, or from the arrival where clocks are not synchronised
-        stamp_us = self._clock.link_us(state.t_s + self.delay_s(vehicle))
+        stamp_s = self._stamp_s(state, now_s, vehicle)
+        stamp_us = self._clock.link_us(stamp_s)
         if stamp_us <= self._last_stamp_us or stamp_us < 0:
             self.silent_because = "a state of that time was sent"
             self.statistics.withheld[self.silent_because] += 1
@@ -209,7 +250,7 @@ class AutopilotStream:
         self.statistics.ages_s.append(now_s - self._fix_s)
         mode = self._settings.mode
         if mode is AutopilotMode.GPS_INPUT:
-            unix_s = state.t_s + self._clock.unix_s
+            unix_s = stamp_s - self.delay_s(vehicle) + self._clock.unix_s
             return [gps_input(state, stamp_us=stamp_us, unix_s=unix_s, gps_id=self._settings.gps_id)]
         if mode is AutopilotMode.GLOBAL_POSITION:
             # a state ahead of its sending, over a slow link, has no age: it is sent as if later
@@ -227,18 +268,25 @@ class AutopilotStream:
         return [odometry(state, stamp_us=stamp_us, reset_counter=counter, quality=quality)]
 
     def _service(self, now_s: float, vehicle: VehicleState) -> list[MavlinkMessage]:
-        """Return the messages of each second: heartbeat, request of the clock, origin of the local frame."""
+        """Return the messages of each second: heartbeat, origin of the local frame."""
         if now_s < self._service_s + _EVERY_S:
             return []
         self._service_s = now_s
         stamp_us = self._clock.link_us(now_s)
-        messages = [HEARTBEAT, MavlinkMessage(name="TIMESYNC", fields={"tc1": 0, "ts1": stamp_us * 1000})]
+        messages = [HEARTBEAT]
         if self._settings.mode in (AutopilotMode.VISION, AutopilotMode.ODOMETRY) and vehicle.global_origin is None:
             place, system = self._frame.origin, vehicle.system or self._settings.target_system
             messages.append(
                 global_origin(place.lat_deg, place.lon_deg, place.height_amsl_m, system=system, stamp_us=stamp_us)
             )
         return messages
+
+    def _clock_request(self, now_s: float, vehicle: VehicleState) -> list[MavlinkMessage]:
+        every_s = _EVERY_S if vehicle.system is None else _CLOCK_EVERY_S
+        if now_s < self._clock_asked_s + every_s:
+            return []
+        self._clock_asked_s = now_s
+        return [MavlinkMessage(name="TIMESYNC", fields={"tc1": 0, "ts1": self._clock.link_us(now_s) * 1000})]
 
 
 # MAV_TYPE_ONBOARD_CONTROLLER, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE
@@ -253,28 +301,6 @@ HEARTBEAT = MavlinkMessage(
         "mavlink_version": 3,
     },
 )
-# by mode, the parameters of ArduPilot and of PX4 that state the delay, ms, the newest name first
-_DELAY_PARAMETERS = {
-    AutopilotMode.GPS_INPUT: ("GPS1_DELAY_MS", "GPS_DELAY_MS"),
-    AutopilotMode.GLOBAL_POSITION: ("EKF2_AGP0_DELAY", "EKF2_AGP_DELAY"),
-    AutopilotMode.VISION: ("VISO_DELAY_MS", "EKF2_EV_DELAY"),
-    AutopilotMode.ODOMETRY: ("VISO_DELAY_MS", "EKF2_EV_DELAY"),
-}
-
-
-def delay_parameters(mode: AutopilotMode) -> tuple[str, ...]:
-    """Return the names of the parameters that state the delay of a mode's measurements."""
-    return _DELAY_PARAMETERS[mode]
-
-
-def _parameter_delay_s(settings: AutopilotSettings, vehicle: VehicleState) -> float | None:
-    for name in _DELAY_PARAMETERS[settings.mode]:
-        if name in vehicle.parameters:
-            delay_s = 1e-3 * vehicle.parameters[name]
-            # ArduPilot: zero leaves it to the receiver's driver
-            zero = settings.mode is AutopilotMode.GPS_INPUT and delay_s == 0.0
-            return settings.assumed_delay_s if zero else delay_s
-    return None
 
 
 def _usable(kinematics: Kinematics) -> bool:

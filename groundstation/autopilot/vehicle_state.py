@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from groundstation.autopilot.round_trip import RoundTripDelay
+from groundstation.autopilot.link_delay import LinkDelay
 from groundstation.autopilot.vehicle_attitude import VehicleAttitude
 
 # MAV_AUTOPILOT
@@ -40,4 +40,4 @@ class VehicleState:
     # of each of its receivers, by number from 0
     gnss: dict[int, GnssReport] = field(default_factory=dict)
     parameters: dict[str, float] = field(default_factory=dict)
-    round_trip: RoundTripDelay = field(default_factory=RoundTripDelay)
+    link_delay: LinkDelay = field(default_factory=LinkDelay)

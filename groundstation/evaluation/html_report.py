@@ -43,11 +43,17 @@ _CLOCK_CAVEAT = (
 
 
 def write_report(
-    path: Path, evaluation: Evaluation, config: EvaluationConfig, silhouettes: Sequence[Sequence[Silhouette]] = ()
+    path: Path,
+    evaluation: Evaluation,
+    config: EvaluationConfig,
+    silhouettes: Sequence[Sequence[Silhouette]] = (),
+    *,
+    landings: str = "",
 ) -> tuple[Path, ...]:
     """Write report.html, and its figures as PNG and SVG into the folder ``figures``; returns page and folder.
 
-    ``silhouettes`` are pairs of pictures from far to near (`SilhouetteCollector.shown`). A run without figures leaves
+    ``silhouettes`` are pairs of pictures from far to near (`SilhouetteCollector.shown`), ``landings`` a section of its
+    own, HTML. A run without figures leaves
     no folder. Raises `InputError` if a file can't be written.
     """
     shown = pictures(evaluation, config.range_bins_m)
@@ -58,7 +64,7 @@ def write_report(
         with whole_file(path) as draft, draft.open("w", encoding="utf-8") as page:
             # a figure is drawn when its turn comes and then let go: of an hour's flight all of them are large
             drawn = _in_turn(shown, folder, long=len(evaluation.epochs) > _MANY_EPOCHS)
-            page.writelines(_page(evaluation, drawn, silhouettes))
+            page.writelines(_page(evaluation, drawn, silhouettes, landings))
     except OSError as fault:
         raise InputError(str(path), got=fault.strerror or str(fault), wanted="a file that can be written") from fault
     return (path, folder) if shown else (path,)
@@ -69,7 +75,7 @@ def report_page(
 ) -> str:
     """Return the whole page; it loads nothing from anywhere."""
     drawn = (picture.drawn() for picture in pictures(evaluation, config.range_bins_m))
-    return "".join(_page(evaluation, drawn, silhouettes))
+    return "".join(_page(evaluation, drawn, silhouettes, ""))
 
 
 def _in_turn(shown: Sequence[ReportFigure], folder: Path, *, long: bool) -> Iterator[RenderedFigure]:
@@ -90,7 +96,10 @@ def _kept(drawn: RenderedFigure, folder: Path) -> RenderedFigure:
 
 
 def _page(
-    evaluation: Evaluation, shown: Iterator[RenderedFigure], silhouettes: Sequence[Sequence[Silhouette]]
+    evaluation: Evaluation,
+    shown: Iterator[RenderedFigure],
+    silhouettes: Sequence[Sequence[Silhouette]],
+    landings: str,
 ) -> Iterator[str]:
     """Return the page piece by piece; of the figures ``shown`` that of the latency is the last."""
     summary = evaluation.summary
@@ -105,6 +114,7 @@ def _page(
     yield "\n".join(
         [
             "",
+            landings,
             *(accuracy_section(reference, table) for reference, table in summary["accuracy"].items()),
             _reference(summary["reference"]),
             calibration_section(summary["calibration"]),

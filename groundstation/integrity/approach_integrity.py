@@ -16,6 +16,7 @@ from groundstation.integrity.approach_advice import (
 )
 from groundstation.integrity.fault_geometry import StationLook
 from groundstation.integrity.protection_levels import ProtectionConfig, ProtectionLevelMonitor, ProtectionLevels
+from groundstation.landing_site.fault_table import FaultTable
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.messages import (
     CameraReport,
@@ -54,14 +55,15 @@ class ApproachIntegrity:
     Parameters
     ----------
     rig : as the pipeline has it.
-    site : runway and alert limits.
+    site : runway and alert limits; without a ``config`` the faults, too.
     span_m : the aircraft's wing span.
     """
 
     def __init__(
         self, rig: Rig, site: LandingSite, config: ApproachIntegrityConfig | None = None, *, span_m: float = 2.3
     ) -> None:
-        config = ApproachIntegrityConfig() if config is None else config
+        if config is None:
+            config = ApproachIntegrityConfig(protection=ProtectionConfig(faults=site.faults))
         self._runway, self._limits = site.runway, site.alert_limits
         self._levels = ProtectionLevelMonitor(rig, site.runway, config.protection, span_m=span_m)
         self._rules = AdviceRules(site.alert_limits, config.advice)
@@ -75,6 +77,11 @@ class ApproachIntegrity:
         self._sink_m_s = 0.0
         self._told: tuple[AdviceLevel, str] | None = None
         self._advice: ApproachAdvice | None = None
+
+    @property
+    def faults(self) -> FaultTable:
+        """What the protection levels allow for."""
+        return self._levels.config.faults
 
     @property
     def advice(self) -> ApproachAdvice | None:

@@ -17,7 +17,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, parameter_indices, project_with_calibration
 from groundstation.geometry.station import StationGeometry
-from groundstation.integrity.fault_table import FaultHypothesis, FaultTable, StationFault
+from groundstation.landing_site.fault_table import FaultHypothesis, FaultTable, StationFault
 from groundstation.landing_site.runway import LandingRunway
 from groundstation.rig.rig import Rig
 

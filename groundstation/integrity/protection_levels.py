@@ -36,7 +36,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import ConfigError
 from groundstation.integrity.fault_geometry import DIRECTIONS, FaultGeometry, PairTerms, StationLook
-from groundstation.integrity.fault_table import FaultTable
+from groundstation.landing_site.fault_table import FaultTable
 from groundstation.landing_site.runway import LandingRunway
 from groundstation.messages import Kinematics
 from groundstation.rig.rig import Rig

@@ -1,6 +1,7 @@
-"""``landing-site.toml``: runway, planned approach and how it is flown, alert limits (docs/formats.md)."""
+"""``landing-site.toml``: runway, planned approach and how it is flown, alert limits, faults (docs/formats.md)."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TypeVar
@@ -9,13 +10,15 @@ from groundstation.errors import ConfigError, InputError
 from groundstation.files.toml_table import TomlTable, load_toml
 from groundstation.landing_site.alert_limits import AlertLimits
 from groundstation.landing_site.approach_prior import ApproachPrior, WheelPosition
+from groundstation.landing_site.fault_table import FaultTable
 from groundstation.landing_site.planned_approach import PlannedApproach
 from groundstation.landing_site.runway import LandingRunway
 
 LANDING_SITE_FORMAT = "groundstation-landing-site/1"
 # Earth's largest airports fit into these; larger values indicate a wrong unit
 _FAR_M, _WIDE_M, _LIMIT_M = 1e5, 200.0, 1000.0
-T = TypeVar("T", WheelPosition, ApproachPrior)
+_NO_ANGLES: Mapping[str, str] = {}
+T = TypeVar("T", WheelPosition, ApproachPrior, FaultTable)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +26,7 @@ class LandingSite:
     """A landing site; without a file the runway of the rig's frame and the default alert limits, and no plan.
 
     ``wheels`` and ``prior`` are of the aircraft that lands there: where its wheels are, and how it keeps to the plan.
+    ``faults`` are what the protection levels allow for.
     """
 
     runway: LandingRunway = field(default_factory=LandingRunway)
@@ -30,12 +34,13 @@ class LandingSite:
     alert_limits: AlertLimits = field(default_factory=AlertLimits)
     wheels: WheelPosition = field(default_factory=WheelPosition)
     prior: ApproachPrior = field(default_factory=ApproachPrior)
+    faults: FaultTable = field(default_factory=FaultTable)
 
 
 def load_landing_site(path: Path) -> LandingSite:
     """Read a site file. Raises `ConfigError`, naming the key, what it holds and what is wanted."""
     top = TomlTable(load_toml(path, ConfigError), str(path), ConfigError)
-    top.refuse_unknown({"format", "runway", "approach", "alert_limits", "wheels", "approach_prior"})
+    top.refuse_unknown({"format", "runway", "approach", "alert_limits", "wheels", "approach_prior", "faults"})
     top.choice("format", [LANDING_SITE_FORMAT])
     return LandingSite(
         runway=_runway(top.table("runway")),
@@ -43,6 +48,7 @@ def load_landing_site(path: Path) -> LandingSite:
         alert_limits=_alert_limits(top.table("alert_limits")),
         wheels=_numbers(WheelPosition, top.table("wheels")),
         prior=_numbers(ApproachPrior, top.table("approach_prior")),
+        faults=_numbers(FaultTable, top.table("faults"), {"mount_deg": "mount_rad"}),
     )
 
 
@@ -79,19 +85,24 @@ def _alert_limits(table: TomlTable) -> AlertLimits:
     )
 
 
-def _numbers(kind: type[T], table: TomlTable) -> T:
-    """Return a record of numbers, each key of the table named as its field; one that is left out has its default."""
+def _numbers(kind: type[T], table: TomlTable, angles: Mapping[str, str] = _NO_ANGLES) -> T:
+    """Return a record of numbers, each key of the table named as its field; one that is left out has its default.
+
+    ``angles`` are keys in degrees, each with its field in radians.
+    """
     plain = kind()
-    table.refuse_unknown({f.name for f in fields(plain)})
+    table.refuse_unknown({f.name for f in fields(plain)} - set(angles.values()) | set(angles))
     values: dict[str, float | tuple[float, ...]] = {}
     for key in table.values:
-        default = getattr(plain, key)
+        name = angles.get(key, key)
+        default = getattr(plain, name)
         if isinstance(default, tuple):
-            values[key] = tuple(float(v) for v in table.vector(key, len(default)))
+            values[name] = tuple(float(v) for v in table.vector(key, len(default)))
         else:
-            values[key] = table.number(key)
+            values[name] = math.radians(table.number(key)) if key in angles else table.number(key)
     try:
         return kind(**values)  # type: ignore[arg-type]
     except InputError as fault:
         name = fault.where.partition(": ")[2]
-        raise table.fail(name, fault.got, fault.wanted) from fault
+        key = next((key for key, of in angles.items() if of == name), name)
+        raise table.fail(key, fault.got, fault.wanted) from fault

@@ -8,10 +8,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from groundstation.approach.approach_outputs import ApproachOutputs, ApproachSummary
 from groundstation.estimation.parameters import ParameterPrior
+from groundstation.integrity.approach_advice import ApproachAdvice
+from groundstation.landing.glide_path import ApproachDeviations
+from groundstation.landing.touchdown import TouchdownForecast
+from groundstation.landing_site.runway import LandingRunway
 from groundstation.live.camera_status import clock_status, lost_frames
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.core import LiveCore, LiveStep
@@ -56,6 +60,21 @@ class StatusSink(Protocol):
         """Take it; never waits long."""
 
 
+@runtime_checkable
+class ApproachSink(Protocol):
+    """A sink that also shows what is known of an approach."""
+
+    def show_approach(
+        self,
+        t_s: float,
+        advice: ApproachAdvice | None,
+        deviations: ApproachDeviations | None,
+        touchdown: TouchdownForecast | None,
+        runway: LandingRunway,
+    ) -> None:
+        """Take it; never waits long."""
+
+
 # from the pipeline's ``estimate_at`` and the session's clock
 ApproachOpener = Callable[[Callable[[float], Kinematics | None], Callable[[], float]], ApproachOutputs]
 
@@ -88,7 +107,7 @@ class OperationOutputs:
 
     ``sinks`` get every report, the recorder among them, ``recorders`` every event and ``operators`` the status;
     ``approach`` opens what watches the approach and sends it, given the pipeline's ``estimate_at`` and the session's
-    clock; None for nothing.
+    clock; None for nothing. A sink that is an `ApproachSink` gets what is known of it after estimates and changes.
     ``extra_status`` returns the status of recorder and screen, ``keep_images`` leaves the pictures in the reports for
     a screen.
     """
@@ -133,6 +152,7 @@ class Operation:
         self._reference_errors = reference_errors
         self._reference: ReferenceWorker | None = None
         self._open_approach = outputs.approach
+        self._approach_sinks = [sink for sink in self._sinks if isinstance(sink, ApproachSink)]
         self._approach: ApproachOutputs | None = None
         self.start_s = clock() if start_s is None else start_s
         self.input_queue = InputQueue(together_s=0.5 / file.rate_hz)
@@ -227,7 +247,7 @@ class Operation:
         self._dispatch(step, heads)
         now_s = self.now_s
         if self._approach is not None:
-            self._log_events(self._approach.pass_time(now_s))
+            self._follow_approach(self._approach, self._approach.pass_time(now_s))
         if item is not None:
             self._busy_s += now_s - began_s
         track_changed = core.status is not self._shown_track and any(report.states for report in step.reports)
@@ -260,7 +280,16 @@ class Operation:
             for sink in self._sinks:
                 sink.write(report)
             if self._approach is not None:
-                self._log_events(self._approach.note(report, now_s))
+                events = self._approach.note(report, now_s)
+                self._follow_approach(self._approach, events, seen=bool(report.estimates))
+
+    def _follow_approach(self, approach: ApproachOutputs, events: Sequence[TrackEvent], *, seen: bool = False) -> None:
+        """Log lines of the approach; show its state after estimates and after each line."""
+        self._log_events(events)
+        if seen or events:
+            known = approach.state
+            for sink in self._approach_sinks:
+                sink.show_approach(self.now_s, known.advice, known.deviations, known.touchdown, approach.runway)
 
     def _log_events(self, events: Sequence[TrackEvent]) -> None:
         """Give lines of the approach to the sinks: log, recording, screen."""

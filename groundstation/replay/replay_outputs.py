@@ -14,6 +14,7 @@ from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, write_summary
 from groundstation.evaluation.html_report import write_report
 from groundstation.evaluation.silhouettes import SilhouetteCollector
+from groundstation.landing.landing_section import landing_section
 from groundstation.messages import Event, StepReport
 from groundstation.replay.approach_replay import ApproachReplay, approach_replay
 from groundstation.replay.input_checks import InputChecks
@@ -114,7 +115,9 @@ class ReplayOutputs:
         results += ["summary.json"]
         if request.report:
             silhouettes = () if self._silhouettes is None else self._silhouettes.shown()
-            pages = self._write_first(lambda: write_report(out / "report.html", evaluation, config, silhouettes))
+            landings = "" if self.approach_summary is None else landing_section(self.approach_summary.reports)
+            report = partial(write_report, out / "report.html", evaluation, config, silhouettes, landings=landings)
+            pages = self._write_first(report)
             results += [path.name for path in pages]
         if self._view is not None:
             self._view.write_reference(reference_tracks(evaluation, smoothed_track))

@@ -1,11 +1,12 @@
 """The stream to an autopilot over a radio to a model of its receiver, in virtual time."""
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 
 import numpy as np
 
 from groundstation.autopilot.local_frame import LocalFrame
+from groundstation.autopilot.received import answer_time_request, receive
 from groundstation.autopilot.settings import AutopilotSettings
 from groundstation.autopilot.stream import AutopilotStream, StreamClock, StreamStatistics
 from groundstation.autopilot.vehicle_state import VehicleState
@@ -22,7 +23,10 @@ TRUE_OFFSET_S = VEHICLE_CLOCK_S - _LINK_CLOCK_S
 
 
 class StreamOverRadio:
-    """One stream, its radio and its receiver; ``taken`` are the samples, at session time.
+    """One stream, its radio and its receiver.
+
+    ``taken`` are the samples, ``misdated_s`` by how much later than the state in it the receiver takes each to be;
+    ``lost`` positions did not arrive.
 
     Parameters
     ----------
@@ -43,24 +47,22 @@ class StreamOverRadio:
         seed: int,
     ) -> None:
         self.taken: list[ReceivedSample] = []
+        self.misdated_s: list[float] = []
         self.verdicts: Counter[ReceiptVerdict] = Counter()
+        self.lost = 0
         self._estimate_at: Callable[[float], Kinematics | None] = lambda _: None
         clock = StreamClock(link_s=_LINK_CLOCK_S, unix_s=_UNIX_S)
         self._stream = AutopilotStream(settings, frame, clock, self._estimate)
         self._vehicle, self._receiver = vehicle, receiver
-        self._random = np.random.default_rng([seed, 311])
-        self._up = RadioLink(radio, self._random)
-        self._pings: list[tuple[float, float]] = []
+        random = np.random.default_rng([seed, 311])
+        # of the positions on their way, which keep their order
+        self._states_s: deque[float] = deque()
+        self._up, self._down = RadioLink(radio, random), RadioLink(radio, random)
 
     @property
     def statistics(self) -> StreamStatistics:
         """Of the stream."""
         return self._stream.statistics
-
-    @property
-    def lost(self) -> int:
-        """How many positions the radio has lost."""
-        return self._up.lost
 
     def _estimate(self, t_s: float) -> Kinematics | None:
         return self._estimate_at(t_s)
@@ -72,24 +74,35 @@ class StreamOverRadio:
     def pass_time(self, now_s: float, estimate_at: Callable[[float], Kinematics | None]) -> None:
         """Send what is due, and let what has arrived be received."""
         self._estimate_at = estimate_at
-        for ping in [p for p in self._pings if p[1] <= now_s]:
-            self._pings.remove(ping)
-            self._vehicle.round_trip.answered(*ping)
         for message in self._stream.messages(now_s, self._vehicle):
-            if message.name == "TIMESYNC":
-                trip_s = self._up.drawn_delay_s() + self._up.drawn_delay_s()
-                self._pings.append((now_s, now_s + trip_s))
-            elif message.name in _POSITIONS:
+            if message.name in _POSITIONS:
+                if self._up.send(message, now_s):
+                    self._states_s.append(self._stream.state_time_s(now_s, self._vehicle))
+                else:
+                    self.lost += 1
+            elif message.name == "TIMESYNC":
                 self._up.send(message, now_s)
         self.deliver(now_s)
+        for received_s, answer in self._down.arrived(now_s):
+            link_s = _LINK_CLOCK_S
+            receive(
+                self._vehicle, answer.name, answer.fields, (self._vehicle.system or 0, 1), received_s, link_s=link_s
+            )
 
     def deliver(self, until_s: float) -> list[ReceivedSample]:
         """Let the receiver take what arrives until a session time; return the new samples, at the vehicle's times."""
         found = []
         for arrived_s, message in self._up.arrived(until_s):
+            if message.name == "TIMESYNC":
+                answer = answer_time_request(message.fields, round(1e9 * (arrived_s + VEHICLE_CLOCK_S)))
+                if answer is not None:
+                    self._down.send(answer, arrived_s)
+                continue
+            state_s = self._states_s.popleft()
             receipt = self._receiver.receive(message, arrived_s + VEHICLE_CLOCK_S)
             self.verdicts[receipt.verdict] += 1
             if receipt.sample is not None:
                 found.append(receipt.sample)
+                self.misdated_s.append(receipt.sample.t_s - VEHICLE_CLOCK_S - state_s)
         self.taken += found
         return found

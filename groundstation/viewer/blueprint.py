@@ -72,10 +72,15 @@ def blueprint(
     )
 
 
-def live_blueprint(rig: Rig, eye: Viewpoint) -> rrb.Blueprint:
-    """Return the operator's screen: pictures and words large, the newest always in view."""
+def live_blueprint(rig: Rig, eye: Viewpoint, *, approach: bool = False) -> rrb.Blueprint:
+    """Return the operator's screen: pictures and words large, the newest always in view.
+
+    With an ``approach`` its needles, height and lane of advice are on it.
+    """
     words = rrb.TextDocumentView(origin=f"/{entity_paths.WORDS}", name="Station")
+    landing = (_approach_plots(), _advice_lane()) if approach else ()
     plots = rrb.Horizontal(
+        *landing,
         _plot(entity_paths.LATENCY, "Delay [ms]"),
         _plot(entity_paths.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
         _plot(
@@ -178,8 +183,16 @@ def _plots(rig: Rig, errors_against: str, *, approach: bool) -> rrb.Container:
     )
     if not approach:
         return rrb.Horizontal(errors, consistency, pointing)
-    landing = rrb.Vertical(
+    return rrb.Horizontal(errors, consistency, pointing, _approach_plots())
+
+
+def _approach_plots() -> rrb.Container:
+    """Deviations from glide path and centre line as needles, and the height over the threshold."""
+    return rrb.Vertical(
         _plot(entity_paths.NEEDLES, "Needles: right, up"),
         _plot(entity_paths.THRESHOLD_HEIGHT, "Height, ±2σ [m]"),
     )
-    return rrb.Horizontal(errors, consistency, pointing, landing)
+
+
+def _advice_lane() -> rrb.StateTimelineView:
+    return rrb.StateTimelineView(origin=f"/{entity_paths.ADVICE}", name="Advice")

@@ -9,18 +9,25 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import rerun as rr
 
+from groundstation.integrity.approach_advice import ApproachAdvice
+from groundstation.landing.glide_path import ApproachDeviations
+from groundstation.landing.touchdown import TouchdownForecast
+from groundstation.landing_site.runway import LandingRunway
 from groundstation.messages import CameraReport, StepReport
 from groundstation.rig.rig import Rig
 from groundstation.thread_scheduling import give_way
 from groundstation.viewer import entity_paths
+from groundstation.viewer.approach_channel import ApproachRow
 from groundstation.viewer.picture_channel import jpeg_image
 from groundstation.viewer.rerun_sink import RerunSink
 
 _PICTURE_EVERY_S = 0.2
+_APPROACH_EVERY_S = 0.1
 _MOST_WAITING = 300
 _FLUSH_EPOCHS = 3
 # a warning is shown if the status is older than this
@@ -46,7 +53,8 @@ class LiveView:
         self._stream = stream
         self._sink = RerunSink(stream, rig, session_name=name, live=True, flush_epochs=_FLUSH_EPOCHS)
         self._shown_s: dict[str, float] = {}
-        self._waiting: deque[StepReport | tuple[float, tuple[str, ...]]] = deque()
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._approach_shown: tuple[float, object] = (-np.inf, None)
         self._changed = threading.Condition()
         self._closed = False
         self._clock = clock
@@ -57,12 +65,29 @@ class LiveView:
 
     def write(self, report: StepReport) -> None:
         """Queue one report; does not block."""
-        self._put(report)
+        self._put(partial(self._draw, report))
 
     def show_status(self, t_s: float, lines: Sequence[str]) -> None:
         """Queue the status lines for the operator; does not block."""
         self._newest_status = (t_s, self._clock())
-        self._put((t_s, tuple(lines)))
+        self._put(partial(self._log_status, t_s, tuple(lines)))
+
+    def show_approach(
+        self,
+        t_s: float,
+        advice: ApproachAdvice | None,
+        deviations: ApproachDeviations | None,
+        touchdown: TouchdownForecast | None,
+        runway: LandingRunway,
+    ) -> None:
+        """Queue what is known of an approach, ten times a second and at each change of advice; does not block."""
+        shown_s, told = self._approach_shown
+        level = None if advice is None else advice.level
+        if level == told and 0.0 <= t_s - shown_s < _APPROACH_EVERY_S:
+            return
+        self._approach_shown = (t_s, level)
+        row = ApproachRow(t_s=t_s, advice=advice, deviations=deviations, touchdown=touchdown)
+        self._put(partial(self._sink.write_approach, row, runway))
 
     def status_text(self) -> str:
         """Return the status line of the screen itself; "" if no report was skipped."""
@@ -75,12 +100,12 @@ class LiveView:
             self._changed.notify()
         self._thread.join(within_s)
 
-    def _put(self, what: StepReport | tuple[float, tuple[str, ...]]) -> None:
+    def _put(self, draw: Callable[[], None]) -> None:
         with self._changed:
             if len(self._waiting) >= _MOST_WAITING:
                 self._waiting.popleft()
                 self.left_out += 1
-            self._waiting.append(what)
+            self._waiting.append(draw)
             self._changed.notify()
 
     # ------------------------------------------------------------------------------------ the thread
@@ -91,13 +116,8 @@ class LiveView:
                 self._changed.wait_for(lambda: self._waiting or self._closed, _LOOK_EVERY_S)
                 if self._closed and not self._waiting:
                     break
-                what = self._waiting.popleft() if self._waiting else None
-            if what is None:
-                self._check_age()
-            elif isinstance(what, StepReport):
-                self._draw(what)
-            else:
-                self._log_status(*what)
+                draw = self._waiting.popleft() if self._waiting else self._check_age
+            draw()
         # a viewer that has ended takes no more: what it would have drawn last is lost with it
         with contextlib.suppress(RuntimeError):
             self._sink.close()

@@ -144,7 +144,12 @@ class RerunSink:
         if self._approach is None:
             self._approach = ApproachChannel(runway)
             log_approach_styles(self._stream)
+            if self._live:
+                self._send_blueprint(eye_before(self._rig), loop_s=None)
         self._approach.add(row)
+        if self._live:
+            # an advice that silence has changed does not wait for estimates
+            self._send(self._approach.take())
 
     def write_reference(self, reference: ReferenceTracks) -> None:
         """Add the results of the evaluation; call it after the last `write` and before `close`."""
@@ -208,7 +213,7 @@ class RerunSink:
     def _send_blueprint(self, eye: Viewpoint, loop_s: tuple[float, float] | None) -> None:
         """Send the layout, looping over a part of the session if given."""
         layout = (
-            live_blueprint(self._rig, eye)
+            live_blueprint(self._rig, eye, approach=self._approach is not None)
             if self._live
             else blueprint(
                 self._rig,

@@ -5,6 +5,7 @@ import math
 import socket
 import threading
 from collections.abc import Iterator
+from html import escape
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from pymavlink.dialects.v20 import common
 
 from groundstation.autopilot.local_frame import LocalFrame
 from groundstation.cli.main import main
+from groundstation.landing.landing_section import landing_section
 from groundstation.session.folder import GeoOrigin
 from tests.approach.sessions import ORIGIN, pixel_session
 from tests.viewer.recording import Recording, documented_entities
@@ -90,6 +92,23 @@ def test_a_replay_with_a_site_reports_the_landing(landed: Path) -> None:
     assert abs(down["right_m"]) < 0.5
     texts = [event["text"] for event in approach["events"]]
     assert any(text.startswith("approach: ") for text in texts)
+
+
+def test_its_page_has_the_landing(landed: Path) -> None:
+    """Expected: the figures of landings.json, each forecast, and what was said, without markup of its own."""
+    (approach,) = json.loads((landed / "landings.json").read_text())["approaches"]
+    page = (landed / "report.html").read_text(encoding="utf-8")
+    section = page.split("<h2>Landings</h2>")[1].split("<h2>")[0]
+    down = approach["touchdown"]
+    for value, sigma, digits in (
+        ("t_s", "sigma_t_s", 2),
+        ("past_threshold_m", "sigma_along_m", 1),
+        ("sink_m_s", "sigma_sink_m_s", 2),
+    ):
+        assert f"{down[value]:.{digits}f} ± {down[sigma]:.{digits}f}" in section
+    assert section.count("inside") + section.count("outside") == len(approach["forecasts"]) > 0
+    assert all(escape(event["text"]) in section for event in approach["events"])
+    assert landing_section(()) == ""
 
 
 def test_its_recording_shows_needles_advice_and_the_touchdown_foretold(landed: Path) -> None:

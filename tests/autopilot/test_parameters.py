@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.autopilot.parameter_rules import ParameterVerdict, check_parameters, parameter_rules
+from groundstation.autopilot.parameter_rules import TABLE, ParameterVerdict, check_parameters, parameter_rules
 from groundstation.autopilot.settings import AutopilotMode, AutopilotSettings
 from groundstation.cli.main import main
 from tests.autopilot.vehicles import ParameterVehicle
@@ -37,6 +37,22 @@ def test_the_recommended_values_are_good_and_an_absent_one_is_said(autopilot: in
         assert {f.finding for f in others} == {ParameterVerdict.OK}
 
 
+def test_a_stream_has_one_rule_for_each_parameter() -> None:
+    rows = [(rule.autopilot, mode, name) for rule in TABLE for mode in rule.modes for name in rule.names]
+    assert len(rows) == len(set(rows))
+    assert {(autopilot, mode) for autopilot, mode, _ in rows} == set(_TAKEN)
+
+
+def test_the_rules_are_those_of_the_receiver_that_the_stream_stands_for() -> None:
+    second = AutopilotSettings(url="udpout:127.0.0.1:1", mode=AutopilotMode.GPS_INPUT, gps_id=1)
+    names = {name for rule in parameter_rules(_ARDUPILOT, second) for name in rule.names}  # type: ignore[union-attr]
+    assert {"GPS2_TYPE", "GPS_TYPE2", "GPS2_DELAY_MS", "GPS_DELAY_MS2"} <= names
+    assert not {"GPS1_TYPE", "GPS_TYPE", "GPS1_DELAY_MS", "GPS_DELAY_MS"} & names
+    other = AutopilotSettings(url="udpout:127.0.0.1:1", mode=AutopilotMode.GLOBAL_POSITION, sensor_id=4)
+    (rule,) = [r for r in parameter_rules(_PX4, other) if r.names == ("EKF2_AGP0_ID",)]  # type: ignore[union-attr]
+    assert (rule.recommended, rule.accepts(4), rule.accepts(1)) == (4, True, False)
+
+
 @pytest.mark.parametrize(
     ("autopilot", "mode", "name", "value", "finding"),
     [
@@ -44,6 +60,8 @@ def test_the_recommended_values_are_good_and_an_absent_one_is_said(autopilot: in
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_POSZ", 1, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_YAW", 2, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_DELAY_MS", 400, ParameterVerdict.ERROR),
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_BCN_DELAY", 50, ParameterVerdict.WARNING),
+        (_ARDUPILOT, AutopilotMode.ODOMETRY, "EK3_BCN_DELAY", 50, ParameterVerdict.WARNING),
         (_ARDUPILOT, AutopilotMode.VISION, "VISO_QUAL_MIN", 1, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.VISION, "EK3_SRC1_POSXY", 3, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.ODOMETRY, "VISO_TYPE", 0, ParameterVerdict.ERROR),

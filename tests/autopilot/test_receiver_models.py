@@ -38,7 +38,7 @@ def _sent(mode: AutopilotMode, t_s: float = 2.0, **changed: object) -> MavlinkMe
 
 
 def _gps() -> PositionReceiver:
-    return ArdupilotGpsReceiver(SITE_FRAME, ArdupilotGpsParameters())
+    return ArdupilotGpsReceiver(SITE_FRAME, ArdupilotGpsParameters(beacon_delay_ms=250.0))
 
 
 def _external() -> PositionReceiver:
@@ -104,6 +104,22 @@ def test_ardupilot_takes_an_old_gps_sample_for_one_of_a_quarter_second() -> None
     assert late.sample.t_s == pytest.approx(50.16 - 0.25)
 
 
+@pytest.mark.parametrize(
+    ("delay_ms", "beacon_delay_ms", "memory_s"), [(50.0, 50.0, 0.1), (0.0, 50.0, 0.2), (50.0, 250.0, 0.25)]
+)
+def test_ardupilot_remembers_as_long_as_its_slowest_sensor(
+    delay_ms: float, beacon_delay_ms: float, memory_s: float
+) -> None:
+    """Expected: 100 ms for the airspeed, 200 ms for a receiver by its driver's own delay, or what is stated."""
+    parameters = ArdupilotGpsParameters(delay_ms=delay_ms, beacon_delay_ms=beacon_delay_ms)
+    receiver = ArdupilotGpsReceiver(SITE_FRAME, parameters)
+    receiver.receive(_sent(AutopilotMode.GPS_INPUT, 2.0), 50.0)
+    late = receiver.receive(_sent(AutopilotMode.GPS_INPUT, 2.1), 50.5)
+    assert late.verdict is ReceiptVerdict.HELD
+    assert late.sample is not None
+    assert late.sample.t_s == pytest.approx(50.5 - memory_s)
+
+
 def test_ardupilot_drops_external_navigation_above_fifty_hertz_and_names_it_unhealthy_without() -> None:
     receiver = ExternalNavigationReceiver(SITE_FRAME, ExternalNavigationParameters())
     assert not receiver.healthy(50.0)
@@ -160,7 +176,7 @@ def test_a_radio_keeps_the_order_and_loses_its_share() -> None:
 def test_the_stream_leads_by_the_delay_that_the_autopilot_takes(autopilot: int, ahead_s: float) -> None:
     vehicle = VehicleState(autopilot=autopilot)
     for trip_s in (0.16, 0.06, 0.2):
-        vehicle.round_trip.answered(0.0, trip_s)
+        vehicle.link_delay.answered(0.0, 0.5 * trip_s, trip_s)
     flight = StraightFlight()
     stamp_us = values(one_state(stream_of(flight, AutopilotMode.VISION), flight, 2.0, vehicle), "usec")
     assert stamp_us == pytest.approx([CLOCK.link_us(2.0 + ahead_s)])
@@ -169,7 +185,7 @@ def test_the_stream_leads_by_the_delay_that_the_autopilot_takes(autopilot: int, 
 def test_a_global_position_ahead_of_its_sending_keeps_its_time() -> None:
     vehicle = VehicleState(autopilot=PX4)
     for _ in range(3):
-        vehicle.round_trip.answered(0.0, 0.2)
+        vehicle.link_delay.answered(0.0, 0.1, 0.2)
     flight = StraightFlight()
     message = one_state(stream_of(flight, AutopilotMode.GLOBAL_POSITION), flight, 2.0, vehicle)
     sent_us, age_us = values(message, "time_usec", "processing_time")
@@ -210,10 +226,10 @@ def test_the_delays_scatter_is_found_from_round_trips(seed: int, sigma_s: float)
     """Expected: within the 1e-6 bounds of chi-square once 20 ms, worth two trips, count little."""
     rng = np.random.default_rng(seed)
     vehicle = VehicleState()
-    assert vehicle.round_trip.one_way_sigma_s == 0.02
-    for trip_s in 0.5 + sigma_s * rng.standard_normal((30, 2)).sum(axis=1):
-        vehicle.round_trip.answered(0.0, trip_s)
+    assert vehicle.link_delay.one_way_sigma_s == 0.02
+    for there_s, back_s in 0.5 + sigma_s * rng.standard_normal((30, 2)):
+        vehicle.link_delay.answered(0.0, there_s, there_s + back_s)
     low, high = chi2.ppf([1e-6, 1.0 - 1e-6], 29)
     prior = 2.0 * 0.02**2
     least, most = (np.sqrt((prior + of * sigma_s**2) / 31.0) for of in (low, high))
-    assert least <= vehicle.round_trip.one_way_sigma_s <= most
+    assert least <= vehicle.link_delay.one_way_sigma_s <= most

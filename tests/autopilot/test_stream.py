@@ -9,9 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from groundstation.autopilot.local_frame import LocalFrame
+from groundstation.autopilot.received import receive
 from groundstation.autopilot.settings import MOST_DELAY_S, AutopilotMode, AutopilotSettings
-from groundstation.autopilot.stream import AutopilotStream, delay_parameters
+from groundstation.autopilot.stream import AutopilotStream
 from groundstation.autopilot.vehicle_attitude import VehicleAttitude
+from groundstation.autopilot.vehicle_delay import delay_parameters
 from groundstation.autopilot.vehicle_state import VehicleState
 from groundstation.errors import ConfigError
 from groundstation.messages import TrackStatus
@@ -108,7 +110,8 @@ def test_no_stamp_comes_twice_or_goes_back(mode: AutopilotMode) -> None:
         stream.note(answer(flight, t_s))
         vehicle = VehicleState()
         for _ in range(3):
-            vehicle.round_trip.answered(0.0, 2.0 * next(link_delays))
+            delay_s = next(link_delays)
+            vehicle.link_delay.answered(0.0, delay_s, 2.0 * delay_s)
         for message in sent_states(stream.messages(t_s, vehicle)):
             key = "usec" if mode is AutopilotMode.VISION else "time_usec"
             stamps.append(message.fields[key])  # type: ignore[arg-type]
@@ -184,7 +187,7 @@ def test_the_delay_of_the_link_is_predicted_over() -> None:
     flight = StraightFlight()
     vehicle = VehicleState()
     for _ in range(5):
-        vehicle.round_trip.answered(0.0, 0.16)
+        vehicle.link_delay.answered(0.0, 0.08, 0.16)
     there = one_state(stream_of(flight, AutopilotMode.VISION), flight, 2.0, vehicle)
     # expected: where it will be 80 ms later, when the message arrives
     moved = np.linalg.norm(np.diff([flight.position(2.0), flight.position(2.08)], axis=0))
@@ -281,7 +284,7 @@ def test_what_arrives_by_the_fastest_is_predicted_by_the_fastest() -> None:
     flight = StraightFlight()
     vehicle = VehicleState()
     for trip_s in (0.06, 0.2, 0.4):
-        vehicle.round_trip.answered(0.0, trip_s)
+        vehicle.link_delay.answered(0.0, 0.5 * trip_s, trip_s)
     gps = stream_of(flight, AutopilotMode.GPS_INPUT)
     vision = stream_of(flight, AutopilotMode.VISION)
     assert gps.link_delay_s(vehicle) == pytest.approx(0.03)
@@ -295,7 +298,7 @@ def test_a_global_position_ahead_of_its_sending_has_no_age() -> None:
     flight = StraightFlight()
     vehicle = VehicleState()
     for _ in range(3):
-        vehicle.round_trip.answered(0.0, 0.16)
+        vehicle.link_delay.answered(0.0, 0.08, 0.16)
     message = one_state(stream_of(flight, AutopilotMode.GLOBAL_POSITION), flight, 2.0, vehicle)
     # the state of 80 ms later
     assert message.fields["time_usec"] == 1_002_080_000
@@ -313,3 +316,98 @@ def test_an_error_of_the_links_delay_is_one_along_the_track(told_s: float | None
         covariances.append(symmetric(listed(message, "pose_covariance"))[:3, :3])
     velocity = LocalFrame(ORIGIN, SEPARATION_M).ned_from_runway @ flight.velocity
     np.testing.assert_allclose(covariances[1] - covariances[0], sigma_s**2 * np.outer(velocity, velocity), atol=1e-9)
+
+
+def test_ardupilots_stamps_keep_their_distance_from_the_sending() -> None:
+    """Expected: what is learnt of the link moves the state that is sent, by as much, and no stamp."""
+    flight, vehicle = StraightFlight(), VehicleState(autopilot=3)
+    stream = stream_of(flight, AutopilotMode.VISION)
+    sent = []
+    for t_s, delay_s in ((2.0, 0.1), (3.0, 0.03)):
+        for _ in range(3):
+            vehicle.link_delay.answered(0.0, delay_s, 2.0 * delay_s)
+        message = one_state(stream, flight, t_s, vehicle)
+        sent.append((message.fields["usec"], values(message, "x", "y", "z")))
+    (first_us, first), (second_us, second) = sent
+    assert second_us - first_us == 1_000_000  # type: ignore[operator]
+    moved = np.linalg.norm(np.diff([flight.position(2.1), flight.position(3.03)], axis=0))
+    assert math.dist(first, second) == pytest.approx(moved)
+
+
+def test_what_arrives_later_than_ekf3_remembers_is_in_its_covariance() -> None:
+    """Expected: of delays of 30 and 130 ms nothing with a memory of 250 ms, else the rms of 100 ms in each fourth."""
+    sigma = {}
+    for memory_ms in (250.0, 50.0):
+        vehicle = VehicleState(autopilot=3, parameters={"GPS1_DELAY_MS": 100.0, "EK3_BCN_DELAY": memory_ms})
+        for k in range(100):
+            there_s = 0.13 if k % 4 == 0 else 0.03
+            vehicle.link_delay.answered(0.0, there_s, there_s + 0.03)
+        stream = stream_of(StraightFlight(), AutopilotMode.GPS_INPUT, link_delay_sigma_s=None)
+        sigma[memory_ms] = stream.link_delay_sigma_s(vehicle)
+    assert sigma[250.0] < 0.005
+    assert sigma[50.0] == pytest.approx(0.05, abs=0.001)
+
+
+def test_a_vehicle_whose_clock_is_set_is_measured_from_the_start() -> None:
+    """Expected: after a restart of the vehicle's clock its delay is that of the new answers, three of them at least."""
+    link = VehicleState().link_delay
+    for clock_s in (500.0, 0.0):
+        for k in range(3):
+            assert link.one_way_s is None or clock_s == 0.0
+            link.answered(float(k), clock_s + k + 0.04, k + 0.1)
+        assert link.one_way_s == pytest.approx(0.05)
+    # a clock that is none: it never moves
+    still = VehicleState().link_delay
+    for k in range(10):
+        still.answered(float(k), 1.0, k + 0.1)
+    assert still.one_way_s is None
+
+
+def test_jitter_of_one_way_is_not_taken_for_delay_of_the_other() -> None:
+    """Expected: a way back that is slow and varies leaves the delay there, 40 ms, as it is; the fastest are equal."""
+    link = VehicleState().link_delay
+    rng = np.random.default_rng(3)
+    for back_s in [0.04, *rng.uniform(0.04, 0.4, 60)]:
+        link.answered(0.0, 777.04, 0.04 + back_s)
+    assert link.one_way_s == pytest.approx(0.04)
+    assert link.least_one_way_s == pytest.approx(0.04)
+
+
+def test_what_is_taken_for_the_fastest_is_off_by_what_the_fastest_differ_by() -> None:
+    """Expected: 20 ms before three answers; then what the third is slower, and a tenth of the fastest's delay."""
+    link = VehicleState().link_delay
+    assert link.least_sigma_s == 0.02
+    for there_s in (0.05, 0.2, 0.06, 0.07, 0.19):
+        link.answered(0.0, there_s, there_s + 0.05)
+    assert link.least_sigma_s == pytest.approx(math.hypot(0.02, 0.005))
+
+
+def test_answers_are_received_with_the_vehicles_clock_each_way() -> None:
+    """Expected: 30 ms there of the fastest, 40 of the median, whatever the way back and the vehicle's clock."""
+    vehicle = VehicleState(system=1)
+    for k, (there_s, back_s) in enumerate([(0.03, 0.3), (0.05, 0.03), (0.04, 0.2)]):
+        sent_s = 10.0 + k
+        fields = {"tc1": round(1e9 * (77.0 + sent_s + there_s)), "ts1": round(1e9 * (1000.0 + sent_s))}
+        receive(vehicle, "TIMESYNC", fields, (1, 1), sent_s + there_s + back_s, link_s=1000.0)
+    assert vehicle.link_delay.least_one_way_s == pytest.approx(0.03)
+    assert vehicle.link_delay.one_way_s == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "memory_ms", "words"),
+    [
+        (12, 0.0, "misdated by 55 ms (1 σ)"),
+        (3, 50.0, "EKF3 remembers 200 ms (EK3_BCN_DELAY)"),
+        (3, 250.0, "misdated by 43 ms (1 σ)"),
+    ],
+)
+def test_a_link_whose_delay_varies_is_told(autopilot: int, memory_ms: float, words: str) -> None:
+    """Expected: half of the messages 110 ms late: 55 ms; of ArduPilot the rms of what EKF3 forgets, 110 or 60 ms."""
+    vehicle = VehicleState(autopilot=autopilot, parameters={"EK3_BCN_DELAY": memory_ms})
+    mode = AutopilotMode.ODOMETRY if autopilot == 12 else AutopilotMode.GPS_INPUT
+    stream = stream_of(StraightFlight(), mode, link_delay_sigma_s=None)
+    assert stream.doubt(vehicle) == ""
+    for k in range(60):
+        there_s = 0.14 if k % 2 else 0.03
+        vehicle.link_delay.answered(0.0, there_s, there_s + 0.03)
+    assert words in stream.doubt(vehicle)

@@ -10,13 +10,13 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import ConfigError
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.integrity.fault_geometry import StationLook
-from groundstation.integrity.fault_table import FaultTable, StationFault, two_sided_quantile
 from groundstation.integrity.protection_levels import (
     ProtectionConfig,
     ProtectionLevelMonitor,
     ProtectionLevels,
     separation_model,
 )
+from groundstation.landing_site.fault_table import FaultTable, StationFault, two_sided_quantile
 from groundstation.messages import Kinematics
 from groundstation.rig.rig import Rig
 from groundstation.simulation.standard_cases import STEP_RAD, standard_rig

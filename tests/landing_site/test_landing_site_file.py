@@ -10,11 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.errors import ConfigError
+from groundstation.integrity.approach_integrity import ApproachIntegrity
 from groundstation.landing.touchdown import TouchdownForecast, TouchdownPredictor
 from groundstation.landing_site.approach_prior import ApproachPrior, WheelPosition
+from groundstation.landing_site.fault_table import FaultTable
 from groundstation.landing_site.landing_site_file import LandingSite, load_landing_site
 from groundstation.landing_site.runway import LandingRunway
 from groundstation.messages import Kinematics
+from groundstation.simulation.standard_cases import standard_rig
 
 _WHOLE = """format = "groundstation-landing-site/1"
 [runway]
@@ -118,3 +121,35 @@ def test_there_and_back(point: tuple[float, ...], threshold: tuple[float, float,
     np.testing.assert_allclose(
         runway.runway_position(runway.threshold_coordinates(np.array(point))), point, rtol=1e-12, atol=1e-9
     )
+
+
+def test_stated_faults_reach_the_protection_levels(tmp_path: Path) -> None:
+    """Expected: what is stated replaces its default alone; a rarer, smaller mount fault leaves a lower level."""
+    text = _WHOLE + "[faults]\nmount_prior = 1e-4\nmount_deg = 0.02\ntarget_point_spans = [0.1, 0.1, 0.1]\n"
+    site = load_landing_site(_written(tmp_path, text))
+    assert site.faults == replace(
+        FaultTable(), mount_prior=1e-4, mount_rad=math.radians(0.02), target_point_spans=(0.1, 0.1, 0.1)
+    )
+    monitor = ApproachIntegrity(standard_rig(), site)
+    assert monitor.faults == site.faults
+
+
+@pytest.mark.parametrize(
+    ("line", "named"),
+    [
+        ("mount_deg = -1.0", "mount_deg"),
+        ("mount_rad = 0.1", "mount_rad"),
+        ("detection_prior = 0.9", "detection_prior"),
+        ("risk = 0.0", "risk"),
+        ("clock_s = nan", "clock_s"),
+    ],
+)
+def test_faults_that_cannot_be_are_named(tmp_path: Path, line: str, named: str) -> None:
+    with pytest.raises(ConfigError, match=named):
+        load_landing_site(_written(tmp_path, _WHOLE + f"[faults]\n{line}\n"))
+
+
+def test_a_risk_that_two_faults_at_once_exceed_is_refused(tmp_path: Path) -> None:
+    site = load_landing_site(_written(tmp_path, _WHOLE + "[faults]\nrisk = 1e-6\n"))
+    with pytest.raises(ConfigError, match="two faults"):
+        ApproachIntegrity(standard_rig(), site)

@@ -10,6 +10,7 @@ import numpy as np
 
 from groundstation.autopilot.local_frame import LocalFrame
 from groundstation.autopilot.message import MavlinkMessage
+from groundstation.simulation.autopilot_receivers.ardupilot_gps import ekf3_memory_s
 from groundstation.simulation.autopilot_receivers.least_lag import LeastLagClock
 from groundstation.simulation.autopilot_receivers.receipt import (
     Receipt,
@@ -26,7 +27,6 @@ from groundstation.simulation.autopilot_receivers.receipt import (
 # MAV_FRAME_LOCAL_FRD and MAV_FRAME_BODY_FRD
 _FRAMES = [20, 12]
 _MOST_LAG_S = 0.5
-_MEMORY_S = 0.25
 # stamps are whole ms; a sample that follows sooner is dropped
 _LEAST_INTERVAL_MS = 20
 _HEALTHY_S = 0.3
@@ -36,10 +36,11 @@ _VARIANCES = [0, 6, 11]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExternalNavigationParameters:
-    """VISO_TYPE, VISO_DELAY_MS, VISO_POS_M_NSE, VISO_QUAL_MIN."""
+    """VISO_TYPE, VISO_DELAY_MS, EK3_BCN_DELAY, VISO_POS_M_NSE, VISO_QUAL_MIN."""
 
     viso_type: int = 1
     delay_ms: float = 10.0
+    beacon_delay_ms: float = 50.0
     position_noise_m: float = 0.2
     least_quality: int = 0
 
@@ -72,13 +73,16 @@ class ExternalNavigationReceiver:
             return refused(ReceiptVerdict.TOO_SOON)
         self._taken_ms = local_ms
         t_s = 1e-3 * (local_ms - self._parameters.delay_ms)
+        oldest_s = now_s - ekf3_memory_s(
+            *(1e-3 * ms for ms in (self._parameters.delay_ms, self._parameters.beacon_delay_ms))
+        )
         counter, last = number(message, "reset_counter"), self._counter
         self._counter = counter
         sigma_m = max(_stated_sigma_m(message), self._parameters.position_noise_m)
         return Receipt(
-            verdict=ReceiptVerdict.HELD if t_s < now_s - _MEMORY_S else ReceiptVerdict.ACCEPTED,
+            verdict=ReceiptVerdict.HELD if t_s < oldest_s else ReceiptVerdict.ACCEPTED,
             sample=ReceivedSample(
-                t_s=max(t_s, now_s - _MEMORY_S),
+                t_s=max(t_s, oldest_s),
                 position_runway_m=local_position(message, self._frame),
                 velocity_ned_m_s=None,
                 sigma_horizontal_m=sigma_m,

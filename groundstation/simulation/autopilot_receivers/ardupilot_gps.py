@@ -19,23 +19,30 @@ from groundstation.simulation.autopilot_receivers.receipt import (
 
 _TYPE_MAVLINK = 14
 _FIX_3D = 3
-# EKF3's memory of inertial data, and the time between samples of a sensor; the driver's own lag; s
-MEMORY_S = 0.25
+# the time between samples of a sensor; the driver's own lag; s
 _LEAST_INTERVAL_S = 0.05
 _DRIVER_LAG_S = 0.2
 _MOST_LAG_S = 0.5
 _WEEK_S = 604_800.0
+# of a vehicle that measures its airspeed; the filter was tested with no longer memory than this
+_AIRSPEED_S, _MOST_MEMORY_S = 0.1, 0.25
 # the bits of ignore_flags: height, horizontal and vertical velocity
 _NO_HEIGHT, _NO_VELOCITY = 1, 8 | 16
 
 
+def ekf3_memory_s(*delays_s: float) -> float:
+    """Return how far back EKF3 has inertial data: the longest delay of its sensors, airspeed and compass among them."""
+    return min(max(_AIRSPEED_S, *delays_s), _MOST_MEMORY_S)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArdupilotGpsParameters:
-    """GPS1_TYPE, the instance, GPS1_DELAY_MS (0 for the driver's own), EK3_POSNE_M_NSE, EK3_VELNE_M_NSE."""
+    """GPS1_TYPE, instance, GPS1_DELAY_MS (0: the driver's own), EK3_BCN_DELAY, EK3_POSNE_M_NSE, EK3_VELNE_M_NSE."""
 
     gps_type: int = _TYPE_MAVLINK
     gps_id: int = 0
     delay_ms: float = 0.0
+    beacon_delay_ms: float = 50.0
     position_noise_m: float = 0.5
     speed_noise_m_s: float = 0.3
 
@@ -63,14 +70,15 @@ class ArdupilotGpsReceiver:
             return refused(ReceiptVerdict.TOO_SOON)
         self._taken_s = local_s
         lag_s = 1e-3 * self._parameters.delay_ms or _DRIVER_LAG_S
+        memory_s = ekf3_memory_s(lag_s, 1e-3 * self._parameters.beacon_delay_ms)
         t_s = local_s - lag_s
-        held = t_s < now_s - MEMORY_S
+        held = t_s < now_s - memory_s
         horizontal, vertical, speed = numbers(message, "horiz_accuracy", "vert_accuracy", "speed_accuracy")
         least_m = self._parameters.position_noise_m
         return Receipt(
             verdict=ReceiptVerdict.HELD if held else ReceiptVerdict.ACCEPTED,
             sample=ReceivedSample(
-                t_s=max(t_s, now_s - MEMORY_S),
+                t_s=max(t_s, now_s - memory_s),
                 position_runway_m=geodetic_position(message, self._frame),
                 velocity_ned_m_s=numbers(message, "vn", "ve", "vd"),
                 sigma_horizontal_m=max(float(horizontal), least_m),

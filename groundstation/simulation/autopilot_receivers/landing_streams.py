@@ -31,6 +31,8 @@ from groundstation.simulation.stream_over_radio import TRUE_OFFSET_S, VEHICLE_CL
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.tracking.config import Config
 
+# EK3_BCN_DELAY as `groundstation autopilot check` recommends it
+LONG_MEMORY_MS = 250.0
 SITE_FRAME = LocalFrame(GeoOrigin(lat_deg=47.3, lon_deg=8.5, height_m=460.0, y_axis_azimuth_deg=180.0), 47.5)
 # the track has been found, and TIMESYNC has been answered three times
 _SETTLED_S = 4.0
@@ -46,22 +48,22 @@ class ReceiverSetup:
     receiver: Callable[[], PositionReceiver]
 
 
-def _gps(delay_ms: float) -> ReceiverSetup:
-    parameters = ArdupilotGpsParameters(delay_ms=delay_ms)
+def _gps(delay_ms: float, beacon_delay_ms: float) -> ReceiverSetup:
+    parameters = ArdupilotGpsParameters(delay_ms=delay_ms, beacon_delay_ms=beacon_delay_ms)
     return ReceiverSetup(
         mode=AutopilotMode.GPS_INPUT,
         autopilot=ARDUPILOT,
-        parameters={"GPS1_DELAY_MS": delay_ms},
+        parameters={"GPS1_DELAY_MS": delay_ms, "EK3_BCN_DELAY": beacon_delay_ms},
         receiver=lambda: ArdupilotGpsReceiver(SITE_FRAME, parameters),
     )
 
 
 def _external(mode: AutopilotMode) -> ReceiverSetup:
-    parameters = ExternalNavigationParameters()
+    parameters = ExternalNavigationParameters(beacon_delay_ms=LONG_MEMORY_MS)
     return ReceiverSetup(
         mode=mode,
         autopilot=ARDUPILOT,
-        parameters={"VISO_DELAY_MS": parameters.delay_ms},
+        parameters={"VISO_DELAY_MS": parameters.delay_ms, "EK3_BCN_DELAY": parameters.beacon_delay_ms},
         receiver=lambda: ExternalNavigationReceiver(SITE_FRAME, parameters),
     )
 
@@ -85,8 +87,8 @@ def _global(offset_s: float | None) -> ReceiverSetup:
 
 
 RECEIVERS: Mapping[str, ReceiverSetup] = {
-    "ArduPilot GPS_INPUT, GPS1_DELAY_MS 0 (200 ms)": _gps(0.0),
-    "ArduPilot GPS_INPUT, GPS1_DELAY_MS 50": _gps(50.0),
+    "ArduPilot GPS_INPUT, as delivered (GPS1_DELAY_MS 0: 200 ms)": _gps(0.0, 50.0),
+    "ArduPilot GPS_INPUT, GPS1_DELAY_MS 50": _gps(50.0, LONG_MEMORY_MS),
     "ArduPilot ODOMETRY": _external(AutopilotMode.ODOMETRY),
     "ArduPilot VISION_POSITION_ESTIMATE": _external(AutopilotMode.VISION),
     "PX4 VISION_POSITION_ESTIMATE, clocks synchronised": _vision(AutopilotMode.VISION, TRUE_OFFSET_S),
@@ -100,14 +102,18 @@ RECEIVERS: Mapping[str, ReceiverSetup] = {
 class StreamedLanding:
     """Tally and sums of squared errors (3,) across, along and up, m², of samples and of the pipeline's estimates.
 
-    ``normalised`` are the sums over the samples of squared errors over the variances that the receiver takes, (2,):
-    horizontal, in the direction of the error, and vertical.
+    ``misdated_s`` are the sums over the samples, and of the squares, of how much later than the state in it a sample is
+    taken to be, s and s²; ``longest_gap_s`` is the longest time between two samples. ``normalised`` are the sums over
+    the samples of squared errors over the variances that the receiver takes, (2,): horizontal, in the direction of the
+    error, and vertical.
     """
 
     verdicts: Counter[ReceiptVerdict]
     lost: int
     squares_m2: FloatArray
     samples: int
+    misdated_s: tuple[float, float]
+    longest_gap_s: float
     normalised: FloatArray
     zero_delay_m2: FloatArray
     estimates: int
@@ -179,12 +185,15 @@ def _tally(
     places = np.array([s.position_runway_m for s in stream.taken]).reshape(-1, 3)[counted]
     off = places - flight.position(times[counted])
     sigmas = np.array([(s.sigma_horizontal_m, s.sigma_vertical_m) for s in stream.taken]).reshape(-1, 2)[counted]
+    misdated_s = np.array(stream.misdated_s)[counted]
     errors_m = np.column_stack([np.linalg.norm(off[:, :2], axis=1), off[:, 2]])
     return StreamedLanding(
         verdicts=stream.verdicts,
         lost=stream.lost,
         squares_m2=np.asarray((off**2).sum(axis=0)),
         samples=len(off),
+        misdated_s=(float(misdated_s.sum()), float(misdated_s @ misdated_s)),
+        longest_gap_s=float(np.max(np.diff(np.sort(times[counted])), initial=0.0)),
         normalised=np.asarray(((errors_m / sigmas) ** 2).sum(axis=0)),
         zero_delay_m2=zero_delay_m2,
         estimates=estimates,

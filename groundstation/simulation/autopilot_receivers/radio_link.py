@@ -27,19 +27,16 @@ class RadioLink:
         self._on_their_way: deque[tuple[float, MavlinkMessage]] = deque()
         self._last_s = -np.inf
 
-    def send(self, message: MavlinkMessage, now_s: float) -> None:
-        """Send a message at ``now_s``."""
+    def send(self, message: MavlinkMessage, now_s: float) -> bool:
+        """Send a message at ``now_s``; False if it is lost."""
         self.sent += 1
-        delay_s = self.drawn_delay_s()
+        delay_s = float(self._random.uniform(*self._model.delay_s))
         if self._random.random() < self._model.loss:
             self.lost += 1
-            return
+            return False
         self._last_s = max(self._last_s, now_s + delay_s)
         self._on_their_way.append((self._last_s, message))
-
-    def drawn_delay_s(self) -> float:
-        """Draw a delay, s."""
-        return float(self._random.uniform(*self._model.delay_s))
+        return True
 
     def arrived(self, until_s: float) -> Iterator[tuple[float, MavlinkMessage]]:
         """Take the messages that arrive until then, each with its time."""

@@ -33,7 +33,7 @@ from groundstation.simulation.rig_errors import StationErrors, drawn_errors, per
 from groundstation.simulation.stream_over_radio import VEHICLE_CLOCK_S, StreamOverRadio
 from groundstation.tracking.config import Config
 
-DEFAULT_RECEIVER = "ArduPilot GPS_INPUT, GPS1_DELAY_MS 0 (200 ms)"
+DEFAULT_RECEIVER = "ArduPilot GPS_INPUT, GPS1_DELAY_MS 50"
 # errors are of this part of the approach: the nose below it, and above the wheels' touchdown
 BELOW_M = 20.0
 MOUNT_SIGMA_RAD = math.radians(0.01)
