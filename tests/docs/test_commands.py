@@ -46,6 +46,9 @@ NOT_RUN = {
     ("calibration.md", "groundstation calibrate stars field.toml"): (
         "wants heads under a night sky; tests/calibration/stars/test_stars_command.py"
     ),
+    ("calibration.md", "groundstation calibrate sky"): (
+        "wants a receiver and airliners; tests/calibration/sky/test_sky_fit.py"
+    ),
     ("calibration.md", "groundstation calibrate sightings field.toml left"): (
         "wants cameras and units; tests/calibration/landmarks/test_sightings_command.py"
     ),
