@@ -22,12 +22,13 @@ from groundstation.picture import Picture
 # --------------------------------------------------------------------------------------------- events in
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PtuSample:
-    """One reading of a station's pan and tilt as measured, ``pan_rad`` and ``tilt_rad``, at session time ``t_s``."""
+    """One reading of a station's pan and tilt at session time ``t_s``; ``sigma_rad`` of a picture's, None: encoders."""
 
     t_s: float
     station: str
     pan_rad: float
     tilt_rad: float
+    sigma_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

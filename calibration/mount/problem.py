@@ -33,6 +33,8 @@ EARTH_RATE_RAD_S = 7.292115e-5
 _LEAST_ALTITUDE_DEG = -1.0
 # m, rad
 _STEP_SCALES = {
+    ".path": 1.0,
+    "latency": 0.1,
     "mark": 0.01,
     "camera_in_head": 0.01,
     "ptu_position": 0.01,
@@ -46,11 +48,12 @@ _TURNS = (slice(0, 3), slice(6, 9))
 
 
 class MarkKind(Enum):
-    """Kinds of marks: known position; known direction; the stars; unknown point, direction or board."""
+    """Kinds of marks: known position, direction; stars; an aircraft; unknown point, direction or board."""
 
     POINT = "point"
     DIRECTION = "direction"
     SKY = "stars"
+    PATH = "aircraft"
     UNKNOWN_POINT = "point of unknown place"
     UNKNOWN_DIRECTION = "direction, unknown"
     BOARD = "board of unknown place"
@@ -58,7 +61,7 @@ class MarkKind(Enum):
     @property
     def known(self) -> bool:
         """Whether it ties the station to the runway frame."""
-        return self in (MarkKind.POINT, MarkKind.DIRECTION, MarkKind.SKY)
+        return self in (MarkKind.POINT, MarkKind.DIRECTION, MarkKind.SKY, MarkKind.PATH)
 
 
 _PARTS = {

@@ -96,8 +96,13 @@ def write_night_rig(path: Path, found: NightCalibration) -> None:
         f"# {night.before.name} by stars: {int(night.fit.kept.sum())} in {len(night.pictures)} pictures"
         for night in found.joint.nights
     ]
+    write_noted_rig(path, found.rig, notes)
+
+
+def write_noted_rig(path: Path, rig: Rig, notes: Sequence[str]) -> None:
+    """Write a rig file below lines of comment; raises `InputError` where it cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, "\n".join([*notes, ""]) + rig_to_toml(found.rig))
+        write_whole(path, "\n".join([*notes, ""]) + rig_to_toml(rig))
     except OSError as error:
         raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error

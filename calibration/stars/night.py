@@ -52,7 +52,7 @@ def read_night(
     `MissingExtraError` without tetra3rs.
     """
     listed = read_picture_table(folder, rig, timed=True)
-    _require_one_night(folder, listed)
+    require_one_night(folder, listed)
     hot = {name: _hot_of(folder, [i for i in listed if i.station == name], rig) for name in rig.names}
     found: dict[str, list[StarPicture]] = {}
     for number, item in enumerate(listed):
@@ -98,8 +98,8 @@ def read_grey(folder: Path, item: ListedPicture, rig: Rig) -> FloatArray:
     return np.asarray(grey, dtype=np.float32)
 
 
-def _require_one_night(folder: Path, listed: Sequence[ListedPicture]) -> None:
-    """Raise `InputError` for times that are not Unix times of one night."""
+def require_one_night(folder: Path, listed: Sequence[ListedPicture]) -> None:
+    """Raise `InputError` for times that are not Unix times of one night (or day)."""
     for item in listed:
         if not FIRST_UTC_S < item.utc_s < LAST_UTC_S:
             where = f"{folder.name}/pictures.csv: line {item.line}"

@@ -24,6 +24,7 @@ FIRST_UTC_S, LAST_UTC_S = -2_000_000_000.0, 2_500_000_000.0
 # of the international standard atmosphere
 SEA_LEVEL_HPA, SCALE_HEIGHT_M = 1013.25, 8434.0
 STANDARD_AIR_C, LAPSE_C_PER_M = 15.0, 0.0065
+_MOON_RADIUS_KM = 1737.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +79,11 @@ class SkyOverSite:
     def body(self, name: str, utc_s: float) -> FloatArray:
         """Return the apparent direction (3,) of "sun" or "moon", refraction included, at a Unix time."""
         return self._directions(self._planets[name], utc_s)
+
+    def moon_radius_rad(self, utc_s: float) -> float:
+        """Return the Moon's radius as seen from the site at a Unix time, rad."""
+        away = self._observer.at(self._at(utc_s)).observe(self._planets["moon"]).apparent().distance()
+        return math.asin(_MOON_RADIUS_KM / float(away.km))
 
     def pole(self) -> FloatArray:
         """Return the direction (3,) of the celestial north pole, without refraction."""

@@ -155,7 +155,18 @@ def verdict(found: NightCalibration) -> list[str]:
 
 
 def _pair(found: NightCalibration, first: int, second: int) -> list[str]:
-    """Return what is known of two heads' relative direction."""
+    """Return what is known of two heads' relative direction, and what more pictures would tell."""
+    lines = relative_lines(found, first, second)
+    nights, sigma = found.joint.nights, relative_sigma(found.joint, first, second)
+    pictures = min(len(nights[k].pictures) for k in (first, second))
+    if sigma.pan_deg > BEST_RELATIVE_DEG:
+        needed = int(np.ceil(pictures * (sigma.pan_deg / BEST_RELATIVE_DEG) ** 2))
+        lines.append(f"{BEST_RELATIVE_DEG} deg takes some {needed} pictures of each head spread like these")
+    return lines
+
+
+def relative_lines(found: NightCalibration, first: int, second: int) -> list[str]:
+    """Return what is known of two heads' relative direction, and what that is along the line of sight."""
     nights = found.joint.nights
     sigma = relative_sigma(found.joint, first, second)
     word = "good" if sigma.pan_deg <= GOOD_RELATIVE_DEG else "usable" if sigma.pan_deg <= 0.01 else "not good enough"
@@ -169,8 +180,4 @@ def _pair(found: NightCalibration, first: int, second: int) -> list[str]:
         # both heads' share of the relative angle is in it already
         along = [f"{along_m(sigma.pan_deg / np.sqrt(2.0), r, baseline):.2f} m at {r:.0f} m" for r in RANGES_M]
         lines.append("that is along the line of sight: " + ", ".join(along))
-    pictures = min(len(nights[k].pictures) for k in (first, second))
-    if sigma.pan_deg > BEST_RELATIVE_DEG:
-        needed = int(np.ceil(pictures * (sigma.pan_deg / BEST_RELATIVE_DEG) ** 2))
-        lines.append(f"{BEST_RELATIVE_DEG} deg takes some {needed} pictures of each head spread like these")
     return lines

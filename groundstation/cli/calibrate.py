@@ -4,7 +4,9 @@ from groundstation.cli.calibrate_flight import add_flight
 from groundstation.cli.calibrate_landmarks import add_landmark_kinds
 from groundstation.cli.calibrate_lens import add_convert_lens, add_intrinsics
 from groundstation.cli.calibrate_mount import add_mount
+from groundstation.cli.calibrate_panorama import add_panorama
 from groundstation.cli.calibrate_sightings import add_sightings
+from groundstation.cli.calibrate_sky import add_sky
 from groundstation.cli.calibrate_stars import add_stars
 from groundstation.cli.calibrate_timing import add_timing
 from groundstation.cli.command_arguments import Commands
@@ -20,6 +22,8 @@ def add_calibrate(commands: Commands) -> None:
     add_mount(kinds)
     add_timing(kinds)
     add_stars(kinds)
+    add_sky(kinds)
+    add_panorama(kinds)
     add_sightings(kinds)
     add_landmark_kinds(kinds)
     add_intrinsics(kinds)

@@ -53,6 +53,9 @@ def add_replay(commands: Commands) -> None:
         help="tuning, TOML; what it leaves out keeps its default (all of them: groundstation config)",
     )
     add_weights_option(replay)
+    replay.add_argument(
+        "--panorama", type=READ, metavar="FILE.npz", help="head angles from the picture, by calibrate panorama's file"
+    )
     add_span(replay)
     replay.add_argument(
         "--learn-until",
@@ -100,6 +103,7 @@ def run_replay(options: argparse.Namespace) -> int:
         record=options.record,
         smooth=options.smooth,
         weights=options.weights,
+        panorama=options.panorama,
         command=options.words,
         approach=approach_options(options),
         realtime=options.realtime,

@@ -61,6 +61,11 @@ class EncoderFeed:
         station = self._stations.get(sample.station)
         if station is None or station.fixed:
             return None
+        if sample.sigma_rad is not None:
+            # a picture's: of the exposure itself, whatever the clocks; one that the gate refuses is left out
+            angles = (sample.pan_rad, sample.tilt_rad)
+            self._ekf.update_encoder(sample.station, angles, sample.sigma_rad, 0.0, 0.0)
+            return None
         before = self._known.get(sample.station, _NOTHING)
         note, known = self._watch_for_standstill(sample, station, before)
         if note is None and not known.frozen:

@@ -33,6 +33,7 @@ from groundstation.session import Session
 from groundstation.sinks.geographic_frame import place_of
 from groundstation.sinks.output_comparison import OutputComparisonSink
 from groundstation.sources.folder_source import FolderSource
+from groundstation.sources.panorama_file import read_panoramas
 from groundstation.sources.recording_source import RecordingSource
 from groundstation.sources.reference_fixes import with_reference
 from groundstation.sources.session_source import session_source
@@ -40,6 +41,7 @@ from groundstation.thread_scheduling import short_gil_switch_interval
 from groundstation.tracking.config import config_to_mapping
 from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.registered_heads import RegisteredHeads
 from groundstation.tracking.warm_up import warm_up
 from groundstation.viewer.recording_file import remove_draft
 
@@ -64,7 +66,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
     """Replay one session; ``unfinished`` gets what is to be deleted where the replay does not come to its end."""
     began_s = time.perf_counter()
     inputs = load_inputs(request)
-    session, config = inputs.session, inputs.config
+    session, config, heads = inputs.session, inputs.config, _registered_heads(request, inputs.session)
     with ExitStack() as opened:
         opened.enter_context(short_gil_switch_interval())
         unmodified = request.unmodified and not inputs.other_weights
@@ -93,18 +95,18 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
             reference_errors=inputs.prior.errors if learns else None,
             keep_images=outputs.wants_pictures,
             callbacks=for_stations(request.detector, session.rig.names),
+            heads=heads,
         )
         if outputs.smoothed is not None:
             outputs.smoothed.want = pipeline.smooth(outputs.smoothed.found)
-        prepared_s = time.perf_counter() - began_s
-        total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
+        prepared_s, span_s = time.perf_counter() - began_s, source.span_s[1] - source.span_s[0]
         outputs.open_approach(session, pipeline, source.span_s[0], opened)
         events = outputs.taken(_events(source, session, fixes))
-        outcome = run_pipeline(events, pipeline, outputs.sinks(), lambda done: progress(done, total))
+        outcome = run_pipeline(events, pipeline, outputs.sinks(), lambda done: progress(done, source.epoch_count))
         outputs.finish_approach()
     pipeline.finish_smoothing()
     notes = [] if outcome.fault is None else [str(outcome.fault)]
-    notes += recording_notes(source, outputs.recorder) + _pipeline_notes(pipeline, fixes)
+    notes += recording_notes(source, outputs.recorder) + _pipeline_notes(pipeline, fixes, heads)
     notes += reference_time_notes(request, inputs, source.span_s)
     smoothed_track = outputs.smoothed_track()
     speed = _speed(outcome, span_s, prepared_s)
@@ -134,12 +136,17 @@ def _learns_as_recorded(request: ReplayRequest, inputs: ReplayInputs) -> bool:
     return recorded is not None and recorded.header.learns_from_reference and request.learn_until_s is None
 
 
-def _pipeline_notes(pipeline: Pipeline, fixes: list[ReferenceFix]) -> list[str]:
-    """Return notes on rejected data, and on reference fixes of which none was used."""
+def _registered_heads(request: ReplayRequest, session: Session) -> RegisteredHeads | None:
+    """Return what takes angles from the pictures, where a panorama was given."""
+    return None if request.panorama is None else RegisteredHeads(session.rig, read_panoramas(request.panorama))
+
+
+def _pipeline_notes(pipeline: Pipeline, fixes: list[ReferenceFix], heads: RegisteredHeads | None) -> list[str]:
+    """Return notes on rejected data, on head angles, and on reference fixes of which none was used."""
     notes = list(describe_counts(pipeline.counts))
     if fixes and pipeline.reference_used_until_s is None:
         notes.append("no DGPS fix updated the filter: no target was tracked at their times, or no state may change")
-    return notes
+    return notes + ([] if heads is None else heads.notes())
 
 
 def _evaluate(

@@ -18,6 +18,7 @@ class ReplayRequest:
 
     Up to ``learn_until_s`` of its clock the DGPS updates the filter and its calibration states; None uses it for
     comparison only. ``smooth`` also writes the smoothed track. ``record`` is the path of a recording to write.
+    ``panorama`` is a file of `calibrate panorama`: frames' angles are then the pictures' own.
     ``weights`` are one's own for the learned channel, which then detects.
     ``command`` are the words of the command line, if there was one, for the record.
     ``report`` False leaves out report.html, whose figures take longer than a short replay.
@@ -38,6 +39,7 @@ class ReplayRequest:
     record: Path | None = None
     report: bool = True
     weights: Path | None = None
+    panorama: Path | None = None
     command: tuple[str, ...] = ()
     detector: DetectorCallback | Mapping[str, DetectorCallback] | None = None
     approach: ApproachOptions = field(default_factory=ApproachOptions)
@@ -50,7 +52,7 @@ class ReplayRequest:
     @property
     def unmodified(self) -> bool:
         """Whether a recording is replayed with its own rig, tuning and time span."""
-        others = (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s, self.detector)
+        others = (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s, self.detector, self.panorama)
         return all(v is None for v in others)
 
 

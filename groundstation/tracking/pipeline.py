@@ -43,6 +43,7 @@ from groundstation.tracking.frame_update import FrameUpdate, span_prior_sigma
 from groundstation.tracking.log_throttle import LogThrottle
 from groundstation.tracking.pending_report import PendingReport
 from groundstation.tracking.reference_fusion import ReferenceUpdate
+from groundstation.tracking.registered_heads import RegisteredHeads
 from groundstation.tracking.station_health import StationHealth
 from groundstation.tracking.synchronise import LateReading, LateReference, Ready, ReadyFrame, Synchroniser
 from groundstation.tracking.track_manager import TrackManager
@@ -61,6 +62,7 @@ class Pipeline:
     keep_images : whether reports contain the images (for a viewer without a video).
     reference_errors : prior of the errors of the reference positions: receiver clock and antenna offset.
     callbacks : functions that take the place of the program's detector, by station.
+    heads : takes angles from the pictures, where panoramas are known.
     """
 
     def __init__(
@@ -74,11 +76,11 @@ class Pipeline:
         keep_images: bool = False,
         reference_errors: ParameterPrior | None = None,
         callbacks: Mapping[str, DetectorCallback] | None = None,
+        heads: RegisteredHeads | None = None,
     ) -> None:
         rig.require_known()
-        self._rig, self._config, self._span_m = rig, config, span_m
-        self._stopwatch = stopwatch
-        self._keep_images = keep_images
+        self._rig, self._config, self._span_m, self._heads = rig, config, span_m, heads
+        self._stopwatch, self._keep_images = stopwatch, keep_images
         self._reference_errors, self._callbacks = reference_errors, callbacks or {}
         self._counts_before_restart: Counter[str] = Counter()
         self._on_smoothed: Callable[[float, Kinematics], None] | None = None
@@ -276,7 +278,6 @@ class Pipeline:
             else:
                 self._out.cameras.append(self._process_frame(item))
 
-    # ------------------------------------------------------------------------------- time and angles
     def _predict_to(self, t_s: float) -> None:
         """Predict the filter to ``t_s``; start the target from the given initial state once its time is reached."""
         self._ekf.predict_to(t_s)
@@ -293,7 +294,8 @@ class Pipeline:
             self._predict_to(ready.record.t_s)
             if ready.following is not None:
                 self._late_buffer.read(ready.following)
-            return self._frames.process(ready)
+            own = ready if self._heads is None else self._heads.improve(ready, self._late_buffer.read)
+            return self._frames.process(own)
 
     def _process_reading(self, sample: PtuSample) -> None:
         """Predict the filter to the time of a PTU reading and update it with the reading."""
@@ -334,7 +336,6 @@ class Pipeline:
         if self._references.take_late(fix) if late else self._references.take(fix):
             self.reference_used_until_s = fix.t_s
 
-    # ---------------------------------------------------------------------------------------- epochs
     def _process_epoch(self, epoch: Epoch) -> None:
         """Estimate the target at the stamp of an epoch and report it with the triangulation."""
         views = self._epochs.close(epoch)

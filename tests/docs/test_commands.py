@@ -46,6 +46,13 @@ NOT_RUN = {
     ("calibration.md", "groundstation calibrate stars field.toml"): (
         "wants heads under a night sky; tests/calibration/stars/test_stars_command.py"
     ),
+    ("calibration.md", "groundstation calibrate panorama swing"): (
+        "wants two sessions of one place; tests/calibration/panorama/test_panorama.py"
+    ),
+    ("calibration.md", "groundstation replay flight --panorama panorama.npz"): "wants the panorama of the line above",
+    ("calibration.md", "groundstation calibrate sky"): (
+        "wants a receiver and airliners; tests/calibration/sky/test_sky_fit.py"
+    ),
     ("calibration.md", "groundstation calibrate sightings field.toml left"): (
         "wants cameras and units; tests/calibration/landmarks/test_sightings_command.py"
     ),

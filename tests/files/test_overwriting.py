@@ -21,7 +21,7 @@ from tests.session.folder import Tiny
 TEXT = {
     "--format", "--free", "--board", "--station", "--name", "--runway", "--start", "--left-start", "--right-start",
     "--ptu-start", "--epoch", "--trigger", "--ptu-fault", "--fault", "--only", "--banner", "url",
-    "--autopilot", "--udp", "--stations", "name",
+    "--autopilot", "--udp", "--stations", "name", "--receive",
 }  # fmt: skip
 
 

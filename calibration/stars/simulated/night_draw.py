@@ -100,8 +100,8 @@ def draw_night(
     sky = SkyOverSite(site)
     start_s = _dark_evening(sky, random)
     if true_rig is None:
-        known = Rig(stations=tuple(_station(name, x, fov_deg, step_deg) for name, x in _places()))
-        true = replace(known, stations=tuple(_with_errors(s, errors, random) for s in known.stations))
+        known = Rig(stations=tuple(drawn_station(name, x, fov_deg, step_deg) for name, x in pedestals()))
+        true = replace(known, stations=tuple(with_errors(s, errors, random) for s in known.stations))
     else:
         known, true = replace(true_rig, stations=tuple(map(_disoriented, true_rig.stations))), true_rig
     moon = sky.body("moon", start_s)
@@ -132,7 +132,8 @@ def _disoriented(station: Station) -> Station:
     )
 
 
-def _places() -> tuple[tuple[str, float], tuple[str, float]]:
+def pedestals() -> tuple[tuple[str, float], tuple[str, float]]:
+    """Return the stations' names and places along the baseline, m."""
     return ("left", -0.5 * _BASELINE_M), ("right", 0.5 * _BASELINE_M)
 
 
@@ -147,7 +148,8 @@ def _dark_evening(sky: SkyOverSite, random: np.random.Generator) -> float:
     raise AssertionError("no night at this place")
 
 
-def _station(name: str, x_m: float, fov_deg: float, step_deg: float) -> Station:
+def drawn_station(name: str, x_m: float, fov_deg: float, step_deg: float) -> Station:
+    """Return a station without errors at a place along the baseline."""
     size = (1280, 960)
     focal = 0.5 * size[0] / np.tan(np.radians(0.5 * fov_deg))
     return Station(
@@ -174,7 +176,8 @@ def _station(name: str, x_m: float, fov_deg: float, step_deg: float) -> Station:
     )
 
 
-def _with_errors(station: Station, errors: NightErrors, random: np.random.Generator) -> Station:
+def with_errors(station: Station, errors: NightErrors, random: np.random.Generator) -> Station:
+    """Return a station with errors that are drawn."""
     base = rotation_from_vector(np.radians(random.normal(0.0, errors.base_deg, 3)))
     camera = rotation_from_vector(np.radians(random.normal(0.0, errors.boresight_deg, 3))) @ rotation_x(-0.5 * np.pi)
     scale = random.normal(0.0, errors.scale, 2)

@@ -63,13 +63,18 @@ def _nees(found: NightCalibration, k: int, night: DrawnNight) -> float:
     fit, change = found.joint.nights[k].fit, found.joint.change[k]
     station, true = fit.problem.station_at(change), night.true_rig[found.joint.nights[k].before.name]
     error = np.array(
-        [_error(name, float(c), station, true, night) for name, c in zip(fit.problem.names, change, strict=True)]
+        [
+            float(c) - (night.clock_s if name.endswith("clock") else night.refraction)
+            if name.startswith("mark ")
+            else parameter_error(name, station, true)
+            for name, c in zip(fit.problem.names, change, strict=True)
+        ]
     )
     return float(error @ np.linalg.solve(found.joint.of(k), error)) / len(error)
 
 
-def _error(name: str, change: float, found: Station, true: Station, night: DrawnNight) -> float:
-    """Return the error of one parameter, its value estimated less the true one."""
+def parameter_error(name: str, found: Station, true: Station) -> float:
+    """Return the error of one parameter of a station, its value estimated less the true one."""
     group, _, part = name.partition(".")
     if name in (*BASE, *BORESIGHT):
         turned = matrix_from_wxyz(getattr(found, f"{group}_wxyz")) @ matrix_from_wxyz(getattr(true, f"{group}_wxyz")).T
@@ -80,7 +85,5 @@ def _error(name: str, change: float, found: Station, true: Station, night: Drawn
     if group == "distortion":
         place = _DISTORTION.index(part)
         return float(found.lens.distortion[place] - true.lens.distortion[place])
-    if name.startswith("mark "):
-        return change - (night.clock_s if part == "clock" else night.refraction)
     key = name if name.endswith("scale") else f"{name}_rad"
     return float(getattr(found.ptu_axes, key) - getattr(true.ptu_axes, key))

@@ -1,0 +1,1 @@
+"""Calibration by day: airliners whose ADS-B positions a receiver notes, and the Moon."""

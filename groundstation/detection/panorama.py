@@ -1,0 +1,248 @@
+"""Head angles from the picture: a frame registered to a panorama of the ground around, made by the same head.
+
+The panorama has the grey of each direction of the base frame. A frame's textured pixels are laid on it at the angles
+that the encoders give, and pan and tilt are moved until they fit: Gauss-Newton on grey levels, with brightness and
+contrast of the frame free and large differences (the aircraft, birds, what was moved) of little weight. Where the
+picture shows too little ground, or does not fit, it says so.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import cv2
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z
+from groundstation.rig.rig import Station
+
+# pictures are halved: a twentieth of such a pixel is 0.0009° with a lens of 6,700 px
+HALVED = 2
+_MOST_PIXELS, _LEAST_PIXELS = 3000, 200
+_TEXTURE = 4.0
+_ROUNDS, _CLOSE_PX = 12, 0.01
+_ROBUST = 8.0
+# of the search where angles are known poorly: step and pixels used
+_SEARCH_STEP_PX, _SEARCH_PIXELS, _SEARCH_CLIP = 3, 500, 25.0
+_SEARCH_SIGMAS = 4.0
+_NEAR_PX = 3.0
+# a match: of the pixels that are within three robust scales, and the correlation with the panorama
+_LEAST_INLIERS, _LEAST_CORRELATION = 0.6, 0.8
+# neighbouring pixels' misfits are not independent, and a panorama is not exact
+_CORRELATED, _LEAST_SIGMA_PX = 3.0, 0.05
+
+
+class RegistrationFault(Enum):
+    """Why a frame's angles are the encoder's."""
+
+    NO_PANORAMA = "no panorama there"
+    NO_TEXTURE = "too little ground in view"
+    NO_MATCH = "the view is not the panorama's"
+    TOO_FAR = "farther from the encoder's angles than they may be off"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GroundPanorama:
+    """The grey levels around one head, in directions of its base frame.
+
+    Attributes
+    ----------
+    grey : (h, w) float32; ``known`` (h, w) where it is of use.
+    left_rad, top_rad : azimuth (as pan, counter-clockwise from +y) and height of pixel (0, 0).
+    step_rad : of a pixel, in both directions; azimuth and height fall to the right and downwards.
+    sigma_rad : of the place of the whole, which all frames share.
+    """
+
+    grey: FloatArray
+    known: ImageArray
+    left_rad: float
+    top_rad: float
+    step_rad: float
+    sigma_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegisteredAngles:
+    """Pan and tilt of a frame by the panorama, and one sigma of each, rad."""
+
+    pan_rad: float
+    tilt_rad: float
+    sigma_rad: float
+
+
+class PictureRays:
+    """Directions of a camera's pixels, halved, in the head's frame, and where they are at two angles of the head."""
+
+    def __init__(self, station: Station) -> None:
+        w, h = (n // HALVED for n in station.lens.image_size_px)
+        self.size_px = (w, h)
+        lens = station.lens
+        x, y = np.meshgrid(np.arange(w, dtype=np.float64), np.arange(h, dtype=np.float64))
+        full = np.stack([x, y], axis=-1).reshape(-1, 1, 2) * HALVED + 0.5 * (HALVED - 1.0)
+        (fx, fy), (cx, cy) = lens.focal_px.tolist(), lens.principal_point_px.tolist()
+        matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        straight = np.asarray(cv2.undistortPoints(full, matrix, lens.distortion)).reshape(-1, 2)
+        rays = np.column_stack([straight, np.ones(len(straight))])
+        rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        self.rays: FloatArray = rays @ matrix_from_wxyz(station.head_from_camera_wxyz).T
+        self._lean = rotation_y(station.ptu_axes.lean_rad)
+
+    def directions(self, rows: FloatArray, pan_rad: float, tilt_rad: float) -> FloatArray:
+        """Return azimuth and height (n, 2), rad, in the base frame, of rows of head directions (n, 3)."""
+        turned = rows @ (rotation_z(pan_rad) @ self._lean @ rotation_x(tilt_rad)).T
+        return np.column_stack([np.arctan2(-turned[:, 0], turned[:, 1]), np.arcsin(np.clip(turned[:, 2], -1.0, 1.0))])
+
+
+def halved_grey(image: ImageArray) -> FloatArray:
+    """Return the grey levels (h, w), halved, of a picture (h, w, 3) BGR or (h, w)."""
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    h, w = grey.shape
+    half = cv2.resize(grey, (w // HALVED, h // HALVED), interpolation=cv2.INTER_AREA)
+    return np.asarray(half, dtype=np.float32)
+
+
+class HeadRegistration:
+    """Registers the frames of one station to its panorama."""
+
+    def __init__(self, station: Station, panorama: GroundPanorama) -> None:
+        self._rays, self._panorama = PictureRays(station), panorama
+        self._grey = np.ascontiguousarray(panorama.grey, dtype=np.float32)
+        by_x = cv2.Sobel(self._grey, cv2.CV_32F, 1, 0, ksize=3) / 8.0
+        by_y = cv2.Sobel(self._grey, cv2.CV_32F, 0, 1, ksize=3) / 8.0
+        # a gradient that reaches beyond what is known is none
+        inside = cv2.erode(panorama.known.astype(np.uint8), np.ones((5, 5), np.uint8))
+        layers = (self._grey, by_x, by_y, inside)
+        self._layers = tuple(np.asarray(one, dtype=np.float32) for one in layers)
+
+    def register(
+        self, image: ImageArray, pan_rad: float, tilt_rad: float, sigma_rad: float
+    ) -> RegisteredAngles | RegistrationFault:
+        """Return the angles of a frame whose encoders read so, to one sigma; or why the encoders' have to do."""
+        return self.register_grey(halved_grey(image), pan_rad, tilt_rad, sigma_rad)
+
+    def register_grey(
+        self, grey: FloatArray, pan_rad: float, tilt_rad: float, sigma_rad: float
+    ) -> RegisteredAngles | RegistrationFault:
+        """Register a frame that is halved already."""
+        chosen = self._textured(grey, pan_rad, tilt_rad)
+        if isinstance(chosen, RegistrationFault):
+            return chosen
+        rows, level = self._rays.rays[chosen], grey.ravel()[chosen].astype(np.float64)
+        reach_px = _SEARCH_SIGMAS * sigma_rad / self._panorama.step_rad
+        pan, tilt = pan_rad, tilt_rad
+        if reach_px > _NEAR_PX:
+            pan, tilt = self._searched(rows, level, pan, tilt, reach_px)
+        found = self._refined(rows, level, pan, tilt)
+        if isinstance(found, RegisteredAngles):
+            away = max(abs(found.pan_rad - pan_rad), abs(found.tilt_rad - tilt_rad))
+            if away > _SEARCH_SIGMAS * float(np.hypot(sigma_rad, found.sigma_rad)) + self._panorama.step_rad:
+                return RegistrationFault.TOO_FAR
+        return found
+
+    def _places(self, rows: FloatArray, pan_rad: float, tilt_rad: float) -> FloatArray:
+        """Return the panorama's pixels (n, 2) of head directions (n, 3)."""
+        p = self._panorama
+        towards = self._rays.directions(rows, pan_rad, tilt_rad)
+        return (np.array([p.left_rad, p.top_rad]) - towards) / p.step_rad
+
+    def _textured(self, grey: FloatArray, pan_rad: float, tilt_rad: float) -> FloatArray | RegistrationFault:
+        """Return the numbers of textured pixels that lie where the panorama is known, spread over the picture."""
+        by_x, by_y = (cv2.Sobel(np.asarray(grey, np.float32), cv2.CV_32F, *o, ksize=3) / 8.0 for o in ((1, 0), (0, 1)))
+        steep = np.hypot(by_x, by_y)
+        steep[:2], steep[-2:], steep[:, :2], steep[:, -2:] = 0.0, 0.0, 0.0, 0.0
+        numbers = np.flatnonzero(steep.ravel() > _TEXTURE)
+        if len(numbers) < _LEAST_PIXELS:
+            return RegistrationFault.NO_TEXTURE
+        numbers = numbers[:: max(1, len(numbers) // (3 * _MOST_PIXELS))]
+        inside = self._sampled(self._places(self._rays.rays[numbers], pan_rad, tilt_rad))[3] > 0.999
+        if not inside.any():
+            return RegistrationFault.NO_PANORAMA
+        numbers = numbers[inside]
+        if len(numbers) < _LEAST_PIXELS:
+            return RegistrationFault.NO_TEXTURE
+        return np.asarray(numbers[:: max(1, len(numbers) // _MOST_PIXELS)])
+
+    def _sampled(self, places: FloatArray) -> list[FloatArray]:
+        """Return grey, its two gradients, and how much is known (n,) at pixels (n, 2) of the panorama."""
+        u, v = (np.asarray(places[:, k], dtype=np.float32).reshape(1, -1) for k in (0, 1))
+        seen = (cv2.remap(np.asarray(one), u, v, cv2.INTER_LINEAR, borderValue=0.0) for one in self._layers)
+        return [np.asarray(one, dtype=np.float64).ravel() for one in seen]
+
+    def _searched(
+        self, rows: FloatArray, level: FloatArray, pan: float, tilt: float, reach_px: float
+    ) -> tuple[float, float]:
+        """Return the angles on a raster at which the frame fits the panorama best."""
+        every = max(1, len(rows) // _SEARCH_PIXELS)
+        rows, level = rows[::every], level[::every]
+        places = self._places(rows, pan, tilt)
+        steps = _SEARCH_STEP_PX * np.arange(-int(reach_px / _SEARCH_STEP_PX) - 1, int(reach_px / _SEARCH_STEP_PX) + 2)
+        best, shift = np.inf, (0.0, 0.0)
+        for down in steps.tolist():
+            for across in steps.tolist():
+                value, _, _, known = self._sampled(places + np.array([across, down]))
+                inside = known > 0.999
+                if int(inside.sum()) < 0.5 * len(rows):
+                    continue
+                off = value[inside] - level[inside]
+                misfit = float(np.minimum(np.abs(off - np.median(off)), _SEARCH_CLIP).mean())
+                if misfit < best:
+                    best, shift = misfit, (across, down)
+        # to the right is a smaller azimuth; in the middle of the picture a height is a tilt
+        return pan - shift[0] * self._panorama.step_rad, tilt - shift[1] * self._panorama.step_rad
+
+    def _refined(
+        self, rows: FloatArray, level: FloatArray, pan: float, tilt: float
+    ) -> RegisteredAngles | RegistrationFault:
+        """Return the angles by robust Gauss-Newton, pan and tilt with the frame's brightness and contrast."""
+        step, epsilon = self._panorama.step_rad, 1e-4
+        normal, scale, inliers, correlation = np.eye(4), 1.0, 0.0, 0.0
+        for _ in range(_ROUNDS):
+            places = self._places(rows, pan, tilt)
+            value, by_x, by_y, known = self._sampled(places)
+            inside = known > 0.999
+            if int(inside.sum()) < _LEAST_PIXELS:
+                return RegistrationFault.NO_TEXTURE
+            by_tilt = (self._places(rows[inside], pan, tilt + epsilon) - places[inside]) / epsilon * step
+            gx, gy = by_x[inside], by_y[inside]
+            # by a pixel's angle of pan and of tilt: azimuth rises with pan, so that the column falls
+            columns = np.column_stack(
+                [-gx, gx * by_tilt[:, 0] + gy * by_tilt[:, 1], value[inside], np.ones(int(inside.sum()))]
+            )
+            contrast, offset = _robust_line(value[inside], level[inside])
+            off = level[inside] - (contrast * value[inside] + offset)
+            scale = max(1.4826 * float(np.median(np.abs(off))), 1.0)
+            columns[:, :2] *= contrast
+            weight = 1.0 / (1.0 + (off / max(_ROBUST, 2.0 * scale)) ** 2)
+            normal = columns.T @ (weight[:, None] * columns)
+            change = np.linalg.lstsq(normal, columns.T @ (weight * off), rcond=None)[0]
+            moved = change[:2] * min(1.0, 2.0 / max(float(np.hypot(*change[:2])), 1e-9))
+            pan, tilt = pan + float(moved[0]) * step, tilt + float(moved[1]) * step
+            fits = np.abs(off) < 3.0 * max(_ROBUST, scale)
+            inliers = float(fits.mean())
+            correlation = float(np.corrcoef(value[inside][fits], level[inside][fits])[0, 1])
+            if float(np.hypot(*moved)) < _CLOSE_PX:
+                break
+        else:
+            return RegistrationFault.NO_MATCH
+        if inliers < _LEAST_INLIERS or correlation < _LEAST_CORRELATION:
+            return RegistrationFault.NO_MATCH
+        covariance = np.linalg.pinv(normal)[:2, :2] * scale**2 * _CORRELATED**2
+        sigma_px = float(np.sqrt(max(np.linalg.eigvalsh(covariance)[1], 0.0)))
+        if sigma_px > 1.0:
+            return RegistrationFault.NO_TEXTURE
+        own = float(np.hypot(sigma_px, _LEAST_SIGMA_PX)) * step
+        return RegisteredAngles(pan_rad=pan, tilt_rad=tilt, sigma_rad=float(np.hypot(own, self._panorama.sigma_rad)))
+
+
+def _robust_line(value: FloatArray, level: FloatArray) -> tuple[float, float]:
+    """Return contrast and offset of grey levels (n,) over others, with little weight of what is far off."""
+    weight = np.ones(len(value))
+    contrast, offset = 1.0, 0.0
+    for _ in range(3):
+        mean = np.average(np.column_stack([value, level]), axis=0, weights=weight)
+        off = value - mean[0]
+        contrast = float(weight @ (off * (level - mean[1])) / max(float(weight @ off**2), 1e-9))
+        contrast = float(np.clip(contrast, 0.5, 2.0))
+        offset = float(mean[1] - contrast * mean[0])
+        weight = 1.0 / (1.0 + ((level - contrast * value - offset) / _ROBUST) ** 2)
+    return contrast, offset
