@@ -106,3 +106,22 @@ class RecognisedPixel:
     u_px: float
     v_px: float
     log_odds: float
+
+
+# how long before the start of a target a pixel of its tentative track may be
+INITIAL_PIXELS_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InitialPixel:
+    """A pixel by which a target was found, or that it explains, in a frame that has been reported without it.
+
+    ``t_s`` and ``station`` are those of the frame's `CameraReport`; ``sigma_px`` is one sigma of u and v. At most
+    `INITIAL_PIXELS_S` older than the target.
+    """
+
+    t_s: float
+    station: str
+    u_px: float
+    v_px: float
+    sigma_px: float

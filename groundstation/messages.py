@@ -11,8 +11,10 @@ from enum import StrEnum
 
 from groundstation.arrays import FloatArray
 from groundstation.box import Box
+from groundstation.detection_messages import INITIAL_PIXELS_S as INITIAL_PIXELS_S
 from groundstation.detection_messages import Detection as Detection
 from groundstation.detection_messages import DetectionStatus as DetectionStatus
+from groundstation.detection_messages import InitialPixel as InitialPixel
 from groundstation.detection_messages import Miss as Miss
 from groundstation.detection_messages import MissReason as MissReason
 from groundstation.detection_messages import RecognisedPixel as RecognisedPixel
@@ -108,10 +110,10 @@ class DgpsFix:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReferenceFix:
-    """A position of the target point that someone else vouches for, to learn the rig's errors from.
+    """A position of the target point from another source, to learn the rig's errors from.
 
-    ``position_runway_m`` (3,) and ``sigma_m`` (3,), one sigma per axis; ``t_s`` is the session's clock as far as it is
-    known, and the filter carries what it may be off.
+    ``position_runway_m`` (3,), ``sigma_m`` (3,) of each axis; ``t_s`` in the session's clock as far as it is known: the
+    filter carries what it may be off.
     """
 
     t_s: float
@@ -234,7 +236,7 @@ class CameraReport:
     innovation : None unless the filter judged the pixel.
     elapsed_s : time of the detection.
     channel_contrast : in some frames, the silhouette's contrast-to-noise on each channel, also the paper's saturation.
-    image : the picture, where reports keep them.
+    image : the picture, if reports keep them.
     recognised : of a frame that was searched whole, the likeliest aircraft, also if it is not the target.
     """
 
@@ -253,25 +255,6 @@ class CameraReport:
     channel_contrast: Mapping[str, float] | None = None
     image: Picture | None = None
     recognised: RecognisedPixel | None = None
-
-
-# how long before the start of a target a pixel of its tentative track may be
-INITIAL_PIXELS_S = 5.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InitialPixel:
-    """A pixel by which a target was found, or that it explains, in a frame that has been reported without it.
-
-    ``t_s`` and ``station`` are those of the frame's `CameraReport`; ``sigma_px`` is one sigma of u and v. At most
-    `INITIAL_PIXELS_S` older than the target.
-    """
-
-    t_s: float
-    station: str
-    u_px: float
-    v_px: float
-    sigma_px: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

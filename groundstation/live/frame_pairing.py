@@ -55,6 +55,11 @@ class FramePairer:
         pair = self._open
         return pair is not None and station not in pair.stamps and abs(t_s - pair.first_s) <= 0.5 * self._period_s
 
+    def delivered(self, station: str, t_s: float) -> None:
+        """Note that a station delivers: it has exposed a frame at ``t_s``, whether or not that is taken."""
+        self._newest[station] = max(self._newest.get(station, t_s), t_s)
+        self._began_s = min(self._began_s, t_s)
+
     def frame(self, station: str, t_s: float, now_s: float | None = None) -> PairedFrame:
         """Place a frame of ``station``, exposed at ``t_s`` and taken at ``now_s``, its exposure by default."""
         before: list[Epoch] = []
@@ -65,8 +70,7 @@ class FramePairer:
             pair = self._open = _Open(number=self._next, first_s=t_s, begun_s=begun_s)
             self._next += 1
         pair.stamps[station] = t_s
-        self._newest[station] = max(self._newest.get(station, t_s), t_s)
-        self._began_s = min(self._began_s, t_s)
+        self.delivered(station, t_s)
         whole = all(name in pair.stamps for name in self._cameras if self._delivers(name, t_s))
         return PairedFrame(
             epoch=pair.number, closed_before=tuple(before), closed_after=tuple(self._close()) if whole else ()
@@ -114,6 +118,8 @@ class LoadShedder:
 
     def drops(self, station: str, t_s: float, waiting: int) -> bool:
         """Return whether a frame is not to be taken, with so many waiting behind it."""
+        # a camera whose frames are left out delivers all the same: the next pair waits for it
+        self._pairing.delivered(station, t_s)
         if self._pairing.joins(station, t_s):
             return False
         near = [t for name, t in self._left_out.items() if name != station]

@@ -320,18 +320,16 @@ class Operation:
     def _camera_state(self, worker: CameraWorker, now_s: float) -> DeviceState:
         camera, found = worker.camera, worker.camera.read_back
         clock = clock_status(camera.clock_state, has_clock=found is None or found.device_clock)
-        lost = lost_frames(camera.counts, worker.counts_before)
+        lost, name = lost_frames(camera.counts, worker.counts_before), f"{worker.station} camera"
         note = ", ".join(w for w in (lost, clock) if w)
-        name = f"{worker.station} camera"
         rate = self._board.rate(name, worker.frames, now_s)
         return DeviceState(name=name, rate_hz=rate, age_s=now_s - worker.newest_s, note=note, trouble=bool(lost))
 
     def _head_state(self, station: str, head: HeadState, now_s: float) -> DeviceState:
-        note = head.state + (f", {head.failures} answers rejected" if head.failures else "")
-        name = f"{station} PTU"
+        note, name = head.state + (f", {head.failures} answers rejected" if head.failures else ""), f"{station} PTU"
         rate = self._board.rate(name, head.readings, now_s)
-        trouble = bool(head.failures) or head.state not in ("", UnitState.READY)
-        return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note, trouble=trouble)
+        bad = bool(head.failures) or head.state not in ("", UnitState.READY)
+        return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note, trouble=bad)
 
     # --------------------------------------------------------------------------------------- set-up
     def _pipeline(self) -> Pipeline:

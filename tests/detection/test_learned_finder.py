@@ -8,9 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from groundstation.arrays import ImageArray
 from groundstation.box import Box
 from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
 from groundstation.detection.config import DetectionConfig, DetectorKind
+from groundstation.detection.learned_channel import ChannelMaps, LearnedChannel
 from groundstation.detection.learned_finder import LearnedFinder, distinct, grid_of, likeliest_places
 from groundstation.detection.proposal_finder import ProposalFinder
 from groundstation.geometry.camera import Lens
@@ -216,3 +218,29 @@ def test_the_grid_leaves_no_place_out(size_px: tuple[int, int], place: tuple[flo
         near = min(float(np.hypot(*(look.centre_px - at))) for look in looks if look.span_px == span)
         assert near <= span
     assert {look.span_px for look in looks} >= {44.0, 88.0}
+
+
+def test_a_frame_has_time_for_so_many_windows(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a picture shows, whatever others suggest, and however long ago the last one was: so `live` keeps up."""
+    looks: list[int] = []
+    maps = LearnedChannel.maps_with_aircraft
+
+    def counted(channel: LearnedChannel, window: ImageArray) -> ChannelMaps | None:
+        looks[-1] += 1
+        return maps(channel, window)
+
+    monkeypatch.setattr(LearnedChannel, "maps_with_aircraft", counted)
+    finder = LearnedFinder(AcquisitionConfig(), LEARNED, SIZE_PX)
+    image = np.clip(rng.normal(128.0, 40.0, (SIZE_PX[1], SIZE_PX[0], 3)), 0.0, 255.0)
+    image = cv2.GaussianBlur(image, (0, 0), 4.0)
+    levels = np.clip(128.0 + 6.0 * (image - 128.0), 0.0, 255.0).astype(np.uint8)
+    for k, seed in enumerate((13, 14, 16, 17, 18)):
+        levels[60 * k : 60 * k + 60, 300:420] = picture(drawn(seed), (300, 60 * k), 50.0, rng)[0][
+            60 * k : 60 * k + 60, 300:420
+        ]
+    places = [(np.array([320.0, 240.0]), 40.0)] * 2
+    for t_s in (0.0, 0.03, 0.5):
+        looks.append(0)
+        finder.find(levels, t_s, None, places)
+    assert max(looks) <= 20
+    assert max(looks) > 10

@@ -117,3 +117,34 @@ def test_whole_pairs_are_left_out_while_behind() -> None:
     # the second and the third pair are gone, with both frames each
     assert taken == [("left", 0), ("right", 0), ("left", 1), ("right", 1), ("left", 2), ("right", 2)]
     assert shedding.pairs == 2
+
+
+@pytest.mark.parametrize("names", [("left", "right"), ("left", "right", "third", "fourth")])
+@pytest.mark.parametrize("search_s", [0.05, 0.2])
+def test_while_searching_delay_is_bounded_and_what_is_left_out_is_counted(
+    names: tuple[str, ...], search_s: float
+) -> None:
+    """Pictures at 30 Hz that each take longer than a period: twenty seconds of them, in virtual time.
+
+    A pair waits for no more than the frames that may wait, and its own. All that the time allows is searched.
+    """
+    period, most = 1.0 / 30.0, len(names) + 1
+    pairing = FramePairer(names, period)
+    shedding = LoadShedder(pairing, period, most=most)
+    arrivals = [(k * period + 0.002 * i, name) for k in range(600) for i, name in enumerate(names)]
+    now, at, delays, searched = 0.0, 0, [], []
+    for t_s, name in arrivals:
+        now = max(now, t_s)
+        while at < len(arrivals) and arrivals[at][0] <= now:
+            at += 1
+        waiting = at - arrivals.index((t_s, name)) - 1
+        if not shedding.drops(name, t_s, waiting):
+            pairing.frame(name, t_s)
+            now += search_s
+            searched.append(t_s)
+            delays.append(now - t_s)
+    # the frames that waited when its pair was begun were of the pair before, or are left out at once
+    assert max(delays) <= (2 * len(names)) * search_s + (most + 1) * period
+    pairs = len(searched) / len(names)
+    assert pairs + shedding.pairs == 600
+    assert pairs >= 0.9 * 20.0 / (len(names) * search_s)
