@@ -24,7 +24,10 @@ from groundstation.picture import Picture
 # --------------------------------------------------------------------------------------------- events in
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PtuSample:
-    """One reading of a station's pan and tilt at session time ``t_s``; ``sigma_rad`` of a picture's, None: encoders."""
+    """One reading of a station's pan and tilt, ``pan_rad`` and ``tilt_rad``, at session time ``t_s``.
+
+    ``sigma_rad`` is one sigma of each where they come from the picture; None for the encoders', which the rig states.
+    """
 
     t_s: float
     station: str
