@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.onboard.edges.layout_kernel import mark_trend
 
+# excess that a mark may have where it would be darker than what it lies on
+_ABSENT = 1e-4
+
 
 class MarkFreedom(NamedTuple):
     """How free a mark's excess is: limits (2,) of line and lamps, the least, and their floor.
@@ -75,6 +78,10 @@ def judge(
             strength = abs(trend[k, 0]) / math.sqrt(3.0)
             spread = min(max(seen, free.least * strength), free.most[bar] * strength)
             stiffness = noise / (free.floor**2 + spread**2)
+            if trend[k, 0] < 0.0:
+                # paint and light are not darker than what they lie on: then there is no mark, and what remains is left
+                trend[k] = 0.0
+                stiffness = noise / _ABSENT**2
             for line in range(2):
                 for o in range(trials):
                     information = known[line, bar, k, o]

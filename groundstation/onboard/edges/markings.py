@@ -35,7 +35,7 @@ _HOPELESS, _SELDOM = 150.0, 12.0
 # pictures over which it is taken where another layout puts the lines
 _MEMORY = 4.0
 # least excess of paint over the ground, as a share of its excess over pavement
-_OVER_GROUND = 0.2
+OVER_GROUND = 0.2
 # a layout that will take the place of the one that is held, in a picture or two, is stated as e² times as likely
 _DOUBLE = 2.0
 # pictures in which every layout is compared first, in the dark: as many as are needed to take another
@@ -352,7 +352,7 @@ def _worth(fit: ProfileFit, layout: Layout, likelihood: float, moved_px: FloatAr
     if layout.line_m is not None:
         # paint is brighter than the surface under it, and by a share of that than the ground
         paint, ground = levels[:, :, 2], levels[:, :, 1] - levels[:, :, 0]
-        seen = evidence.is_bright(paint) and evidence.is_bright((1.0 - _OVER_GROUND) * paint - ground)
+        seen = evidence.is_bright(paint) and evidence.is_bright((1.0 - OVER_GROUND) * paint - ground)
         likelihood -= config.line_cost + config.dim_cost * float(not seen)
     if layout.lamps_m is not None:
         likelihood -= config.lamps_cost + config.dim_cost * float(not evidence.is_lit(levels[:, :, 3]))

@@ -21,6 +21,7 @@ from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
 from groundstation.onboard.edges.layout_evidence import is_bright, seen_at_all
 from groundstation.onboard.edges.line_shape import shaped
 from groundstation.onboard.edges.markings import (
+    OVER_GROUND,
     Change,
     Markings,
     compared,
@@ -142,20 +143,26 @@ def _result(
         contrast=np.sqrt(np.median((between**2).mean(axis=2), axis=1)),
         agreement=float((between[0] * between[1]).sum()) / max(float(lengths[0] * lengths[1]), 1e-9),
         markings=markings,
-        unsettled_px2=(unsettled_m2(markings, config) + _merged_m2(markings, between, config)) * np.outer(scale, scale),
+        unsettled_px2=(unsettled_m2(markings, config) + _merged_m2(markings, levels, config)) * np.outer(scale, scale),
         change=change,
     )
 
 
-def _merged_m2(markings: Markings, between: FloatArray, config: ProfileConfig) -> float:
-    """Return the second moment, m², of a side line that is as bright as the ground, by which the edge is farther out.
+def _merged_m2(markings: Markings, levels: FloatArray, config: ProfileConfig) -> float:
+    """Return the second moment, m², of a side line that is as bright as the ground, or of ground taken for one.
 
-    Where the ground is brighter than the pavement, as snow is, paint may not be told from it. ``between``
-    (2, blocks, 3): by how much it is.
+    Where the ground is brighter than the pavement, as snow is, paint may not be told from it: the edge is farther out
+    by a line that is not held, and farther in, as far as its inner side, by one that is held and looks like the ground.
+    ``levels`` (2, blocks, 4, 3).
     """
-    if config.lines_m[markings.places[0]] is not None or not is_bright(between.mean(axis=2)):
+    between = (levels[:, :, 1] - levels[:, :, 0]).mean(axis=2)
+    if not is_bright(between):
         return 0.0
-    return config.merged_share * config.merged_m**2
+    line_m = layout_at(markings.places, config, markings).line_m
+    if line_m is None:
+        return config.merged_share * config.merged_m**2
+    seen = is_bright((1.0 - OVER_GROUND) * levels[:, :, 2].mean(axis=2) - between)
+    return 0.0 if seen else config.merged_share * line_m[0] ** 2
 
 
 def _steps(px_per_m: FloatArray, config: ProfileConfig) -> FloatArray:

@@ -68,6 +68,15 @@ def test_a_line_is_a_line_and_lamps_are_dots() -> None:
     assert none > max(line, lamps)
 
 
+def test_light_is_not_darker_than_the_ground_nor_paint_than_the_pavement() -> None:
+    """Dark ground outside an edge was taken for lamps, 30 nats ahead, and the edges went 3 m out, tracking."""
+    for dark, layout in (({"lamps": -60.0}, LAMPS), ({"paint": -40.0}, PAINT)):
+        marked, none = evidence(seen(**dark), [layout, NONE])
+        assert marked < none + 1.0
+    bright, none = evidence(seen(lamps=60.0), [LAMPS, NONE])
+    assert bright > none + 10.0
+
+
 def test_an_outlier_is_one_whatever_the_layout() -> None:
     """A layout had its own best of each block of rows for a reference, wherever that put the edge."""
     fits = weighed_layouts(seen(paint=80.0), [PAINT, LAMPS], np.zeros(4), LOOSE, CONFIG)

@@ -1,0 +1,48 @@
+"""Ground that looks like a painted line: the edge may lie on either side of what was taken for one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from groundstation.arrays import FloatArray
+from groundstation.onboard.edges.lines import line_map, project_lines
+from groundstation.onboard.edges.markings import initial_markings
+from groundstation.onboard.edges.profile import edges_by_profile
+from groundstation.onboard.edges.profile_config import ProfileConfig
+from tests.onboard.edges.seen import KAPPA, ROWS, RUNWAY, approach, painted_runway
+
+CONFIG = ProfileConfig()
+
+
+def open_m2(outside: tuple[int, int, int], *, line: bool) -> FloatArray:
+    """Return what a hidden line adds to the second moment of the edges, (4,) m²."""
+    pose = approach()
+    image = painted_runway(pose, inside=(120, 120, 124), outside=outside)
+    crossings, _ = project_lines(RUNWAY, line_map(pose, KAPPA), ROWS)
+    px_per_m = (crossings[2:] - crossings[:2]) / 18.0
+    markings = initial_markings(CONFIG, dark=False)
+    markings = markings if line else replace(markings, places=(1, 0))
+    found = [
+        edges_by_profile(
+            image, crossings, ROWS, px_per_m, crossings, 4.0 * np.eye(4), markings, config, layouts=0
+        ).unsettled_px2
+        for config in (CONFIG, replace(CONFIG, merged_share=0.0))
+    ]
+    assert found[0] is not None
+    assert found[1] is not None
+    return np.asarray(np.diag(found[0] - found[1]) / np.tile(px_per_m, 2) ** 2)
+
+
+def test_a_line_that_looks_like_the_ground_may_be_none() -> None:
+    """Bare edges before dry ground were taken for a line with the edge a metre outside it, at a sigma of 0.7 px."""
+    place, width = -0.5, CONFIG.line_width_m
+    bright = open_m2((190, 190, 190), line=True)
+    np.testing.assert_allclose(bright, CONFIG.merged_share * (width - place) ** 2)
+    # and where none is held there may be one
+    np.testing.assert_allclose(open_m2((190, 190, 190), line=False), CONFIG.merged_share * CONFIG.merged_m**2)
+
+
+@pytest.mark.parametrize("line", [False, True])
+def test_ground_darker_than_the_pavement_hides_no_line(*, line: bool) -> None:
+    np.testing.assert_allclose(open_m2((60, 90, 60), line=line), 0.0, atol=1e-12)
