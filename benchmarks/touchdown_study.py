@@ -4,8 +4,8 @@ usage: python benchmarks/touchdown_study.py [--flights N] [--wind M_S] [--worker
 
 Flights are tracked from pixels through the whole pipeline (benchmarks/landing_flights). Kinds: `prior`, landings drawn
 from the stated prior; `waves` and `jsbsim`, landings of the simulation in gusts, which the prior knows nothing of;
-`free`, the first foretold without their plan. The same predictor is fed with the estimate and with the true state, at
-10, 5 and 2 s before the true touchdown.
+`free`, the first foretold without their plan; `flaring`, without it, and with `free_flare_share` 1. The same predictor
+is fed with the estimate and with the true state, at 10, 5 and 2 s before the true touchdown.
 """
 
 import argparse
@@ -18,13 +18,14 @@ from scipy.stats import binom
 
 from groundstation.cli.number_arguments import count
 from groundstation.landing.touchdown import TouchdownForecast, TouchdownPredictor
+from groundstation.landing_site.approach_prior import ApproachPrior
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.messages import Kinematics
 from groundstation.simulation.flights import FlightModelKind
 
 BEFORE_S = (10.0, 5.0, 2.0)
 # flights of each kind: the stated prior's are the target's, the others show what becomes of it
-_FLIGHTS = {"prior": 400, "waves": 100, "jsbsim": 100, "free": 100}
+_FLIGHTS = {"prior": 400, "waves": 100, "jsbsim": 100, "free": 100, "flaring": 100}
 KINDS = tuple(_FLIGHTS)
 _BLOCK = 10
 _LIKE_TRUTH = 1e-6
@@ -32,7 +33,7 @@ _LIKE_TRUTH = 1e-6
 
 def landing_of(kind: str, seed: int, wind_m_s: float) -> Landing:
     """Return one landing of a kind."""
-    if kind in ("prior", "free"):
+    if kind in ("prior", "free", "flaring"):
         return prior_landing(seed)
     return gusty_landing(seed, wind_m_s, FlightModelKind(kind))
 
@@ -40,7 +41,10 @@ def landing_of(kind: str, seed: int, wind_m_s: float) -> Landing:
 def foretold(job: tuple[str, list[int], float]) -> list[list[dict[str, Any] | None]]:
     """Return, for each flight, what was foretold so long before the touchdown; None without a forecast."""
     kind, seeds, wind_m_s = job
-    site = LandingSite(runway=SITE.runway) if kind == "free" else SITE
+    site = SITE
+    if kind in ("free", "flaring"):
+        share = 1.0 if kind == "flaring" else 0.0
+        site = LandingSite(runway=SITE.runway, prior=ApproachPrior(free_flare_share=share))
     predictor = TouchdownPredictor(site, WHEELS)
     found = []
     for seed in seeds:

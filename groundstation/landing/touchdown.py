@@ -17,7 +17,14 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.landing.threshold_state import ALONG, ALONG_RATE, UP, UP_RATE, ThresholdState, threshold_state
 from groundstation.landing.touchdown_prior_fit import fit_plan
-from groundstation.landing.touchdown_samples import NOISES, STEP_S, TouchdownSamples, fly_planned, fly_straight
+from groundstation.landing.touchdown_samples import (
+    NOISES,
+    STEP_S,
+    TouchdownSamples,
+    fly_planned,
+    fly_straight,
+    fly_straight_and_flare,
+)
 from groundstation.landing_site.approach_prior import ApproachPrior, WheelPosition, covariance_root
 from groundstation.landing_site.landing_site_file import LandingSite
 from groundstation.landing_site.planned_approach import PlannedApproach
@@ -155,9 +162,28 @@ class TouchdownPredictor:
             return NoTouchdown.TOO_EARLY
         states = state.mean + self._normals[:, :6] @ covariance_root(state.covariance).T
         below = self._wheels.below_nose_m + self._wheels.below_nose_sigma_m * self._normals[:, 9]
-        flown = fly_straight(states, below, self._prior.free_psd_m2_s3, self._noises)
+        flown = self._flown_free(states, below, sink)
         weights = np.full(len(states), 1.0 / len(states))
         return self._summary(state.t_s, flown, weights, TouchdownBasis.CONSTANT_VELOCITY)
+
+    def _flown_free(self, states: FloatArray, below_nose_m: FloatArray, sink_m_s: float) -> TouchdownSamples:
+        """Return samples without a plan: of each half, numbers and opposites, the first ones flare."""
+        half = len(states) // 2
+        share, psd = self._prior.free_flare_share, self._prior.free_psd_m2_s3
+        flaring = np.tile(np.arange(half) < round(share * half), 2)
+        found = TouchdownSamples(len(states))
+        for chosen in (flaring, ~flaring):
+            if not np.any(chosen):
+                continue
+            own, below, noises = states[chosen], below_nose_m[chosen], self._noises[:, :, chosen]
+            if chosen is flaring:
+                flares = self._prior.flares(self._normals[chosen, 6:9], sink_m_s)
+                flown = fly_straight_and_flare(own, below, psd, noises, flares)
+            else:
+                flown = fly_straight(own, below, psd, noises)
+            found.along_m[chosen], found.right_m[chosen] = flown.along_m, flown.right_m
+            found.after_s[chosen], found.landed[chosen] = flown.after_s, flown.landed
+        return found
 
     def _summary(
         self, t_s: float, flown: TouchdownSamples, weights: FloatArray, basis: TouchdownBasis

@@ -8,7 +8,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.landing.threshold_state import ALONG, ALONG_RATE, RIGHT, RIGHT_RATE, UP, UP_RATE
 from groundstation.landing.touchdown_prior_fit import PlannedStates
-from groundstation.landing_site.approach_prior import ApproachPrior, PathHold
+from groundstation.landing_site.approach_prior import MOST_SINK_SHARE, ApproachPrior, FlareParameters, PathHold
 from groundstation.landing_site.planned_approach import PlannedApproach
 
 # the processes are exact at any step; of 0.02, 0.1 and 0.2 s the forecasts differ by less than their samples' scatter
@@ -16,6 +16,7 @@ STEP_S = 0.2
 # normal numbers of each sample and step: centre line and glide path two each, speed, sink in the flare
 NOISES = 6
 _SLOWEST_M_S = 1.0
+_LEAST_SINK_M_S = 0.05
 
 
 class TouchdownSamples:
@@ -131,9 +132,42 @@ def fly_straight(
     states: FloatArray, below_nose_m: FloatArray, psd_m2_s3: tuple[float, float, float], noises: FloatArray
 ) -> TouchdownSamples:
     """Fly on with constant velocity and white acceleration from states (n, 6); noises as in `fly_planned`."""
+    return _straight_down_to(states, below_nose_m, psd_m2_s3, noises)[0]
+
+
+def fly_straight_and_flare(
+    states: FloatArray,
+    below_nose_m: FloatArray,
+    psd_m2_s3: tuple[float, float, float],
+    noises: FloatArray,
+    flares: FlareParameters,
+) -> TouchdownSamples:
+    """Fly on as `fly_straight`, and from the flare's height on by its law, which begins with the sink that is there."""
+    found, rates = _straight_down_to(states, below_nose_m + flares.height_m, psd_m2_s3, noises)
+    # of those that are below it already, from where they are
+    height = np.minimum(flares.height_m, np.maximum(states[:, UP] - below_nose_m, 0.0))
+    sink = -rates[:, 2]
+    last = np.minimum(flares.touchdown_sink_m_s, MOST_SINK_SHARE * np.maximum(sink, _LEAST_SINK_M_S))
+    constant_s = height / np.maximum(sink - last, _LEAST_SINK_M_S)
+    takes_s = np.where(constant_s > 0.0, constant_s * np.log1p(height / np.maximum(last * constant_s, 1e-9)), 0.0)
+    # what is slowed down does not fly backwards
+    speed = np.maximum(rates[:, 0], _SLOWEST_M_S)
+    slowed_s = np.minimum(takes_s, speed / np.maximum(flares.deceleration_m_s2, 1e-9))
+    # the white acceleration goes on; the last step's numbers are of no use to a sample that is down before
+    spread = np.sqrt(np.array(psd_m2_s3)[:2, None] * takes_s**3 / 3.0) * noises[-1, :2]
+    found.along_m += speed * slowed_s - 0.5 * flares.deceleration_m_s2 * slowed_s**2 + spread[0]
+    found.right_m += rates[:, 1] * takes_s + spread[1]
+    found.after_s += takes_s
+    return found
+
+
+def _straight_down_to(
+    states: FloatArray, below_nose_m: FloatArray, psd_m2_s3: tuple[float, float, float], noises: FloatArray
+) -> tuple[TouchdownSamples, FloatArray]:
+    """Return where and when each sample is down to its height, and with which velocity, (n, 3)."""
     x = states.copy()
     x[:, UP] -= below_nose_m
-    found = TouchdownSamples(len(x))
+    found, rates = TouchdownSamples(len(x)), x[:, ALONG_RATE:].copy()
     found.land(x[:, UP] <= 0.0, x[:, ALONG], x[:, RIGHT], np.zeros(len(x)))
     # an increment of velocity, and what of the position's is not half of it times the step
     kick, slip = np.sqrt(np.array(psd_m2_s3) * STEP_S), np.sqrt(np.array(psd_m2_s3) * STEP_S**3 / 12.0)
@@ -143,9 +177,11 @@ def fly_straight(
         left = x[:, UP] + moved[:, UP]
         share = x[:, UP] / np.maximum(-moved[:, UP], 1e-9)
         at = x[:, : UP + 1] + share[:, None] * moved
+        first = (left <= 0.0) & ~found.landed
+        rates[first] = (x[:, ALONG_RATE:] + share[:, None] * gained)[first]
         found.land(left <= 0.0, at[:, ALONG], at[:, RIGHT], (k + share) * STEP_S)
         if np.all(found.landed):
             break
         x[:, : UP + 1] += moved
         x[:, ALONG_RATE:] += gained
-    return found
+    return found, rates

@@ -68,7 +68,8 @@ class ApproachPrior:
     flare_sink_sigma_m_s, flare_sink_correlation_s : of the sink about the flare's law, and how long it lasts.
     flare_deceleration_m_s2, flare_deceleration_sigma_m_s2 : loss of ground speed in the flare; a draw below 0 is 0.
     free_psd_m2_s3 : along, right and up: without a plan velocity is constant but for white acceleration of this power
-        spectral density, and there is no flare. The default is that of the flights of the filter's posterior bounds.
+        spectral density. The default is that of the flights of the filter's posterior bounds.
+    free_flare_share : share of the flights without a plan that flare; the others go on as they are.
     """
 
     vertical_sigma_m: float = 0.7
@@ -85,9 +86,13 @@ class ApproachPrior:
     flare_deceleration_m_s2: float = 0.5
     flare_deceleration_sigma_m_s2: float = 0.25
     free_psd_m2_s3: tuple[float, float, float] = (0.05, 0.1, 0.05)
+    free_flare_share: float = 0.0
 
     def __post_init__(self) -> None:
         _require_usual("ApproachPrior", self)
+        if self.free_flare_share > 1.0:
+            wanted = "a share from 0 to 1"
+            raise InputError("ApproachPrior: free_flare_share", got=f"{self.free_flare_share:g}", wanted=wanted)
         for name in _ABOVE_ZERO:
             if not getattr(self, name) > 0.0:
                 raise InputError(f"ApproachPrior: {name}", got="0", wanted="a number above 0")

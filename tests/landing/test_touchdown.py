@@ -139,6 +139,26 @@ def test_without_a_plan_constant_velocity_holds_what_it_states() -> None:
     assert low <= inside <= high
 
 
+def test_without_a_plan_flares_that_are_stated_are_allowed_for(flights: list[PlannedLanding]) -> None:
+    """Expected: of flights that all flare, 95 % are inside 2 s before where that is stated, and fewer where not."""
+    inside, before_s = {}, 2.0
+    for share in (0.0, 1.0):
+        site, prior = replace(SITE, approach=None), ApproachPrior(free_flare_share=share)
+        found = _foretold(TouchdownPredictor(site, WHEELS, prior, _SAMPLES), flights, before_s, SIGMAS)
+        told = [(f, flown) for f, flown in zip(found, flights, strict=True) if f is not None]
+        inside[share] = sum(f.contains(flown.touchdown_m) for f, flown in told)
+        if share:
+            assert len(told) >= _FLIGHTS - 4
+            low, high = binom.ppf([0.0005, 0.9995], len(told), 0.95)
+            assert low <= inside[share] <= high
+    assert inside[0.0] < inside[1.0]
+
+
+def test_a_share_of_flares_is_one() -> None:
+    with pytest.raises(InputError, match="free_flare_share"):
+        ApproachPrior(free_flare_share=1.5)
+
+
 def test_an_aircraft_that_does_not_fly_the_plan_is_foretold_without_it(predictor: TouchdownPredictor) -> None:
     steep = estimate(np.array([-60.0, 0.0, 14.0]), np.array([SPEED_M_S, 0.0, -4.0]), sigmas=np.full(6, 0.02))
     found = predictor.forecast(0.0, steep)
