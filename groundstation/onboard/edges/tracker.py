@@ -30,6 +30,7 @@ from groundstation.onboard.edges.hypotheses import (
 )
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_tracking import TrackingStep, side_lines_of, track_lines
+from groundstation.onboard.edges.markings import Change
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 
@@ -102,8 +103,21 @@ class EdgeTracker:
         self._runway = runway
         if self._config.confirm_frames > 1 and self._doubted(runway, image, pose):
             return EdgeReport(status=EdgeStatus.ACQUIRING, miss=step.miss, edges=step.edges)
-        status = EdgeStatus.TRACKING if step.miss is EdgeMiss.NONE else EdgeStatus.COASTING
-        return EdgeReport(status=status, miss=step.miss, edges=step.edges)
+        return EdgeReport(status=self._status_of(runway, step), miss=step.miss, edges=step.edges)
+
+    def _status_of(self, runway: Hypothesis, step: TrackingStep) -> EdgeStatus:
+        """Return the status of the runway that is followed: not tracking in a picture in which it is not like one.
+
+        Its lines have just gone elsewhere, or place, width and the poses speak against it: it is doubted then, and a
+        covariance that takes it for the runway does not hold.
+        """
+        if step.miss is not EdgeMiss.NONE:
+            return EdgeStatus.COASTING
+        if self._config.confirm_frames == 1:
+            return EdgeStatus.TRACKING
+        moved = step.found is not None and step.found.change is Change.LINES
+        like = score(runway, self._config) >= self._config.least_score and not moved
+        return EdgeStatus.TRACKING if like else EdgeStatus.ACQUIRING
 
     def _learn(self, step: TrackingStep) -> None:
         """Take the poses for as noisy as innovations show them to be, never for less than configured."""
