@@ -40,11 +40,13 @@ class NightCalibration:
         return tuple(self.rig[night.before.name] for night in self.joint.nights)
 
 
-def sky_uncertainty(site: ObservingSite, clock_sigma_s: float, *, each_clock: bool) -> SkyUncertainty:
+def sky_uncertainty(
+    site: ObservingSite, clock_sigma_s: float, *, each_clock: bool, station_clocks: bool = False
+) -> SkyUncertainty:
     """Return what is uncertain of the sky over a site."""
     measured = site.pressure_hpa is not None and site.air_c is not None
     share = REFRACTION_SHARE_MEASURED if measured else REFRACTION_SHARE_STANDARD
-    return SkyUncertainty(clock_s=clock_sigma_s, refraction=share, each_clock=each_clock)
+    return SkyUncertainty(clock_s=clock_sigma_s, refraction=share, each_clock=each_clock, station_clocks=station_clocks)
 
 
 def calibrate_night(
@@ -68,7 +70,7 @@ def calibrate_night(
         nights.append(
             fit_station(station, own, solver, sky, uncertain, lambda name=name: progress(name))  # type: ignore[misc]
         )
-    joint = solve_jointly(nights)
+    joint = solve_jointly(nights, station_clocks=uncertain.station_clocks)
     return NightCalibration(
         joint=joint,
         rig=_rig(rig, joint),

@@ -36,12 +36,14 @@ class IdentifiedPicture:
 class SkyUncertainty:
     """What all pictures of a night share: one sigma of their clock, s, and of the refraction, a share of it.
 
-    ``each_clock`` says that the clock's error is each picture's own, as of pictures whose times are hardly known.
+    ``each_clock`` says that the clock's error is each picture's own, as of pictures whose times are hardly known;
+    ``station_clocks`` that it is each station's, as of stations with computers of their own.
     """
 
     clock_s: float
     refraction: float
     each_clock: bool = False
+    station_clocks: bool = False
 
 
 def by_solver(picture: StarPicture, solved: SolvedPicture, sky: SkyOverSite) -> IdentifiedPicture:

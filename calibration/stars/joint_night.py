@@ -20,7 +20,7 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig.covariance import ParameterCovariance
 
-SHARED = ("mark sky.clock", "mark sky.refraction")
+CLOCK, REFRACTION = "mark sky.clock", "mark sky.refraction"
 _BACKLASH_EFFECT = 0.5
 
 
@@ -33,7 +33,7 @@ class JointNight:
     nights : each station's own fit.
     change : each station's parameters (p,), in the order of its problem's names.
     columns : each station's parameters as places in ``covariance``.
-    names : of all q parameters, ``station.parameter``; the shared ones as in `SHARED`.
+    names : of all q parameters, ``station.parameter``; the shared ones `CLOCK` and `REFRACTION`.
     covariance : (q, q), rotations as small angles about the solution.
     """
 
@@ -53,12 +53,13 @@ class JointNight:
         return self.covariance[np.ix_(self.columns[k], self.columns[k])]
 
 
-def solve_jointly(nights: Sequence[StationNight]) -> JointNight:
-    """Combine the fits of one night's heads."""
+def solve_jointly(nights: Sequence[StationNight], *, station_clocks: bool = False) -> JointNight:
+    """Combine the fits of one night's heads, with one clock, or with ``station_clocks`` one of each."""
+    shared = (REFRACTION,) if station_clocks else (CLOCK, REFRACTION)
     names: list[str] = []
     columns = []
     for night in nights:
-        own = [n if n in SHARED else f"{night.before.name}.{n}" for n in night.fit.problem.names]
+        own = [n if n in shared else f"{night.before.name}.{n}" for n in night.fit.problem.names]
         names += [n for n in own if n not in names]
         columns.append(tuple(names.index(n) for n in own))
     size = len(names)

@@ -52,7 +52,7 @@ def write_night_tables(
     site: ObservingSite,
     uncertain: SkyUncertainty,
 ) -> NightTables:
-    """Write stars-sightings.csv and stars-landmarks.csv into the night's folder.
+    """Write stars-sightings.csv and stars-landmarks.csv into a folder.
 
     Raises `InputError` where no picture's stars are recognised, or a file cannot be written.
     """
@@ -74,7 +74,7 @@ def write_night_tables(
             seen.append(row)
             marks.append([row[1], "direction", *_numbers(towards), *_numbers(_sigma(towards, uncertain, len(found)))])
     if not seen:
-        raise InputError(str(folder), got="no picture whose stars are recognised", wanted="a clear night's")
+        raise InputError("stars", got="no picture whose stars are recognised", wanted="a clear night's")
     tables = NightTables(
         sightings=folder / "stars-sightings.csv", landmarks=folder / "stars-landmarks.csv", without=tuple(without)
     )

@@ -1,5 +1,7 @@
 """The result of a calibration by stars, in words: each head, what heads have in common, what the night left open."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -10,7 +12,7 @@ from calibration.stars.calibrate import NightCalibration
 from calibration.stars.joint_night import common_sigma, relative_sigma
 from calibration.stars.plausibility import off_level_deg
 from calibration.stars.sky import utc_text
-from calibration.stars.station_night import undetermined
+from calibration.stars.station_night import StationNight, undetermined
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.rig.ptu_axes import axes_in_file_units
 
@@ -19,17 +21,20 @@ GOOD_RELATIVE_DEG = 0.002
 BEST_RELATIVE_DEG = 0.001
 _MOST_UNUSED = 12
 _MISFIT = 1.5
+# how many degrees of which axis a parameter wants, 0 pan and 1 tilt
+_SPAN_DEG = {
+    "head_from_camera": (1, 30.0),
+    "runway_from_base": (0, 60.0),
+    "pan_scale": (0, 60.0),
+    "tilt_scale": (1, 30.0),
+    "tilt_sag": (1, 45.0),
+    "lean": (1, 30.0),
+    "pan_sine": (0, 120.0),
+    "pan_cosine": (0, 120.0),
+}
 _NEEDED = {
-    "head_from_camera": "pictures over 30 deg or more of tilt",
-    "runway_from_base": "pictures over 60 deg or more of pan",
-    "pan_scale": "pictures over 60 deg or more of pan",
-    "tilt_scale": "pictures over 30 deg or more of tilt",
-    "tilt_sag": "pictures over 45 deg or more of tilt",
-    "lean": "pictures over 30 deg or more of tilt",
     "pan_backlash": "each axis come to from both sides (columns pan_from, tilt_from)",
     "tilt_backlash": "each axis come to from both sides (columns pan_from, tilt_from)",
-    "pan_sine": "pictures over 120 deg or more of pan",
-    "pan_cosine": "pictures over 120 deg or more of pan",
     "distortion": "more stars near the picture's corners, or a camera with a wider field",
 }
 
@@ -143,7 +148,7 @@ def verdict(found: NightCalibration) -> list[str]:
                 " (ptu_sigma_deg, ptu_resolution_deg); the sigmas are those of what was seen"
             )
     for name, stations in open_in.items():
-        needed = _NEEDED.get(name.partition(".")[0], "other pictures")
+        needed = needed_for(name, [n for n in joint.nights if n.before.name in stations])
         lines.append(f"{name} ({', '.join(stations)}) is hardly better known than before; needed: {needed}")
     if found.without:
         lines.append("without pictures, unchanged: " + ", ".join(found.without))
@@ -152,6 +157,19 @@ def verdict(found: NightCalibration) -> list[str]:
         " direction that both heads share (`groundstation calibrate survey`)"
     )
     return lines
+
+
+def needed_for(name: str, nights: Sequence[StationNight]) -> str:
+    """Return what would tell a parameter of some heads better: a wider range only where theirs is too narrow."""
+    group = name.partition(".")[0]
+    if group not in _SPAN_DEG:
+        return _NEEDED.get(group, "other pictures")
+    axis, least = _SPAN_DEG[group]
+    word = ("pan", "tilt")[axis]
+    spans = [float(np.degrees(np.ptp(n.fit.problem.sightings.reading_rad[:, axis]))) for n in nights]
+    if min(spans) < least:
+        return f"pictures over {least:.0f} deg or more of {word}"
+    return f"more pictures, or readings that repeat better (their {min(spans):.0f} deg of {word} suffice)"
 
 
 def _pair(found: NightCalibration, first: int, second: int) -> list[str]:

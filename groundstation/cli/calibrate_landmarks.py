@@ -3,7 +3,9 @@
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from groundstation.cli.command_arguments import Commands, Run, add_calibrated_rig, add_command, add_report, print_files
@@ -83,6 +85,9 @@ def add_landmark_kinds(kinds: Commands) -> None:
     check.add_argument("--stars", type=READ, metavar="DIR", help="pictures of the stars with pictures.csv, for tables")
     check.add_argument("--site", type=READ, metavar="FILE", help="with --stars: a file with [origin]")
     check.add_argument(
+        "--clock-sigma", type=positive_number, metavar="S", help="with --stars: 1 sigma of the stamps, s (0.1)"
+    )
+    check.add_argument(
         "--out", type=WRITTEN_FILE, metavar="FILE", help="write the rig there, corrected where mounts moved"
     )
     check.add_argument(
@@ -151,9 +156,14 @@ def run_calibrate_survey(options: argparse.Namespace) -> int:
 
 def run_calibrate_check(options: argparse.Namespace) -> int:
     """Check, print the verdict; 1 where the rig is refused."""
+    with ExitStack() as stack:
+        return _checked(options, *_check_tables(options, stack))
+
+
+def _checked(options: argparse.Namespace, sightings: Path, landmarks: Path) -> int:
+    """Check by two tables; 1 where the rig is refused."""
     from calibration.landmarks.jobs import CheckRequest, run_check
 
-    sightings, landmarks = _check_tables(options)
     names = None if options.runway is None else [name.strip() for name in options.runway.split(",")]
 
     def ask(rig: "Rig", seen: "Sequence[LandmarkSighting]", marks: "Mapping[str, Landmark]") -> "ComparisonOutcome":
@@ -180,8 +190,10 @@ def run_calibrate_check(options: argparse.Namespace) -> int:
     return 0 if done.good else 1
 
 
-def _check_tables(options: argparse.Namespace) -> tuple[Path, Path]:
-    """Return the tables of sightings and landmarks; of --stars those of its pictures, written next to them."""
+def _check_tables(options: argparse.Namespace, stack: ExitStack) -> tuple[Path, Path]:
+    """Return the tables of sightings and landmarks; of --stars those of its pictures, which end with ``stack``."""
+    if options.stars is None and options.clock_sigma is not None:
+        raise UsageError("--clock-sigma", got="no --stars", wanted="it: landmarks have no clock")
     if options.stars is None:
         if options.sightings is None or options.landmarks is None or options.site is not None:
             wanted = "SIGHTINGS and --landmarks, or --stars and --site"
@@ -200,8 +212,10 @@ def _check_tables(options: argparse.Namespace) -> tuple[Path, Path]:
     rig, site = load_rig(options.rig), read_site(options.site)
     with ProgressLine(sys.stderr, "stars", "picture") as line:
         pictures = read_night(options.stars, rig, line.update)
-    uncertain = sky_uncertainty(site, CLOCK_SIGMA_S, each_clock=False)
-    tables = write_night_tables(options.stars, rig, pictures, site, uncertain)
+    clock = CLOCK_SIGMA_S if options.clock_sigma is None else options.clock_sigma
+    uncertain = sky_uncertainty(site, clock, each_clock=False)
+    folder = Path(stack.enter_context(TemporaryDirectory(prefix="groundstation-")))
+    tables = write_night_tables(folder, rig, pictures, site, uncertain)
     for text in tables.without:
         print(f"not used: {text}")
     return tables.sightings, tables.landmarks

@@ -45,10 +45,12 @@ def add_panorama(kinds: Commands) -> None:
 def run_calibrate_panorama(options: argparse.Namespace) -> int:
     """Make the panoramas and write them."""
     from calibration.panorama.calibrate import PanoramaChoice, make_panoramas
+    from calibration.rig_output import require_writable
     from groundstation.session import load_session
     from groundstation.sources.panorama_file import write_panoramas
 
     require_span(options)
+    require_writable(options.out)
     session = load_session(options.session, options.rig)
     choice = PanoramaChoice(from_s=options.from_s, to_s=options.to_s, every=options.every, highest_deg=options.highest)
     with ProgressLine(sys.stderr, "panorama") as line:

@@ -51,7 +51,7 @@ def run_calibrate_sky(options: argparse.Namespace) -> int:
     missing = [name for name, value in given.items() if value is None]
     if missing:
         raise UsageError("calibrate sky", got=f"no {', '.join(missing)}", wanted=", ".join(given) + ", or --receive")
-    from calibration.rig_output import require_toml_name
+    from calibration.rig_output import require_toml_name, require_writable
     from calibration.sky.calibrate import calibrate_sky
     from calibration.sky.day import find_adsb, read_day
     from calibration.sky.text_report import format_sky
@@ -61,6 +61,7 @@ def run_calibrate_sky(options: argparse.Namespace) -> int:
     from groundstation.rig.rig import load_rig
 
     require_toml_name(options.out)
+    require_writable(options.out)
     rig, site = load_rig(options.rig), read_site(options.site)
     reports = find_adsb(options.taken, options.adsb)
     with ProgressLine(sys.stderr, "sky", "picture") as line:

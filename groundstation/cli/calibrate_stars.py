@@ -40,7 +40,8 @@ site) and air_c makes refraction certain to 1 %.
 
 exit code: 0 done; 1 pictures or devices are at fault or do not determine it, and no
 rig is written; 2 wrong usage; 130 interrupted"""
-_RANGE = (-60.0, 60.0, 5.0, 55.0)
+# what concerns new pictures only, and its defaults
+_TAKING = {"within": (-60.0, 60.0, 5.0, 55.0), "pointings": 24, "exposure": 0.5, "rate": 5.0, "gain": None}
 
 
 def add_stars(kinds: Commands) -> None:
@@ -55,25 +56,25 @@ def add_stars(kinds: Commands) -> None:
     add_calibrated_rig(parser)
     parser.add_argument("--pictures", type=WrittenFolder(), metavar="DIR", help="where new pictures go")
     parser.add_argument("--stations", metavar="NAMES", help="only these, with commas")
-    parser.add_argument("--pointings", type=count, default=24, metavar="N", help="of each head (24)")
-    parser.add_argument("--exposure", type=positive_number, default=0.5, metavar="S", help="of each picture, s (0.5)")
+    parser.add_argument("--pointings", type=count, metavar="N", help="of each head (24)")
+    parser.add_argument("--exposure", type=positive_number, metavar="S", help="of each picture, s (0.5)")
     parser.add_argument("--gain", type=finite_number, metavar="G", help="the camera's, in its own unit")
     parser.add_argument(
         "--range",
         dest="within",
         type=_head_range,
-        default=_RANGE,
         metavar="PAN,PAN,TILT,TILT",
         help="lowest and highest readings, deg (-60,60,5,55)",
     )
-    parser.add_argument(
-        "--rate", type=positive_number, default=5.0, metavar="DEG_S", help="speed of the heads, deg/s (5)"
-    )
+    parser.add_argument("--rate", type=positive_number, metavar="DEG_S", help="speed of the heads, deg/s (5)")
     parser.add_argument(
         "--clock-sigma", type=positive_number, metavar="S", help="1 sigma of the stamps, all together, s (0.1)"
     )
     parser.add_argument(
         "--each-clock", action="store_true", help="the stamps' errors are each picture's own: times hardly known"
+    )
+    parser.add_argument(
+        "--station-clocks", action="store_true", help="each station's stamps have an error of their own"
     )
     take_negative_numbers(parser)
 
@@ -88,7 +89,7 @@ def _head_range(text: str) -> tuple[float, ...]:
 
 def run_calibrate_stars(options: argparse.Namespace) -> int:
     """Take pictures unless they are there, calibrate, print the report and what was written."""
-    from calibration.rig_output import require_toml_name
+    from calibration.rig_output import require_toml_name, require_writable
     from calibration.stars.calibrate import (
         CLOCK_SIGMA_S,
         calibrate_night,
@@ -104,6 +105,7 @@ def run_calibrate_stars(options: argparse.Namespace) -> int:
 
     require_toml_name(options.out)
     _require_inputs(options)
+    require_writable(options.out, options.report)
     load_tetra3rs()
     file = None if options.station_file is None else load_station(options.station_file)
     rig = load_rig(file.rig if options.rig is None and file is not None else options.rig)
@@ -113,7 +115,7 @@ def run_calibrate_stars(options: argparse.Namespace) -> int:
     with ProgressLine(sys.stderr, "stars", "picture") as line:
         pictures = read_night(folder, rig, line.update)
     clock = CLOCK_SIGMA_S if options.clock_sigma is None else options.clock_sigma
-    uncertain = sky_uncertainty(site, clock, each_clock=options.each_clock)
+    uncertain = sky_uncertainty(site, clock, each_clock=options.each_clock, station_clocks=options.station_clocks)
     found = calibrate_night(rig, {n: p for n, p in pictures.items() if n in names}, site, uncertain)
     print(format_night(found))
     write_night_rig(options.out, found)
@@ -131,6 +133,12 @@ def _require_inputs(options: argparse.Namespace) -> None:
         raise UsageError("--rig, --site", got="no pictures", wanted="--from DIR with them: no head can be turned")
     if options.taken is not None and options.pictures is not None:
         raise UsageError("--pictures", got="--from as well", wanted="where new pictures go, or where old are")
+    for option in _TAKING:
+        if options.taken is not None and getattr(options, option) is not None:
+            name = "--range" if option == "within" else f"--{option}"
+            raise UsageError(name, got="--from as well", wanted="one of them: with --from no picture is taken")
+    if options.each_clock and options.station_clocks:
+        raise UsageError("--station-clocks", got="--each-clock as well", wanted="one of them")
     if options.each_clock and options.clock_sigma is None:
         raise UsageError("--each-clock", got="no --clock-sigma", wanted="one sigma of each picture's time, s")
 
@@ -159,6 +167,9 @@ def _take(options: argparse.Namespace, rig: "Rig", site: "ObservingSite") -> Pat
     from groundstation.cli.star_recorder import NightFolder, take_pictures
     from groundstation.live.sighting_station import SightingStation
 
+    for name, default in _TAKING.items():
+        if getattr(options, name) is None:
+            setattr(options, name, default)
     folder: Path = options.pictures or options.out.with_suffix(".pictures")
     night, sky = NightFolder(folder), SkyOverSite(site)
     now = time.time()

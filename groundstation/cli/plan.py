@@ -11,7 +11,8 @@ drives out."""
 _PLAN_MORE = """example:
   groundstation plan docs/site-example.toml --out out/plan
 
-DIR gets plan.csv, and the picture plan.png and plan.svg
+DIR gets plan.csv, and the picture plan.png and plan.svg. For each accuracy that the site
+asks for it says which sources of a calibration are needed: marks, airliners, stars, a flight.
 
 exit code: 0 done; 1 the site's file is at fault; 2 wrong usage; 130 interrupted"""
 
@@ -32,11 +33,14 @@ def add_plan(commands: Commands) -> None:
 
 def run_plan(options: argparse.Namespace) -> int:
     """Print the forecast and the paths."""
+    from groundstation.planning.calibration_sources import format_sources, source_forecasts
     from groundstation.planning.plan import plan
     from groundstation.planning.plan_table import format_plan
 
     result = plan(options.site, options.out)
     print(format_plan(result.site, result.forecast))
+    if text := format_sources(result.site, source_forecasts(result.site)):
+        print(f"\n{text}")
     if result.files:
         print()
     print_files(result.files)

@@ -62,13 +62,15 @@ def _notes(site: Site, f: Forecast) -> list[str]:
     notes = []
     small = (f.stations > 0) & (f.silhouette_px < site.min_silhouette_px)
     if small.any():
-        notes.append(f"! narrower than {site.min_silhouette_px:g} px at {_spans(f, small)}: not expected to be found")
+        notes.append(
+            f"! narrower than {site.min_silhouette_px:g} px at {ranges_text(f, small)}: not expected to be found"
+        )
     large = _too_large(site, f)
     if large.any():
-        notes.append(f"the aircraft fills the picture at {_spans(f, large)}: a shorter focal length")
+        notes.append(f"the aircraft fills the picture at {ranges_text(f, large)}: a shorter focal length")
     blind = ~f.fix_known
     if blind.any():
-        notes.append(f"no position at {_spans(f, blind)}: fewer than two stations see it there")
+        notes.append(f"no position at {ranges_text(f, blind)}: fewer than two stations see it there")
     if not site.rig.calibration_covariance().names:
         notes.append("the mounting is taken as exact: give its sigmas in [calibration], or a rig with a covariance")
     return notes
@@ -80,17 +82,23 @@ def _too_large(site: Site, f: Forecast) -> MaskArray:
     return (f.stations > 0) & (f.silhouette_px > width_px)
 
 
+def met_at(site: Site, f: Forecast, wanted: Requirement) -> MaskArray:
+    """Return at which ranges (n,) a requirement is met."""
+    limit = np.array(wanted.sigma_m)
+    return np.asarray(f.track_known & np.all(f.track_sigma_m <= limit, axis=1) & ~_too_large(site, f))
+
+
 def verdict(site: Site, f: Forecast, wanted: Requirement) -> str:
     """Return one line: at which ranges a requirement is met, and what to improve where it is not."""
     limit = np.array(wanted.sigma_m)
     large = _too_large(site, f)
-    good = f.track_known & np.all(f.track_sigma_m <= limit, axis=1) & ~large
+    good = met_at(site, f, wanted)
     what = f"{wanted.name} ({'/'.join(f'{v:g}' for v in wanted.sigma_m)} m)"
     if good.all():
         return f"good enough for {what} at all ranges"
     tracked = np.flatnonzero(f.track_known & ~good & ~large)
     if not len(tracked) and large.any():
-        why = f"at {_spans(f, large)} the aircraft fills the picture"
+        why = f"at {ranges_text(f, large)} the aircraft fills the picture"
     elif not len(tracked):
         why = "elsewhere it is not followed" if good.any() else "it is never followed by two stations"
     else:
@@ -100,10 +108,10 @@ def verdict(site: Site, f: Forecast, wanted: Requirement) -> str:
         why = f"at {f.range_m[k]:.0f} m {_AXES[axis]} is {f.track_sigma_m[k, axis]:.2g} m, mostly {f.groups[part]}"
     if not good.any():
         return f"not good enough for {what}: {why}"
-    return f"good enough for {what} at {_spans(f, good)}; {why}"
+    return f"good enough for {what} at {ranges_text(f, good)}; {why}"
 
 
-def _spans(f: Forecast, where: MaskArray) -> str:
+def ranges_text(f: Forecast, where: MaskArray) -> str:
     """Return the ranges of a mask as `60-240 m, 480 m`."""
     spans: list[list[float]] = []
     before = False

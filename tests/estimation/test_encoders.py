@@ -158,3 +158,20 @@ def test_a_jerk_across_half_a_turn_is_a_jerk(sign: float) -> None:
     assert reported is not None
     assert "confirmed" in reported
     assert encoders.spikes == 0
+
+
+def test_a_picture_s_angles_count_by_their_own_sigma_and_are_no_reading() -> None:
+    """Expected: ten times better than an encoder's, the filter is drawn to them; one that is far off changes nothing."""
+    ekf, encoders = feed()
+    for k in range(50):
+        read(ekf, encoders, k * 0.02, 1.0)
+    better = math.radians(1.004)
+    sample = PtuSample(t_s=0.98, station="left", pan_rad=better, tilt_rad=0.0, sigma_rad=1e-6)
+    assert encoders.read(sample) is None
+    assert ekf.angles("left")[0] == pytest.approx(better, abs=1e-6)
+    assert encoders.age_s("left", 1.0) == pytest.approx(0.02)
+    far = PtuSample(t_s=0.98, station="left", pan_rad=math.radians(3.0), tilt_rad=0.0, sigma_rad=1e-6)
+    assert encoders.read(far) is None
+    assert ekf.angles("left")[0] == pytest.approx(better, abs=1e-5)
+    assert not encoders.is_doubtful("left")
+    assert encoders.spikes == 0

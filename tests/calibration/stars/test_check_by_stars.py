@@ -90,6 +90,7 @@ def test_a_night_without_stars_is_refused(tmp_path: Path) -> None:
         ([], "wanted SIGHTINGS and --landmarks, or --stars and --site"),
         (["rig.toml"], "wanted SIGHTINGS and --landmarks, or --stars and --site"),
         (["--stars", "."], "--stars: got no --site"),
+        (["rig.toml", "--landmarks", "rig.toml", "--clock-sigma", "1"], "--clock-sigma: got no --stars"),
         (["rig.toml", "--stars", ".", "--site", "rig.toml"], "--stars: got tables as well"),
         (["rig.toml", "--landmarks", "rig.toml", "--site", "rig.toml"], "wanted SIGHTINGS and --landmarks"),
     ],

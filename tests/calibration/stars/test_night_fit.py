@@ -8,11 +8,11 @@ from scipy.stats import chi2
 
 from calibration.stars.calibrate import calibrate_night, sky_uncertainty, write_night_rig
 from calibration.stars.head_start import StarFitError
-from calibration.stars.joint_night import common_sigma, relative_sigma, rig_covariance
+from calibration.stars.joint_night import common_sigma, relative_sigma, rig_covariance, solve_jointly
 from calibration.stars.operating_range import work_jacobian
 from calibration.stars.simulated.night_score import direction_errors_deg, score_night
 from calibration.stars.station_night import undetermined
-from calibration.stars.text_report import format_night, verdict
+from calibration.stars.text_report import format_night, needed_for, verdict
 from groundstation.errors import RigError
 from groundstation.rig.rig import load_rig
 from tests.calibration.stars.nights import calibrated, night, pictures
@@ -183,3 +183,21 @@ def test_readings_worse_than_the_rig_says_are_found(rng: np.random.Generator) ->
     size = 2 * len(found.joint.nights[0].fit.change)
     assert np.mean(score_night(found, drawn).nees) < chi2.ppf(0.9995, size) / size
     assert all(one.reading_factor == 1.0 for seed in SEEDS for one in calibrated(seed).joint.nights)
+
+
+def test_a_clock_of_each_station_leaves_their_relative_direction_less_sure() -> None:
+    """Expected: each clock is a parameter of its own; two of 0.05 s add 0.0003° at the equator of the sky at most."""
+    nights = calibrated(1).joint.nights
+    one, two = solve_jointly(nights), solve_jointly(nights, station_clocks=True)
+    assert "mark sky.clock" in one.names
+    assert {"left.mark sky.clock", "right.mark sky.clock", "mark sky.refraction"} <= set(two.names)
+    together, apart = relative_sigma(one, 0, 1), relative_sigma(two, 0, 1)
+    assert together.pan_deg < apart.pan_deg < np.hypot(together.pan_deg, 0.0005)
+
+
+def test_a_wider_range_is_asked_for_only_where_it_is_too_narrow() -> None:
+    nights = calibrated(1).joint.nights
+    assert "suffice" in needed_for("pan_scale", nights)
+    assert needed_for("pan_sine", nights) == "pictures over 120 deg or more of pan"
+    assert needed_for("pan_backlash", nights).startswith("each axis come to from both sides")
+    assert needed_for("focal.x", nights) == "other pictures"

@@ -2,6 +2,8 @@
 
 import csv
 import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -17,6 +19,7 @@ from calibration.stars.sky import ObservingSite
 from groundstation.cli.main import main
 from groundstation.rig.rig import Rig, load_rig
 from tests.calibration.landmarks.sighting_set_up import brisk_unit, true_rig, write_station
+from tests.live.test_heads import pan_of, pan_rate_of, until
 
 PICTURES = 6
 
@@ -57,6 +60,11 @@ def test_a_rendered_night_becomes_a_rig(night: Path, tmp_path: Path, capsys: pyt
     # six pictures each, an encoder's step of 0.00625°; before it was a degree
     assert np.abs(errors[0] - errors[1]).max() < 0.03
     assert np.abs(errors).max() < 0.05
+    # a check leaves the night's own folder as it is
+    before = sorted(night.iterdir())
+    check = ["calibrate", "check", "--stars", str(night), "--site", str(night / "site.toml"), "--rig", str(out)]
+    assert main([*check, "--clock-sigma", "0.2"]) == 0
+    assert sorted(night.iterdir()) == before
 
 
 def test_the_same_night_gives_the_same_rig(night: Path, tmp_path: Path) -> None:
@@ -224,3 +232,43 @@ def test_a_station_that_is_not_there_is_told_before_pictures_are_read(copied: Pa
 def test_a_night_is_not_drawn_over_another(night: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "--out", str(night), "--night", "2"]) == 1
     assert "empty" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--range=-20,20,12,29"], "--range: got --from as well; wanted one of them"),
+        (["--pointings", "3"], "--pointings: got --from as well"),
+        (["--exposure", "1"], "--exposure: got --from as well"),
+        (["--clock-sigma", "1", "--each-clock", "--station-clocks"], "--station-clocks: got --each-clock as well"),
+    ],
+)
+def test_what_concerns_new_pictures_is_refused_with_old_ones(copied: Path, capsys, arguments, complaint) -> None:
+    assert run(copied, copied / "out.toml", *arguments) == 2
+    assert complaint in capsys.readouterr().err
+
+
+def test_places_that_cannot_be_written_are_told_before_any_picture_is_read(copied: Path, capsys) -> None:
+    """Expected: the pictures are not even there."""
+    assert run(copied, copied / "rig.toml" / "out.toml") == 1
+    assert "rig.toml, a file; wanted a file in a folder that can be written" in capsys.readouterr().err
+    assert run(copied, copied / "out.toml", "--report", str(copied / "site.toml" / "report")) == 1
+    assert "site.toml, a file; wanted a folder that can be written" in capsys.readouterr().err
+
+
+def test_heads_stand_where_the_program_is_killed(tmp_path: Path) -> None:
+    """Expected: the motion guard halts the head on its way to the first pointing, long before it is there."""
+    write_station(tmp_path, wide_rig())
+    midnight_lon = (180.0 - 15.0 * (time.time() % 86400.0) / 3600.0) % 360.0 - 180.0
+    site = ObservingSite(lat_deg=0.0, lon_deg=midnight_lon, height_m=0.0, y_axis_azimuth_deg=0.0)
+    (tmp_path / "site.toml").write_text(site_to_toml(site))
+    words = ["calibrate", "stars", str(tmp_path / "field.toml"), "--site", str(tmp_path / "site.toml")]
+    words += ["--out", str(tmp_path / "out.toml"), "--range=40,60,12,29", "--pointings", "3", "--rate", "4"]
+    with brisk_unit(tmp_path / "left") as left, brisk_unit(tmp_path / "right"):
+        command = [sys.executable, "-m", "groundstation", *words]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, text=True) as process:
+            assert until(lambda: abs(pan_rate_of(left)) > np.radians(2.0), 60.0)
+            process.kill()
+        assert until(lambda: pan_rate_of(left) == 0.0, 6.0)
+        # 40 deg and more at 4 deg/s are 10 s
+        assert np.degrees(pan_of(left, 1e9)) < 36.0
