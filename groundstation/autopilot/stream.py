@@ -95,8 +95,9 @@ class AutopilotStream:
         self._service_s = -math.inf
         self._clock_asked_s = -math.inf
         self._last_stamp_us = -1
-        # of stamps before their sending, for ArduPilot
+        # of stamps before their sending, for ArduPilot, and the delay that was known when that was chosen
         self._stamp_lead_s: float | None = None
+        self._stamped_delay_s = 0.0
 
     def note(self, report: StepReport) -> None:
         """Note what the pipeline answered; before the `messages` of that time."""
@@ -231,7 +232,7 @@ class AutopilotStream:
         if not self._by_the_fastest(vehicle):
             return state.t_s + self.delay_s(vehicle)
         if self._stamp_lead_s is None:
-            self._stamp_lead_s = self.link_delay_s(vehicle)
+            self._stamp_lead_s, self._stamped_delay_s = self.link_delay_s(vehicle), self.delay_s(vehicle)
         return now_s + self._stamp_lead_s
 
     def _encoded(self, state: NavigationState, now_s: float, vehicle: VehicleState) -> list[MavlinkMessage]:
@@ -250,7 +251,7 @@ class AutopilotStream:
         self.statistics.ages_s.append(now_s - self._fix_s)
         mode = self._settings.mode
         if mode is AutopilotMode.GPS_INPUT:
-            unix_s = stamp_s - self.delay_s(vehicle) + self._clock.unix_s
+            unix_s = stamp_s - self._stamped_delay_s + self._clock.unix_s
             return [gps_input(state, stamp_us=stamp_us, unix_s=unix_s, gps_id=self._settings.gps_id)]
         if mode is AutopilotMode.GLOBAL_POSITION:
             # a state ahead of its sending, over a slow link, has no age: it is sent as if later

@@ -411,3 +411,20 @@ def test_a_link_whose_delay_varies_is_told(autopilot: int, memory_ms: float, wor
         there_s = 0.14 if k % 2 else 0.03
         vehicle.link_delay.answered(0.0, there_s, there_s + 0.03)
     assert words in stream.doubt(vehicle)
+
+
+def test_a_delay_that_is_told_late_moves_no_stamp() -> None:
+    """Expected: of GPS_INPUT, milliseconds of the week keep their distance from the sending when 50 ms are told."""
+    flight, vehicle = StraightFlight(), VehicleState(autopilot=3)
+    stream = stream_of(flight, AutopilotMode.GPS_INPUT)
+    sent = [one_state(stream, flight, 2.0, vehicle)]
+    vehicle.parameters["GPS1_DELAY_MS"] = 50.0
+    sent.append(one_state(stream, flight, 3.0, vehicle))
+    first_ms, second_ms = (message.fields["time_week_ms"] for message in sent)
+    assert second_ms - first_ms == 1000  # type: ignore[operator]
+    # expected: 1 s, and the 150 ms that the vehicle subtracts no more, farther on
+    frame = LocalFrame(ORIGIN, SEPARATION_M)
+    here, there = (frame.runway_position(*(1e-7 * values(m, "lat", "lon")), 0.0) for m in sent)
+    apart_m = math.dist(here, there)
+    flown_m = float(np.linalg.norm((flight.position(2.95) - flight.position(1.8))[:2]))
+    assert apart_m == pytest.approx(flown_m, abs=0.05)
