@@ -17,7 +17,7 @@ PLACES: dict[str, tuple[str, ...]] = {
     "stream at the moment of use, radio of 30–200 ms: rms over the filter's": (
         "ratio # (GPS_INPUT, ArduPilot as `autopilot check` recommends) to # (PX4",
     ),
-    "landing on the stream: height below 20 m; scatter over the true state's": (
+    "26 landings on the stream: height below 20 m; scatter over the true state's": (
         "height below 20 m # m rms; touchdown scatter over that on the true state # along and # across",
     ),
     "misleading approaches, faults by stated priors": (
