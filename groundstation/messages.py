@@ -15,6 +15,7 @@ from groundstation.detection_messages import Detection as Detection
 from groundstation.detection_messages import DetectionStatus as DetectionStatus
 from groundstation.detection_messages import Miss as Miss
 from groundstation.detection_messages import MissReason as MissReason
+from groundstation.detection_messages import PointHypothesis as PointHypothesis
 from groundstation.picture import Picture
 
 
