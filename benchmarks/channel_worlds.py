@@ -22,10 +22,11 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import Float32Array, ImageArray, MaskArray
+from groundstation.detection.channel_candidate import candidates_of
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.learned_channel import LearnedChannel
-from groundstation.detection.learned_detector import candidates_of, nose_in
+from groundstation.detection.nose_hypotheses import nose_in
 from groundstation.files.channel_weights import WEIGHTS, read_weights
 from groundstation.simulation.world.draw_world import draw_world
 from groundstation.simulation.world.world import world_factors

@@ -12,6 +12,7 @@ import itertools
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import cv2
 import numpy as np
@@ -74,7 +75,7 @@ def main() -> None:
         return maps(channel, window)
 
     warm_up(DetectorKind.LEARNED)
-    LearnedChannel.maps_with_aircraft = counted  # type: ignore[method-assign, assignment]
+    patch.object(LearnedChannel, "maps_with_aircraft", counted).start()
     stations = load_rig(arguments.session / "rig.toml").stations
     times_s: dict[str, FloatArray] = {}
     for station in stations:

@@ -53,6 +53,15 @@ class MissReason(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PointHypothesis:
+    """Where the target point may be: (2,) u and v, their covariance (2, 2), and how probable it is that it is there."""
+
+    pixel: FloatArray
+    covariance_px2: FloatArray
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Detection:
     """A target found in one image.
 
@@ -69,6 +78,8 @@ class Detection:
     channel : name of that channel.
     cut : True where the silhouette touches the image border.
     log_odds : that the silhouette is an aircraft's, by the learned channel; None without it.
+    hypotheses : where the target point may be, given the direction of flight, which the point above does not
+        contain: it is what this picture shows. None where that direction is unknown.
     """
 
     u_px: float
@@ -83,6 +94,7 @@ class Detection:
     channel: str
     cut: bool = False
     log_odds: float | None = None
+    hypotheses: tuple[PointHypothesis, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

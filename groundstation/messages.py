@@ -17,6 +17,7 @@ from groundstation.detection_messages import DetectionStatus as DetectionStatus
 from groundstation.detection_messages import InitialPixel as InitialPixel
 from groundstation.detection_messages import Miss as Miss
 from groundstation.detection_messages import MissReason as MissReason
+from groundstation.detection_messages import PointHypothesis as PointHypothesis
 from groundstation.detection_messages import RecognisedPixel as RecognisedPixel
 from groundstation.picture import Picture
 

@@ -21,10 +21,11 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
 from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
+from groundstation.detection.channel_candidate import ChannelCandidate, candidates_of
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX, channel_window
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.learned_channel import LearnedChannel
-from groundstation.detection.learned_detector import ChannelCandidate, candidates_of, nose_in
+from groundstation.detection.nose_hypotheses import nose_in
 from groundstation.detection.proposal_finder import ProposalFinder
 from groundstation.files.channel_weights import channel_weights, proposal_weights
 from groundstation.geometry.camera import Lens

@@ -31,6 +31,7 @@ class DetectionHint:
     expected_span_px : expected wing span in px, None if unknown.
     span_sigma_ratio : one sigma of the logarithm of the expected span.
     forward_px_per_m : (2,) image motion of a point 1 m further along the flight direction, None if unknown.
+    forward_sigma_rad : one sigma of the flight direction; infinite where it does not say where the nose is.
     up_px_per_m : (2,) image of 1 m of runway-up at the target, None if unknown.
     px_per_m : scale at the target's range, None if unknown.
     height_m : of the target point above the runway, None if unknown; a rolling aircraft holds itself level.
@@ -41,6 +42,7 @@ class DetectionHint:
     expected_span_px: float | None = None
     span_sigma_ratio: float = 0.7
     forward_px_per_m: FloatArray | None = None
+    forward_sigma_rad: float = 0.0
     up_px_per_m: FloatArray | None = None
     px_per_m: float | None = None
     height_m: float | None = None

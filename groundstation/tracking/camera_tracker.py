@@ -21,6 +21,7 @@ from groundstation.detection.make_detector import make_detector, make_finder
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.guided_search import GuidedPlace
+from groundstation.geometry.rotation import cross
 from groundstation.messages import Detection, Frame, Miss, MissReason
 from groundstation.picture import Picture, PictureError, as_picture
 from groundstation.rig.rig import Station
@@ -222,10 +223,19 @@ class CameraTracker:
             expected_span_px=None if span.span_m is None else span.span_m * px_per_m,
             span_sigma_ratio=span.sigma_ratio,
             forward_px_per_m=forward,
+            forward_sigma_rad=math.inf if hides_nose(heading, jacobian_px_per_m) else self._direction.sigma_rad,
             up_px_per_m=jacobian_px_per_m[:, 2],
             px_per_m=px_per_m,
             height_m=height_m,
         )
+
+
+def hides_nose(heading: FloatArray | None, jacobian_px_per_m: FloatArray) -> bool:
+    """Return whether a target flies away from a camera, so that its nose is behind the rest of it.
+
+    ``jacobian_px_per_m`` (2, 3) is ∂(u, v)/∂(x, y, z): its rows span the picture, u to the right and v downwards.
+    """
+    return heading is not None and float(heading @ cross(jacobian_px_per_m[0], jacobian_px_per_m[1])) > 0.0
 
 
 def _not_recorded(roi: Box[int]) -> SearchResult:

@@ -43,6 +43,7 @@ from groundstation.tracking.recognition import likeliest_aircraft
 from groundstation.tracking.station_health import StationHealth
 from groundstation.tracking.synchronise import AngleFault, InterpolatedAngles, ReadyFrame
 from groundstation.tracking.track_manager import TrackManager
+from groundstation.tracking.weighed_pixel import weighed
 
 _MISS_STATUS = {
     MissReason.AMBIGUOUS: DetectionStatus.AMBIGUOUS,
@@ -77,6 +78,8 @@ class _Outcome(NamedTuple):
     covariance_px2: FloatArray | None = None
     roi: Box[int] | None = None
     channel_contrast: Mapping[str, float] | None = None
+    by_itself: Detection | None = None
+    """The detection without what the filter says about it."""
 
 
 def _missed(reason: MissReason, detail: str) -> _Outcome:
@@ -242,11 +245,13 @@ class FrameUpdate:
         if look is None:
             miss = Miss(reason=MissReason.OUT_OF_VIEW, detail=f"in view with probability {visible:.2g}")
             return _Outcome(DetectionStatus.OUT_OF_VIEW, miss, prediction.pixel, spread)
-        status = DetectionStatus.MISS
-        if isinstance(look.result, Miss):
-            self._fuse_miss(record, look.result)
-            status = _MISS_STATUS.get(look.result.reason, DetectionStatus.MISS)
-        return _Outcome(status, look.result, prediction.pixel, spread, look.roi, look.channel_contrast)
+        status, result = DetectionStatus.MISS, look.result
+        if isinstance(result, Miss):
+            self._fuse_miss(record, result)
+            status = _MISS_STATUS.get(result.reason, DetectionStatus.MISS)
+            return _Outcome(status, result, prediction.pixel, spread, look.roi, look.channel_contrast)
+        found = weighed(result, prediction.pixel, spread)
+        return _Outcome(status, found, prediction.pixel, spread, look.roi, look.channel_contrast, by_itself=result)
 
     def _fuse_detection(
         self, record: Frame | PixelMeasurement, found: Detection, seen: _Outcome, angles: _Angles
@@ -279,10 +284,12 @@ class FrameUpdate:
                 if not found.cut and found.box.w > 0.0:
                     self._use_width(camera, found, record.t_s)
             self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
+        # cameras agree with each other by what each shows, not by what the filter makes of it
+        own = found if seen.by_itself is None else seen.by_itself
         view = TriangulationView(
             station=camera.geometry,
-            pixel=pixel,
-            covariance_px2=found.covariance_px2,
+            pixel=np.array([own.u_px, own.v_px]),
+            covariance_px2=own.covariance_px2,
             pan_rad=angles.pan_rad,
             tilt_rad=angles.tilt_rad,
             angle_sigma_rad=self._pointing_sigma_rad(record, angles),

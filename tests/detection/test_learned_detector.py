@@ -1,6 +1,7 @@
 """The learned channel and its detector: a drawn aircraft is found with its nose, an empty sky gives none."""
 
 import copy
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -146,22 +147,39 @@ def test_an_aircraft_of_which_the_middle_alone_is_seen_is_found(seed: int, rng: 
         assert np.hypot(found.u_px - nose[0], found.v_px - nose[1]) < 0.1 * width_px
 
 
-def test_a_target_of_any_size_is_as_wide_in_its_window(
-    sprite: Sprite, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("sigma_rad", "shown_px"), [(0.1, (44.0, 50.0, 63.0)), (2.0, (44.0, 44.0, 44.0))])
+def test_a_window_is_no_finer_than_the_picture_and_no_coarser_than_need_be(
+    sprite: Sprite,
+    rng: np.random.Generator,
+    monkeypatch: pytest.MonkeyPatch,
+    sigma_rad: float,
+    shown_px: tuple[float, ...],
 ) -> None:
+    """A target has 44 px in its window as far as 44 px wide, then its own, and 63 px from there on.
+
+    Where it is not known which way it flies it always has 44 px.
+    """
     spans: list[float] = []
 
     def noted(image: Picture, centre: np.ndarray, span_px: float) -> ChannelWindow | None:
         spans.append(span_px)
         return channel_window(image, centre, span_px)
 
+    def flying(at_px: np.ndarray, width_px: float, sigma_px: float = 6.0) -> DetectionHint:
+        forward = {"forward_px_per_m": np.array([0.0, 1.0]), "px_per_m": 10.0, "forward_sigma_rad": sigma_rad}
+        return replace(hint(at_px, width_px, sigma_px), **forward)
+
     monkeypatch.setattr("groundstation.detection.learned_detector.channel_window", noted)
-    for width_px in (24.0, 50.0, 126.0):
+    for width_px, shown in zip((24.0, 50.0, 126.0), shown_px, strict=True):
         image, nose = picture(sprite, (280, 200), width_px, rng)
         spans.clear()
-        found = make_detector(LEARNED, SIZE_PX).detect(image, ROI, hint(nose, width_px))
+        found = make_detector(LEARNED, SIZE_PX).detect(image, ROI, flying(nose, width_px))
         assert isinstance(found, Detection)
-        assert spans == [width_px]
+        assert [width_px * TARGET_PX / span for span in spans] == pytest.approx([shown])
+    # where so fine windows would be too many the target has 44 px
+    spans.clear()
+    make_detector(LEARNED, SIZE_PX).detect(image, ROI, flying(nose, 126.0, sigma_px=150.0))
+    assert spans[0] == 126.0
 
 
 def test_what_is_hardly_an_aircraft_counts_where_one_is_expected_and_that_place_is_known(

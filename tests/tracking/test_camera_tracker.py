@@ -9,7 +9,7 @@ from groundstation.box import Box
 from groundstation.detection.detector import DetectionHint
 from groundstation.messages import Detection, Frame, Miss, MissReason
 from groundstation.picture import BgrPicture, PartialPicture, PicturePart
-from groundstation.tracking.camera_tracker import CameraTracker, SpanModel, silhouette_mask
+from groundstation.tracking.camera_tracker import CameraTracker, SpanModel, hides_nose, silhouette_mask
 from groundstation.tracking.config import Config
 from tests.stereo_rig import make_station
 
@@ -107,3 +107,14 @@ def test_a_window_beyond_what_was_recorded_is_a_miss_with_that_reason(picture: n
     assert isinstance(look.result, Miss)
     assert look.result.reason is MissReason.NOT_RECORDED
     assert "recording kept" in (look.result.detail or "")
+
+
+@pytest.mark.parametrize(("speed_m_s", "hidden"), [((0.0, 40.0, 0.0), True), ((0.0, -40.0, 1.0), False)])
+def test_a_heading_away_from_the_camera_says_nothing_about_a_nose_that_is_hidden(
+    speed_m_s: tuple[float, float, float], hidden: bool
+) -> None:
+    """A camera that looks along the runway: u to the right, v downwards."""
+    jacobian = np.array([[8.0, 0.1, 0.0], [0.0, 0.1, -8.0]])
+    heading = np.array(speed_m_s) / np.linalg.norm(speed_m_s)
+    assert hides_nose(heading, jacobian) == hidden
+    assert not hides_nose(None, jacobian)

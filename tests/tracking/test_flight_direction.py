@@ -69,3 +69,20 @@ def test_an_older_frame_has_no_effect() -> None:
     for k in range(20):
         direction.at(k * _STEP_S, along(0.0), _SURE, 0.5)
     assert pitch_of(direction.at(1.0, along(0.5), _SURE, 0.5)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_it_says_how_sure_it_is() -> None:
+    """By the velocities that it remembers; where it has none, by the present one; of a new target, not at all."""
+    direction = FlightDirection()
+    direction.at(0.0, along(0.0), 150.0 * np.eye(3), 1.0)
+    for k in range(1, 31):
+        direction.at(k * _STEP_S, along(0.0), 0.4 * np.eye(3), 1.0)
+        assert math.isinf(direction.sigma_rad) == (k < 15)
+    assert direction.sigma_rad == pytest.approx(math.sqrt(3 * 0.4) / 20.0)
+    direction.at(5.0, np.array([0.0, -0.1, 0.0]), 150.0 * np.eye(3), 1.0)
+    assert direction.sigma_rad == pytest.approx(math.sqrt(3 * 0.4) / 20.0)
+    direction.reset()
+    direction.at(6.0, along(0.0, 4.0), 150.0 * np.eye(3), 1.0)
+    assert math.isinf(direction.sigma_rad)
+    direction.at(8.0, along(0.0, 4.0), 150.0 * np.eye(3), 1.0)
+    assert 3.0 < direction.sigma_rad < 10.0
