@@ -30,6 +30,7 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
     path = Path(os.path.realpath(request.session))
     own_rig = path / "rig.toml" if session.recorded is None else Path(os.path.realpath(session.recorded.path))
     rig = own_rig if request.rig is None else Path(os.path.realpath(request.rig))
+    given = None if request.panorama is None else Path(os.path.realpath(request.panorama))
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "version": __version__,
@@ -41,6 +42,7 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
             "path": None if request.config is None else str(Path(os.path.realpath(request.config))),
             "sha256": hashlib.sha256(configuration.encode()).hexdigest(),
         },
+        **({} if given is None else {"panorama": {"path": str(given), "sha256": hash_of([given])}}),
         "machine": {
             "name": platform.node(),
             "system": platform.platform(),
