@@ -1,4 +1,4 @@
-"""One head's panorama: frames laid where their encoders say, registered to what they make together, laid anew.
+"""One head's panorama: frames laid where their encoders say, registered to what they make together, laid again.
 
 Encoders' noise averages out over the frames; what they are off by slowly does within a field of view, since each frame
 is registered as a whole, by the lens, to those around it.

@@ -1,7 +1,7 @@
 """Which sources of a calibration a site needs for the accuracy asked for: marks, airliners, stars, a flight.
 
 Each source leaves the stations' directions uncertain in what they share and in what they do not; range hangs on the
-latter. The forecast is made anew with each, positions and clocks as the site has them.
+latter. The forecast is made again with each, positions and clocks as the site has them.
 """
 
 import math
