@@ -10,18 +10,19 @@ from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
 from groundstation.cli.time_span import add_span, require_span
 
-_PANORAMA = """A panorama of the ground around each head, from pictures that it takes while it turns.
-With it a replay takes each frame's pan and tilt from the picture itself: encoders'
-noise, steps and periodic error no longer count."""
+_PANORAMA = """A panorama of the ground around each head, from pictures that it takes while it
+turns. With it a replay takes each frame's pan and tilt from the picture itself:
+encoders' noise, steps and periodic error no longer count."""
 _MORE = """example:
   groundstation calibrate panorama swing --out panorama.npz
   groundstation replay flight --panorama panorama.npz --out out/flight
 
-how: turn each head slowly over what it will look at, and record it as a session; any
-flight of the same day does as well. Pictures are laid where the encoders say, and brought
-to fit each other. What is higher than --highest is left out: clouds move. The heads have
-to stand where they stood; where a frame shows too little ground or does not fit, its
-angles are the encoders', and the replay says how often and why.
+how: turn each head slowly over what it will look at, and record it as a session;
+any flight of the same day does as well. Pictures are laid where the encoders say,
+and brought to fit each other. What is higher than --highest is left out: clouds
+move. The heads have to stand where they stood; where a frame shows too little
+ground or does not fit, its angles are the encoders', and the replay says how
+often and why.
 
 exit code: 0 done; 1 the session is at fault or shows too little; 2 wrong usage;
 130 interrupted"""

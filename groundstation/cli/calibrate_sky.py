@@ -9,23 +9,25 @@ from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import UsageError
 
-_SKY = """By day, in place of the stars: pictures of airliners, whose positions a receiver of
-ADS-B notes, and of the Moon tell where the heads look against each other."""
+_SKY = """By day, in place of the stars: pictures of airliners, whose positions a receiver
+of ADS-B notes, and of the Moon tell where the heads look against each other."""
 _MORE = """examples:
   groundstation calibrate sky --receive localhost:30003 --keep day/adsb.jsonl
-  groundstation calibrate sky --rig rig.toml --site field.toml --from day/ --out sky.toml
+  groundstation calibrate sky --rig rig.toml --site field.toml --from day/ \\
+      --out sky.toml
 
-how: DIR has pictures.csv with file, station, pan_deg, tilt_deg, t_utc_s (Unix time of the
-mid-exposure) and, where known, pan_from and tilt_from, as for calibrate stars; and next to
-it adsb.jsonl or adsb.sbs (or --adsb FILE): lines of dump1090 or readsb, JSON or SBS, in
-UTC. The receiver may be late by up to 2 s; that is found. Which object is which airliner is
-found, too, if the rig's orientation is known to 5 deg. Take some nine stops of three
-pictures of each of five airliners from every head, near ones high up and far ones low down.
-With --receive the lines of a receiver's TCP port are kept in --keep until Ctrl-C, each
-with the time at which it came; nothing is calibrated.
+how: DIR has pictures.csv with file, station, pan_deg, tilt_deg, t_utc_s (Unix
+time of the mid-exposure) and, where known, pan_from and tilt_from, as for
+calibrate stars; and next to it adsb.jsonl or adsb.sbs (or --adsb FILE): lines of
+dump1090 or readsb, JSON or SBS, in UTC. The receiver may be late by up to 2 s;
+that is found. Which object is which airliner is found, too, if the rig's
+orientation is known to 5 deg. Take some twelve stops of three pictures of each of
+five airliners from every head, near ones high up and far ones low down.
+With --receive the positions of a receiver's TCP port are kept in --keep until
+Ctrl-C, each with the time at which it came; nothing is calibrated.
 
-exit code: 0 done; 1 pictures or positions are at fault or do not determine it, and no
-rig is written; 2 wrong usage; 130 interrupted"""
+exit code: 0 done; 1 pictures or positions are at fault or do not determine it,
+and no rig is written; 2 wrong usage; 130 interrupted"""
 
 
 def add_sky(kinds: Commands) -> None:

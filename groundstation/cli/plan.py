@@ -11,8 +11,9 @@ drives out."""
 _PLAN_MORE = """example:
   groundstation plan docs/site-example.toml --out out/plan
 
-DIR gets plan.csv, and the picture plan.png and plan.svg. For each accuracy that the site
-asks for it says which sources of a calibration are needed: marks, airliners, stars, a flight.
+DIR gets plan.csv, and the picture plan.png and plan.svg. For each accuracy that
+the site asks for it says which sources of a calibration are needed: marks,
+airliners, stars, a flight.
 
 exit code: 0 done; 1 the site's file is at fault; 2 wrong usage; 130 interrupted"""
 

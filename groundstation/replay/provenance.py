@@ -37,6 +37,7 @@ def provenance(request: ReplayRequest, session: Session, configuration: str) -> 
             "path": None if request.config is None else str(Path(os.path.realpath(request.config))),
             "sha256": hashlib.sha256(configuration.encode()).hexdigest(),
         },
+        **({} if request.panorama is None else {"panorama": file_provenance(request.panorama)}),
     }
 
 

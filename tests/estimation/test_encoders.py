@@ -161,7 +161,7 @@ def test_a_jerk_across_half_a_turn_is_a_jerk(sign: float) -> None:
 
 
 def test_a_picture_s_angles_count_by_their_own_sigma_and_are_no_reading() -> None:
-    """Expected: ten times better than an encoder's, they draw the filter; one that is far off changes nothing."""
+    """Expected: ten times better than an encoder's, the filter takes them; one that is far off changes nothing."""
     ekf, encoders = feed()
     for k in range(50):
         read(ekf, encoders, k * 0.02, 1.0)
