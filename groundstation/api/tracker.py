@@ -31,6 +31,9 @@ from groundstation.tracking.warm_up import warm_up
 # what a camera shows in `Tracker.step_pair`: a picture, or a pixel (u, v) with or without its sigma (u, v, sigma)
 Observation = NDArray[np.uint8] | Picture | Sequence[float]
 
+# wider than any aircraft
+_WIDEST_M = 200.0
+
 
 class Tracker:
     """Tracks one aircraft with the cameras of a rig.
@@ -66,8 +69,10 @@ class Tracker:
     ) -> None:
         self.rig = rig if isinstance(rig, Rig) else load_rig(Path(rig))
         tuning = config if isinstance(config, Config) else load_config(None if config is None else Path(config))
-        if span_m is not None and not 0.0 < span_m < np.inf:
-            raise InputError("span_m", got=f"{span_m:g}", wanted="a wing span > 0 in m, or None")
+        if span_m is not None and not 0.0 < span_m <= _WIDEST_M:
+            raise InputError(
+                "span_m", got=f"{span_m:g}", wanted=f"a wing span > 0 and at most {_WIDEST_M:g} m, or None"
+            )
         warm_up(tuning.detection.detector)
         self._pipeline = Pipeline(
             self.rig,

@@ -93,7 +93,7 @@ class ProgressLog:
         self._preparing.start()
 
     def _print_preparing(self, name: str) -> None:
-        print_line(f"{name}: preparing; the first run after an installation compiles", self._stream)
+        print_line(f"{name}: preparing; the first run after an installation compiles, a minute of a core", self._stream)
 
     def _prepared(self) -> None:
         if self._preparing is not None:

@@ -1,5 +1,6 @@
 """Import of videos, a log and tables as a session folder; on invalid input nothing is written."""
 
+import errno
 import os
 import shutil
 from collections.abc import Callable
@@ -247,7 +248,8 @@ def _write(request: ImportRequest, parts: _Parts) -> tuple[Path, ...]:
             request.out.rmdir()
         draft.rename(request.out)
     except OSError as fault:
-        raise SessionError(str(request.out), got=str(fault), wanted="a folder that can be written") from fault
+        wanted = "room on the disk" if fault.errno in (errno.ENOSPC, errno.EDQUOT) else "a folder that can be written"
+        raise SessionError(str(request.out), got=str(fault.strerror or fault), wanted=wanted) from fault
     finally:
         if draft.exists():
             shutil.rmtree(draft)

@@ -156,7 +156,8 @@ def _lens(camera: TomlTable) -> Lens:
     if "focal_px" in camera:
         focal_px = camera.number("focal_px", above=0.0, maximum=1e7)
     else:
-        focal_mm, pixel_um = (camera.number(key, above=0.0) for key in ("focal_mm", "pixel_um"))
+        focal_mm = camera.number("focal_mm", above=0.0, maximum=10_000.0)
+        pixel_um = camera.number("pixel_um", above=0.0)
         focal_px = 1000.0 * focal_mm / pixel_um
         if not 1.0 <= focal_px <= 1e7:
             raise camera.fail("focal_mm", f"{focal_px:.3g} pixels of {pixel_um:g} µm", "1 to 10 million pixels")

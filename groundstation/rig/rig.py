@@ -37,6 +37,8 @@ _STATION_KEYS = frozenset(
         *("ptu_axes", "readout_sigma_s"),
     }
 )
+# farther from the threshold than any station
+_FARTHEST_M = 100_000.0
 _CLOCK_KEYS = frozenset({"offset_s", "drift_ppm", "sigma_s"})
 PARTS = ("position", "orientation", "lens")
 
@@ -247,7 +249,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
         name=name,
         fixed=fixed,
         known=known,
-        ptu_position_m=table.vector("ptu_position_m", 3, None if "position" in known else (0.0, 0.0, 0.0)),
+        ptu_position_m=_position(table, None if "position" in known else (0.0, 0.0, 0.0)),
         runway_from_base_wxyz=_unit_quaternion(table, "runway_from_base_wxyz", None if oriented else identity),
         head_from_camera_wxyz=_unit_quaternion(
             table,
@@ -277,6 +279,16 @@ def _known(table: TomlTable) -> tuple[str, ...]:
     # a station that gives its lens has one, whether or not `known` repeats it
     given = set(value) | ({"lens"} if "focal_px" in table else set())
     return tuple(p for p in PARTS if p in given)
+
+
+def _position(table: TomlTable, default: tuple[float, float, float] | None) -> FloatArray:
+    """Return where a station's head stands, runway frame, m."""
+    position = table.vector("ptu_position_m", 3, default)
+    if np.any(np.abs(position) > _FARTHEST_M):
+        raise table.fail(
+            "ptu_position_m", quoted(position.tolist()), f"metres, at most {_FARTHEST_M:g} of the threshold"
+        )
+    return position
 
 
 def _unit_quaternion(table: TomlTable, key: str, default: tuple[float, ...] | None) -> FloatArray:

@@ -244,7 +244,7 @@ def _with_clocks(rig: Rig, clocks: dict[str, ClockModel], pictures: str) -> Rig:
 def _target(table: TomlTable) -> TargetModel:
     table.refuse_unknown({"span_m", "antenna_in_body_m"})
     return TargetModel(
-        span_m=table.number("span_m", above=0.0) if "span_m" in table else None,
+        span_m=table.number("span_m", above=0.0, maximum=200.0) if "span_m" in table else None,
         antenna_in_body_m=table.vector("antenna_in_body_m", 3) if "antenna_in_body_m" in table else None,
     )
 

@@ -15,6 +15,7 @@ from groundstation.errors import SessionError
 from groundstation.messages import Epoch, Event, Frame
 from groundstation.picture import BgrPicture
 from groundstation.session import Session
+from groundstation.session.time_units import unit_hint
 from groundstation.sources.external_detections import detection_events, read_detections
 from groundstation.sources.frame_table import FrameTable, read_frames
 from groundstation.sources.picture_reader import PictureReader
@@ -117,6 +118,9 @@ class FolderSource:
             if self._fault is not None:
                 raise self._fault
             there = f"times from {times.min():.13g} to {times.max():.13g} s" if len(times) else "no row with a time"
+            if len(times) > 1:
+                first, second = np.sort(times)[:2]
+                there += unit_hint(float(first), float(second), max(self._from, 0.0), self._to)
             wanted = f"some {self._asked()}" if len(times) else "at least one"
             raise SessionError(f"{self._session.name}: {name}", got=there, wanted=wanted)
 

@@ -12,10 +12,7 @@ from groundstation.messages import PtuSample
 from groundstation.rig.ptu_axes import AxisCorrection
 from groundstation.session import Session
 from groundstation.session.folder import ptu_table
-from groundstation.session.time_units import TIME_UNITS_S
-
-# readings farther apart are of no use for the angles at an exposure
-_MOST_APART_S = 1.0
+from groundstation.session.time_units import unit_hint
 
 
 class PtuReadings:
@@ -59,12 +56,7 @@ class PtuReadings:
     def _unit_hint(self, first_s: float, from_s: float, to_s: float) -> str:
         """Return what the times would be in if they are not in seconds; nothing where they do not look so."""
         later = next((sample.t_s for sample in self._stream if sample.t_s > first_s), first_s)
-        if later - first_s < _MOST_APART_S:
-            return ""
-        for unit, in_s in TIME_UNITS_S.items():
-            if from_s - _MOST_APART_S <= first_s * in_s <= to_s and (later - first_s) * in_s < _MOST_APART_S:
-                return f", which would be {first_s * in_s:.4g} s if its times were in {unit}"
-        return ""
+        return unit_hint(first_s, later, from_s, to_s)
 
     def until(self, t_s: float) -> Iterator[PtuSample]:
         """Yield all readings not handed out yet, up to session time ``t_s``."""

@@ -221,6 +221,11 @@ def test_the_table_as_csv(tmp_path: Path) -> None:
         ("baseline_m = 10.77", 'format = "x/2"\nbaseline_m = 1', "format: got 'x/2'; wanted 'groundstation-site/1'"),
         ("focal_px = 6667", "", "camera: focal_mm: got nothing; wanted a finite number > 0"),
         ("focal_px = 6667", "focal_px = 1\nfocal_mm = 2", "focal_px: got it together with focal_mm or pixel_um"),
+        (
+            "focal_px = 6667",
+            "focal_mm = 25000\npixel_um = 3.75",
+            "camera: focal_mm: got 25000; wanted a finite number > 0",
+        ),
         ("focal_px = 6667", "focal_mm = 9\npixel_um = 1e9", "focal_mm: got 9e-06 pixels of 1e+09 µm; wanted 1 to 10"),
         ("[1280, 960]", "[1280, 960.5]", "image_size_px: got [1280.0, 960.5]; wanted two whole numbers"),
         ("sigma_deg = 0", "sigma = 0", "ptu: sigma: got an unknown key; wanted one of resolution_deg, sigma_deg"),

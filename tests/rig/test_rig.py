@@ -94,6 +94,11 @@ def test_clocks_and_covariance(tmp_path: Path) -> None:
             "[1.0, 0.0, 0.0]",
             "runway_from_base_wxyz: got [1.0, 0.0, 0.0]; wanted 4 finite numbers",
         ),
+        (
+            "ptu_position_m = [-5.0,",
+            "ptu_position_m = [1e300,",
+            "station left: ptu_position_m: got [1e+300, 0.0, 1.5]; wanted metres, at most 100000 of the threshold",
+        ),
         ("[64, 48]", "[64.5, 48]", "image_size_px: got [64.5, 48.0]; wanted two whole numbers of pixels"),
         ("[64, 48]", "[64, 1e9]", "image_size_px: got"),
         (

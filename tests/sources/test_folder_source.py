@@ -213,6 +213,16 @@ def test_entering_without_anything_to_replay_leaves_no_thread(tmp_path: Path) ->
     )
 
 
+def test_pictures_in_milliseconds_are_called_so(tmp_path: Path) -> None:
+    folder = Tiny(rows=12).write(tmp_path)
+    table = folder / "frames.csv"
+    head, *rows = table.read_text().splitlines()
+    stored = [",".join([n, *(f"{1000.0 * float(t):.3f}" for t in times)]) for n, *times in (r.split(",") for r in rows)]
+    table.write_text("\n".join([head, *stored]) + "\n")
+    reported = complaint(SessionError, FolderSource(load_session(folder), None, 2.0).__enter__)
+    assert "frames.csv: got times from 1000 to 2100 s, which would be 1 s if its times were in milliseconds" in reported
+
+
 def test_readings_in_milliseconds_are_called_so(tmp_path: Path) -> None:
     folder = Tiny(rows=12).write(tmp_path)
     table = folder / "ptu.csv"
