@@ -122,7 +122,7 @@ def test_without_clocks_all_files_share_one(tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ('"east-north-up"', '"north"', "session.toml: frame: got 'north'; wanted 'runway' or 'east-north-up'"),
-        ("span_m = 2.3", "span_m = 2300", "target: span_m: got 2300; wanted a finite number > 0 and ≤ 200"),
+        ("span_m = 2.3", "span_m = 2300", "target: span_m: got 2300; wanted a finite number > 0 ≤ 200"),
         ("span_m = 2.3", "span_m = 0", "session.toml: target: span_m: got 0; wanted a finite number > 0"),
         ("span_m", "wing_m", "target: wing_m: got an unknown key; wanted one of antenna_in_body_m, span_m"),
         ("left = {", "middle = {", "clocks: middle: got an unknown clock; wanted a station (left, right) or"),
