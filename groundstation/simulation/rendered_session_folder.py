@@ -146,9 +146,12 @@ def _film(
         }
         pool = opened.enter_context(ThreadPoolExecutor(max_workers=len(cameras)))
         for k in range(count):
-            jobs = [pool.submit(_take, flight, n, frames[n], k, cameras[n], writers[n]) for n in cameras]
-            for name, job in zip(cameras, jobs, strict=True):
-                shot = job.result()
+
+            def take(name: str, number: int = k) -> Shot:
+                return _take(flight, name, frames[name], number, cameras[name], writers[name])
+
+            # the first pictures compile: in this thread, so that an interrupt ends it
+            for name, shot in zip(cameras, map(take, cameras) if k == 0 else pool.map(take, cameras), strict=True):
                 filmed.masks[f"{name}_{k:04d}"] = shot.truth.silhouette.astype(np.uint8)
                 filmed.masks[f"{name}_{k:04d}_xy"] = np.array(shot.truth.corner_px, dtype=np.int32)
                 filmed.visibility.append((k, name, _visibility(shot)))

@@ -1,5 +1,6 @@
 """`groundstation simulate`: the session loads, its pictures agree with its truth, and a replay tracks the target."""
 
+import threading
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -50,6 +51,22 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     result = render_flight(RenderRequest(out=folder, rig=rig, duration_s=5.0, wind_m_s=3.0, seed=5))
     assert result.pairs == 51
     return folder
+
+
+def test_an_interrupt_while_the_first_picture_compiles_ends_it(
+    rig_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: it is drawn by the thread that hears interrupts; a pool would be waited for."""
+    drawn_by: list[bool] = []
+
+    def interrupted(*_: object) -> None:
+        drawn_by.append(threading.current_thread() is threading.main_thread())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RenderedCamera, "film", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        render_flight(RenderRequest(out=tmp_path / "s", rig=rig_file, duration_s=1.0))
+    assert drawn_by == [True]
 
 
 def frames(folder: Path) -> list[Frame]:
