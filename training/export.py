@@ -7,12 +7,17 @@ import onnx
 import torch
 from google.protobuf.message import DecodeError
 from onnx import numpy_helper
-from torch import nn
+from torch import Tensor, nn
 
 from groundstation.detection.channel_window import WINDOW_PX
 from groundstation.errors import InputError
 from groundstation.files.channel_weights import read_weights
-from training.network import ChannelNetwork
+from training.network import EIGHTH, SIXTEENTH, ChannelNetwork
+from training.widening import widened
+
+_CHANNEL = "weights that `groundstation train` wrote"
+# their lengths are the channels at these resolutions
+_EIGHTH_NORM, _SIXTEENTH_NORM = "at_eighth.0.first_norm.bias", "at_sixteenth.0.first_norm.bias"
 
 
 def export_onnx(network: ChannelNetwork, path: Path) -> str:
@@ -39,10 +44,15 @@ def export_onnx(network: ChannelNetwork, path: Path) -> str:
 
 
 def load_onnx(path: Path) -> ChannelNetwork:
-    """Read a network that `export_onnx` wrote. Raises `InputError` for any other file."""
-    network = ChannelNetwork()
-    load_parameters(network, path, "weights that `groundstation train` wrote")
-    return network
+    """Read a network that `export_onnx` wrote; a narrower one is widened. Raises `InputError` for any other file."""
+    found = _parameters(path, _CHANNEL)
+    eighth, sixteenth = (
+        found[name].shape[0] if name in found else least
+        for name, least in ((_EIGHTH_NORM, EIGHTH), (_SIXTEENTH_NORM, SIXTEENTH))
+    )
+    network = ChannelNetwork(min(eighth, EIGHTH), min(sixteenth, SIXTEENTH))
+    _take(network, found, path, _CHANNEL)
+    return widened(network)
 
 
 def load_parameters(network: nn.Module, path: Path, wanted: str) -> None:
@@ -50,12 +60,19 @@ def load_parameters(network: nn.Module, path: Path, wanted: str) -> None:
 
     Raises `InputError`, with what was ``wanted``, for a file that has others.
     """
+    _take(network, _parameters(path, wanted), path, wanted)
+
+
+def _parameters(path: Path, wanted: str) -> dict[str, Tensor]:
     try:
         model = onnx.load_model_from_string(read_weights(path, None))
     except DecodeError as fault:
         raise InputError(str(path), got=str(fault), wanted=wanted) from fault
+    return {one.name: torch.from_numpy(numpy_helper.to_array(one).copy()) for one in model.graph.initializer}
+
+
+def _take(network: nn.Module, found: dict[str, Tensor], path: Path, wanted: str) -> None:
     state = network.state_dict()
-    found = {one.name: torch.from_numpy(numpy_helper.to_array(one).copy()) for one in model.graph.initializer}
     # how many batches a norm has seen is in no file, and used by none of them
     missing = [
         name

@@ -6,7 +6,8 @@ from torch import Tensor, nn
 CLASSES = 3  # neither, aircraft, other flying things
 OUTPUTS = CLASSES + 1  # and the nose
 # multiples of eight, which ONNX Runtime computes in blocks
-_STEM, _HALF, _QUARTER, _EIGHTH, _SIXTEENTH = 16, 16, 32, 48, 64
+_STEM, _HALF, _QUARTER = 16, 16, 32
+EIGHTH, SIXTEENTH = 56, 80
 _SUBPIXELS = 2
 
 
@@ -33,20 +34,25 @@ class ChannelNetwork(nn.Module):
     The first three are the logits of neither, aircraft, other; the last is the logarithm, up to a constant, of the
     probability that the nose is at the pixel. The mean of a window and its contrast are taken out first, so that
     exposure does not matter; a constant window stays zero.
+
+    Parameters
+    ----------
+    eighth, sixteenth : channels at an eighth and a sixteenth of the resolution.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, eighth: int = EIGHTH, sixteenth: int = SIXTEENTH) -> None:
         super().__init__()
+        self.eighth, self.sixteenth = eighth, sixteenth
         self.stem = nn.Sequential(nn.Conv2d(3, _STEM, 5, 2, 2, bias=False), nn.BatchNorm2d(_STEM), nn.ReLU())
         self.at_half = _Block(_STEM, _HALF)
         self.at_quarter = _Block(_HALF, _QUARTER, 2)
-        self.at_eighth = nn.Sequential(_Block(_QUARTER, _EIGHTH, 2, deep=True), _Block(_EIGHTH, _EIGHTH, deep=True))
+        self.at_eighth = nn.Sequential(_Block(_QUARTER, eighth, 2, deep=True), _Block(eighth, eighth, deep=True))
         self.at_sixteenth = nn.Sequential(
-            _Block(_EIGHTH, _SIXTEENTH, 2, deep=True), _Block(_SIXTEENTH, _SIXTEENTH, deep=True)
+            _Block(eighth, sixteenth, 2, deep=True), _Block(sixteenth, sixteenth, deep=True)
         )
-        self.to_eighth = _Block(_SIXTEENTH + _EIGHTH, _EIGHTH, deep=True)
+        self.to_eighth = _Block(sixteenth + eighth, eighth, deep=True)
         # at the larger sizes sums instead of concatenations, which would double the cost of the next convolution
-        self.narrow = nn.Conv2d(_EIGHTH, _QUARTER, 1, bias=False)
+        self.narrow = nn.Conv2d(eighth, _QUARTER, 1, bias=False)
         self.to_quarter = _Block(_QUARTER, _HALF)
         self.to_half = _Block(_HALF, _HALF)
         self.head = nn.Conv2d(_HALF, OUTPUTS * _SUBPIXELS**2, 1)
