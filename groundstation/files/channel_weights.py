@@ -10,7 +10,7 @@ from groundstation.files.toml_table import shown
 _FOLDER = Path(__file__).resolve().parents[1] / "detection" / "weights"
 WEIGHTS, PROPOSAL_WEIGHTS = _FOLDER / "aircraft.onnx", _FOLDER / "proposals.onnx"
 # of the file that docs/learned-channel.md describes
-SHA256 = "21adfa2cd975fde18c741c75333dea2e45367bcde1079174a552f154fe80e6a6"
+SHA256 = "8f78716efd09e86a5d5632f959a5f965b0e6f1964c72b44dbe9e43f86d13dcbb"
 PROPOSAL_SHA256 = "5df657221ff94c51f99caadc11a43e786a5004525616d055ba6b5101aefe663e"
 MOST_BYTES = 2_000_000
 
