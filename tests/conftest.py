@@ -7,8 +7,9 @@ from pathlib import Path
 
 from groundstation.cli.start import ONE_THREAD
 
-# as the program begins, before numpy is there
-os.environ.update(ONE_THREAD | os.environ)
+# as the program begins, before numpy is there; OpenCV's threads, too, would only take the cores from the other workers,
+# in the programs that tests start as well, and its operations then take up to 40 % more of a processor
+os.environ.update(ONE_THREAD | {"OPENCV_FOR_THREADS_NUM": "1"} | os.environ)
 
 import numpy as np
 import pytest
