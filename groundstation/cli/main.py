@@ -5,6 +5,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from functools import cache
 
 from groundstation import __version__
 from groundstation.cli.autopilot import add_autopilot
@@ -100,6 +101,7 @@ def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str])
         environment.setdefault(name, value)
 
 
+@cache
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line; the documentation prints its help."""
     parser: argparse.ArgumentParser = SuggestingParser(
