@@ -96,7 +96,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print_line(f"groundstation: {what}{left_by(options, began_s)}", sys.stderr)
         return 1
     except KeyboardInterrupt as end:
-        print_line(f"groundstation: interrupted{left_by(options, began_s)}", sys.stderr)
+        words = "; ".join((f"interrupted{left_by(options, began_s)}", *getattr(end, "__notes__", ())))
+        print_line(f"groundstation: {words}", sys.stderr)
         return TERMINATED if isinstance(end, Terminated) else INTERRUPTED
 
 
