@@ -9,7 +9,9 @@ from numba import njit
 from groundstation.arrays import FloatArray, MaskArray
 
 _OCTAVES = 7
-# what a patch lies on, see `ground.PATCH`
+# columns of a patch, and what it lies on, see `ground.PATCH`
+_CX, _CY, _AX, _AY, _HALF_WIDTH, _HALF_LENGTH, _RED = range(7)
+_OPACITY, _MOTTLE, _PERIOD, _SHARE, _UPON = range(9, 14)
 _RUNWAY, _ON_RUNWAY = 1.0, 2.0
 
 
@@ -130,22 +132,23 @@ def _mark_near(x: float, y: float, footprint: Footprint, columns: FloatArray, ne
 @njit(cache=True, nogil=True, inline="always")
 def _patch_covered(dx: float, dy: float, footprint: Footprint, p: FloatArray) -> float:
     """Return which share of a pixel's footprint, (dx, dy) m from a patch's middle, the patch covers."""
-    along = dx * p[2] + dy * p[3]
-    across = dx * p[3] - dy * p[2]
+    along = dx * p[_AX] + dy * p[_AY]
+    across = dx * p[_AY] - dy * p[_AX]
     f_along = (
-        abs(footprint.x_by_u * p[2] + footprint.y_by_u * p[3])
-        + abs(footprint.x_by_v * p[2] + footprint.y_by_v * p[3])
+        abs(footprint.x_by_u * p[_AX] + footprint.y_by_u * p[_AY])
+        + abs(footprint.x_by_v * p[_AX] + footprint.y_by_v * p[_AY])
         + 1e-6
     )
     f_across = (
-        abs(footprint.x_by_u * p[3] - footprint.y_by_u * p[2])
-        + abs(footprint.x_by_v * p[3] - footprint.y_by_v * p[2])
+        abs(footprint.x_by_u * p[_AY] - footprint.y_by_u * p[_AX])
+        + abs(footprint.x_by_v * p[_AY] - footprint.y_by_v * p[_AX])
         + 1e-6
     )
-    covered = _covered(across, f_across, p[4]) * _covered(along, f_along, p[5])
-    if p[11] > 0.0 and covered > 0.0:
+    covered = _covered(across, f_across, p[_HALF_WIDTH]) * _covered(along, f_along, p[_HALF_LENGTH])
+    if p[_PERIOD] > 0.0 and covered > 0.0:
         covered *= (
-            _dashed(along + 0.5 * f_along, p[11], p[12]) - _dashed(along - 0.5 * f_along, p[11], p[12])
+            _dashed(along + 0.5 * f_along, p[_PERIOD], p[_SHARE])
+            - _dashed(along - 0.5 * f_along, p[_PERIOD], p[_SHARE])
         ) / f_along
     return covered
 
@@ -184,20 +187,20 @@ def _ground_colour(
         if not near[k]:
             continue
         p = patches[k]
-        alpha = _patch_covered(x - p[0], y - p[1], footprint, p)
-        if alpha <= 0.0 or (p[13] == _ON_RUNWAY and paved <= 0.0):
+        alpha = _patch_covered(x - p[_CX], y - p[_CY], footprint, p)
+        if alpha <= 0.0 or (p[_UPON] == _ON_RUNWAY and paved <= 0.0):
             continue
-        if p[13] == _ON_RUNWAY:
+        if p[_UPON] == _ON_RUNWAY:
             alpha = min(alpha / paved, 1.0)
-        alpha *= p[9]
+        alpha *= p[_OPACITY]
         shade = 1.0
-        if p[10] > 0.0:
-            shade += p[10] * 2.0 * _texture(x + 311.0, y - 77.0, fx, fy, 6.0, 4, seed + 17)
-        if p[13] == _RUNWAY:
+        if p[_MOTTLE] > 0.0:
+            shade += p[_MOTTLE] * 2.0 * _texture(x + 311.0, y - 77.0, fx, fy, 6.0, 4, seed + 17)
+        if p[_UPON] == _RUNWAY:
             paved = alpha
         for c in range(3):
-            new = p[6 + c] * shade
-            if p[13] == _ON_RUNWAY:
+            new = p[_RED + c] * shade
+            if p[_UPON] == _ON_RUNWAY:
                 change = alpha * (new - runway[c])
                 runway[c] += change
                 out[c] += paved * change
