@@ -113,9 +113,10 @@ def flown(seed: int, width_sigma: float, *, heights: bool, seconds: float = 13.0
     now, last = main.navigation, frames[-1]
     S = bank.sensitivity(now)[:3]
     own, best = now.P[POSITION, POSITION], np.linalg.inv(information)[:-1, :-1]
+    learnt_m, covariance_m2 = learnt.corrected(float(motion.t_s[last]), S, own, 2)
     return WidthFlight(
-        error_m=now.position_m - S @ learnt.mean - motion.position_m[last],
-        covariance_m2=own + S @ learnt.covariance @ S.T,
+        error_m=now.position_m - learnt_m - motion.position_m[last],
+        covariance_m2=covariance_m2,
         bound_m=float(np.sqrt(own[1, 1] + S[1] @ best @ S[1])),
     )
 

@@ -1,6 +1,7 @@
 """Every error that Groundstation raises on purpose: one root, and what was got against what was wanted."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 
 def printable(text: str) -> str:
@@ -75,3 +76,13 @@ class MissingExtraError(GroundstationError):
 
 class LogError(SessionError):
     """A position log of a receiver or an autopilot is not usable."""
+
+
+@contextmanager
+def ending_noted(words: Callable[[], str]) -> Iterator[None]:
+    """Add to an interrupt how far the results reach, for the command's last line."""
+    try:
+        yield
+    except KeyboardInterrupt as end:
+        end.add_note(words())
+        raise

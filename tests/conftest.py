@@ -7,14 +7,16 @@ from pathlib import Path
 
 from groundstation.cli.start import ONE_THREAD
 
-# as the program begins, before numpy is there
-os.environ.update(ONE_THREAD | os.environ)
+# as the program begins, before numpy is there; OpenCV's threads, too, would only take the cores from the other workers,
+# in the programs that tests start as well, and its operations then take up to 40 % more of a processor
+os.environ.update(ONE_THREAD | {"OPENCV_FOR_THREADS_NUM": "1"} | os.environ)
 
 import numpy as np
 import pytest
 from hypothesis import settings
 
 from tests.compile_once import compile_once
+from tests.kept_memory import keep_freed_memory
 from tests.seekable_landing import seekable_landing
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -24,6 +26,7 @@ settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("new", max_examples=2000, deadline=None, print_blob=True)
 settings.load_profile("same")
 compile_once()
+keep_freed_memory()
 # a hundred thousand objects are alive once all tests are collected, and each full collection walks through all of them:
 # 30 % of the time of tests that build syntax trees (tests/architecture, 27.9 to 19.1 s)
 gc.set_threshold(100_000, 50, 50)

@@ -144,8 +144,8 @@ def _snowed(clip: NoseClip, frame: int, image: Array, other: OtherLight) -> Arra
     (u0, v0), (u1, v1) = pixels_from_points(clip.pose(frame), clip.kappa, far)
     horizon = v0 + (np.arange(width) - u0) * (v1 - v0) / (u1 - u0)
     below = np.clip(np.arange(height)[:, None] - horizon[None, :] - 4.0, 0.0, 1.0)
-    grey = cv2.GaussianBlur(image.mean(axis=2), (0, 0), 1.5)
-    usual = cv2.GaussianBlur(image.mean(axis=2), (0, 0), 30.0)
+    levels = (image @ np.full(3, 1.0 / 3.0)).astype(np.float32)
+    grey, usual = cv2.GaussianBlur(levels, (0, 0), 1.5), _blurred_widely(levels)
     # trees and their shadows are a quarter darker than the field about them
     below *= np.clip((grey / usual - 0.65) / 0.1, 0.0, 1.0)
     share = _coverage(clip.corners_px[frame][[0, 2, 3, 1]], width, height)[:, :, None]
@@ -160,6 +160,13 @@ def _snowed(clip: NoseClip, frame: int, image: Array, other: OtherLight) -> Arra
     return np.asarray(near * flat + (1.0 - near) * image)
 
 
+def _blurred_widely(levels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return grey levels (h, w) blurred by 30 px, of a picture reduced to a fifth, in which that is 6 px."""
+    height, width = levels.shape
+    small = cv2.resize(levels, (width // 5, height // 5), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(cv2.GaussianBlur(small, (0, 0), 6.0), (width, height)), np.float32)
+
+
 def _without_paint(texture: Array, share: float) -> Array:
     """Return a texture of which so much is left of what is brighter than the rest of it."""
     most = 3.0 * float(np.median(np.abs(texture)))
@@ -168,7 +175,7 @@ def _without_paint(texture: Array, share: float) -> Array:
 
 def _coverage(corners_px: Array, width: int, height: int) -> Array:
     """Return how much of each pixel lies between corners (4, 2) that turn clockwise, (height, width)."""
-    v, u = np.mgrid[0:height, 0:width].astype(np.float64)
+    v, u = (axis.astype(np.float64) for axis in np.ogrid[0:height, 0:width])
     inside = np.ones((height, width))
     for (u0, v0), (u1, v1) in zip(corners_px, np.roll(corners_px, -1, axis=0), strict=True):
         off = ((u1 - u0) * (v - v0) - (v1 - v0) * (u - u0)) / np.hypot(u1 - u0, v1 - v0)

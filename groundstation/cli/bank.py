@@ -11,6 +11,7 @@ from groundstation.cli.command_arguments import Commands, add_command, add_resul
 from groundstation.cli.number_arguments import count
 from groundstation.cli.path_arguments import READ, READ_TEXT, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
+from groundstation.cli.wrong_usage import refuse_with
 from groundstation.errors import UsageError
 
 if TYPE_CHECKING:
@@ -75,6 +76,8 @@ def run_bank_command(options: argparse.Namespace) -> int:
 
     if options.scheduler is not None and _ADDRESS.fullmatch(options.scheduler) is None:
         raise UsageError("--scheduler", got=repr(options.scheduler), wanted="tcp://HOST:PORT")
+    if options.scheduler is not None:
+        refuse_with(options, "--scheduler", {"workers": None}, "a scheduler has its own workers")
     settings = load_bank_settings(options.settings)
     testing = settings.world_set is WorldSet.TEST
     if testing and options.test_log is None:

@@ -84,7 +84,7 @@ def _receive(options: argparse.Namespace) -> int:
     """Keep a receiver's positions until it ends, or Ctrl-C."""
     from groundstation.cli.adsb_receiver import keep_lines
 
-    others = (options.taken, options.rig, options.site, options.out, options.adsb)
+    others = (options.taken, options.rig, options.site, options.out, options.adsb, options.clock_sigma)
     if options.keep is None or any(value is not None for value in others):
         raise UsageError("--receive", got="no --keep, or more than it", wanted="--receive HOST:PORT --keep FILE")
     host, _, number = options.receive.rpartition(":")

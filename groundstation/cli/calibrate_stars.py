@@ -108,7 +108,7 @@ def run_calibrate_stars(options: argparse.Namespace) -> int:
     require_writable(options.out, options.report)
     load_tetra3rs()
     file = None if options.station_file is None else load_station(options.station_file)
-    rig = load_rig(file.rig if options.rig is None and file is not None else options.rig)
+    rig = file.load_rig() if options.rig is None and file is not None else load_rig(options.rig)
     site = _site(options, file)
     names = _names(options, rig)
     folder = options.taken if options.taken is not None else _take(options, rig, site)

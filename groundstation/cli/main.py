@@ -4,7 +4,9 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
+from contextlib import closing, contextmanager
+from functools import cache
 
 from groundstation import __version__
 from groundstation.cli.autopilot import add_autopilot
@@ -23,6 +25,7 @@ from groundstation.cli.live import add_live
 from groundstation.cli.onboard import add_onboard
 from groundstation.cli.path_arguments import check_paths
 from groundstation.cli.plan import add_plan
+from groundstation.cli.progress import CompilationLog
 from groundstation.cli.ptu import add_ptu
 from groundstation.cli.recover import add_recover
 from groundstation.cli.replay import add_replay
@@ -35,6 +38,7 @@ from groundstation.cli.track import add_track
 from groundstation.cli.train import add_train
 from groundstation.cli.train_proposals import add_train_proposals
 from groundstation.cli.view import add_view
+from groundstation.compilation import compilation_watched, listen
 from groundstation.errors import GroundstationError, UsageError
 
 # in the order of the help
@@ -56,6 +60,8 @@ _COMMANDS: tuple[Callable[[Commands], None], ...] = (
         add_completion,
     ),
 )
+# what they do needs no numba, whose import takes a third of a second
+_WITHOUT_KERNELS = frozenset({"autopilot", "cameras", "completion", "config", "import", "ptu", "recover", "view"})
 # FFmpeg and OpenCV write directly to the terminal; the program prints its own message
 _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}
 
@@ -76,7 +82,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_paths(parser, options)
         run: Callable[[argparse.Namespace], int] = options.run
-        return run(options)
+        with _compilation_shown(options.command):
+            return run(options)
     except BrokenPipeError:
         # the reader of the output has ended, as in `… | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -90,8 +97,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print_line(f"groundstation: {what}{left_by(options, began_s)}", sys.stderr)
         return 1
     except KeyboardInterrupt as end:
-        print_line(f"groundstation: interrupted{left_by(options, began_s)}", sys.stderr)
+        words = "; ".join((f"interrupted{left_by(options, began_s)}", *getattr(end, "__notes__", ())))
+        print_line(f"groundstation: {words}", sys.stderr)
         return TERMINATED if isinstance(end, Terminated) else INTERRUPTED
+
+
+@contextmanager
+def _compilation_shown(command: str) -> Iterator[None]:
+    """Show what a command compiles, by lines where it shows no progress of its own."""
+    if command in _WITHOUT_KERNELS:
+        yield
+        return
+    listen()
+    log = CompilationLog(sys.stderr)
+    with closing(log), compilation_watched(log.compiling):
+        yield
 
 
 def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str]) -> None:
@@ -100,6 +120,7 @@ def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str])
         environment.setdefault(name, value)
 
 
+@cache
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line; the documentation prints its help."""
     parser: argparse.ArgumentParser = SuggestingParser(

@@ -8,6 +8,7 @@ from groundstation.cli.command_arguments import Commands, add_command, add_resul
 from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ
 from groundstation.cli.progress import ProgressLine
+from groundstation.cli.wrong_usage import refuse_without
 from groundstation.errors import UsageError
 
 _FLY = """Where the aircraft flew, relative to the runway, from the video of its nose camera and
@@ -93,6 +94,8 @@ def run_fly(options: argparse.Namespace) -> int:
     from groundstation.onboard.visual_inertial.config import CornerMethod
 
     ground = None
+    if options.ground_track is None:
+        refuse_without(options, "--ground-track", {"threshold_m": (0.0, 0.0, 0.0), "ground_sigma_m": 1.0})
     if options.ground_track is not None:
         ground = GroundTrack(path=options.ground_track, threshold_m=options.threshold_m, sigma_m=options.ground_sigma_m)
     request = FlyRequest(

@@ -5,6 +5,7 @@ import sys
 
 from groundstation.cli.command_arguments import Commands, add_command, add_result_folder, print_files
 from groundstation.cli.progress import ProgressLine
+from groundstation.cli.wrong_usage import refuse_with
 
 _RENDER = """Render a nose camera's video of an approach, with the inertial unit's log and the exact
 truth, for `onboard fly` and `onboard edges` to be tried on."""
@@ -70,6 +71,8 @@ def run_render(options: argparse.Namespace) -> int:
     """Render and write; returns the exit code."""
     from groundstation.onboard.render import render_flight, render_world
 
+    if options.world is not None:
+        refuse_with(options, "--world", {"scene": "day", "seed": 1, "motion": "waves"}, "all of a world is drawn")
     scene = SCENES.index(options.scene)
     with ProgressLine(sys.stderr, "render", "frame") as line:
         if options.world is not None:

@@ -3,20 +3,27 @@
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, TextIO
 
 from groundstation.cli.terminal import is_interactive, print_line
+from groundstation.compilation import Compiling, compilation_watched
 
 if TYPE_CHECKING:
     from groundstation.cli.progress_bars import StatusBar
 
 _LOG_INTERVAL_S = 10.0
+# what is compiled in less needs no words
+_SHORT_S = 1.0
 
 
 class _Progress(Protocol):
     def prepare(self, name: str) -> None:
         """Show that a run is being prepared."""
+
+    def compiling(self, what: Compiling) -> None:
+        """Show what is compiled."""
 
     def update(self, name: str, done: int, total: int | None) -> None:
         """Show the progress of a run."""
@@ -36,17 +43,20 @@ class ProgressDisplay:
             self._progress = progress_bars.ProgressBars(stream, unit)
         else:
             self._progress = ProgressLog(stream, unit)
+        self._watching = ExitStack()
 
     def __enter__(self) -> Self:
+        self._watching.enter_context(compilation_watched(self._progress.compiling))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._watching.close()
         self._progress.close()
 
     def prepare(self, name: str) -> None:
-        """Show that a run is being prepared; a first run compiles for some seconds."""
+        """Show that a run is being prepared; what a first run compiles is shown, too."""
         self._progress.prepare(name)
 
     def update(self, name: str, done: int, total: int | None) -> None:
@@ -62,6 +72,7 @@ class ProgressLine:
         self._label = label
 
     def __enter__(self) -> Self:
+        self._display.__enter__()
         self._display.prepare(self._label)
         return self
 
@@ -85,20 +96,30 @@ class ProgressLog:
         # by name: start, time of the last line, number done, total
         self._runs: dict[str, tuple[float, float, int, int | None]] = {}
         self._preparing: threading.Timer | None = None
+        self._compilation = CompilationLog(stream, clock)
 
     def prepare(self, name: str) -> None:
-        """Print a line if nothing has been done after ten seconds: the first run after an installation compiles."""
+        """Print a line if nothing has been done after ten seconds."""
         self._preparing = threading.Timer(_LOG_INTERVAL_S, self._print_preparing, (name,))
         self._preparing.daemon = True
         self._preparing.start()
 
-    def _print_preparing(self, name: str) -> None:
-        print_line(f"{name}: preparing; the first run after an installation compiles, a minute of a core", self._stream)
+    def compiling(self, what: Compiling) -> None:
+        """Print a line on what is compiled, in place of the one that something is prepared."""
+        self._stop_timer()
+        self._compilation.compiling(what)
 
-    def _prepared(self) -> None:
+    def _print_preparing(self, name: str) -> None:
+        print_line(f"{name}: preparing; the first run after an installation compiles", self._stream)
+
+    def _stop_timer(self) -> None:
         if self._preparing is not None:
             self._preparing.cancel()
             self._preparing = None
+
+    def _prepared(self) -> None:
+        self._stop_timer()
+        self._compilation.close()
 
     def update(self, name: str, done: int, total: int | None) -> None:
         """Print a line if the last one is ten seconds old."""
@@ -123,6 +144,35 @@ class ProgressLog:
         print_line(f"{name}: {amount} in {elapsed_s:.1f} s", self._stream)
 
 
+class CompilationLog:
+    """What is compiled: a line at the beginning, one every ten seconds, and one at the end; none where it is short."""
+
+    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream = stream
+        self._clock = clock
+        self._began_s: float | None = None
+        self._next_s = 0.0
+        self._number = 0
+        self._shown = False
+
+    def compiling(self, what: Compiling) -> None:
+        """Print a line if the last one is ten seconds old, the first after one second."""
+        now_s = self._clock()
+        if self._began_s is None:
+            self._began_s, self._next_s = now_s, now_s + _SHORT_S
+        self._number = what.number
+        if now_s >= self._next_s:
+            self._next_s, self._shown = now_s + _LOG_INTERVAL_S, True
+            text = f"kernel {what.number} of at most {what.at_most} in {now_s - self._began_s:.0f} s: {what.kernel}"
+            print_line(f"compiling, once after an installation: {text}", self._stream)
+
+    def close(self) -> None:
+        """Print how many there were, if anything was printed before; what is compiled later begins from zero."""
+        if self._shown and self._began_s is not None:
+            print_line(f"compiled {self._number} kernels in {self._clock() - self._began_s:.0f} s", self._stream)
+        self._began_s, self._shown = None, False
+
+
 class StatusLine:
     """One line of text on a terminal, replaced by the next; nothing elsewhere. A context manager."""
 
@@ -132,17 +182,29 @@ class StatusLine:
             from groundstation.cli import progress_bars
 
             self._bar = progress_bars.StatusBar(stream)
+        self._log = CompilationLog(stream)
+        self._watching = ExitStack()
 
     def __enter__(self) -> Self:
+        self._watching.enter_context(compilation_watched(self._compiling))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._watching.close()
+        self._log.close()
         if self._bar is not None:
             self._bar.close()
 
+    def _compiling(self, what: Compiling) -> None:
+        if self._bar is not None:
+            self._bar.show(f"compiling, once: kernel {what.number} of at most {what.at_most}, {what.kernel}")
+        else:
+            self._log.compiling(what)
+
     def show(self, text: str) -> None:
         """Replace the line."""
+        self._log.close()
         if self._bar is not None:
             self._bar.show(text)

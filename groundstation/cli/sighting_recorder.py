@@ -21,6 +21,10 @@ from groundstation.geometry.aim import aim_at
 from groundstation.live.sighting_station import SightingStation
 from ptu_drivers.monitor import format_moved
 
+# what scatters by more than so many of the sigmas of head, registration and picked pixel is no stop
+_MOST_SCATTER = 3.0
+# fewer pictures do not tell a scatter
+_LEAST_PICTURES = 4
 # a direction is aimed at as a point so far away
 _FAR_M = 1e6
 
@@ -160,7 +164,8 @@ class SightingRecorder:
         self._save(landmark, found_ones, row_sigmas(own, self._settings.picked_sigma_px))
 
     def _save(self, landmark: str, stop: Sequence["_StopRow"], sigmas_px: Sequence[float]) -> None:
-        """Append a stop's rows, and tell what they say."""
+        """Append a stop's rows, and tell what they say; raises `GroundstationError` for one that scatters."""
+        self._require_still(landmark, stop)
         self._warn_of_direction(landmark, stop[0].angles_rad)
         pan_from, tilt_from = self.station.senses
         rows = [
@@ -188,6 +193,36 @@ class SightingRecorder:
             f"{landmark}: saved {len(rows)} rows: pan {pan:+.4f}, tilt {tilt:+.4f} deg, pixel {u:.2f} {v:.2f}, "
             f"scattered by {float(np.std(pixels, axis=0).max()):.3f} px"
         )
+
+    def _require_still(self, landmark: str, stop: Sequence["_StopRow"]) -> None:
+        """Raise `GroundstationError` where angles or pixels scatter by more than the head's noise explains."""
+        if len(stop) < _LEAST_PICTURES:
+            return
+        station = self.station.calibrated
+        # a fixed station has no head that moves
+        angle_rad = station.angle_sigma_rad if self.station.turns else 0.0
+        marks = [seen.mark for seen in stop if seen.mark is not None]
+        own_px = float(np.sqrt(np.mean([mark.sigma_px**2 for mark in marks]) + self._settings.picked_sigma_px**2))
+        found = (
+            (
+                "pixels",
+                "px",
+                np.std([mark.pixel_px for mark in marks], axis=0).max(),
+                float(np.hypot(own_px, angle_rad * float(station.lens.focal_px.max()))),
+            ),
+            (
+                "angles",
+                "deg",
+                np.degrees(np.std([seen.angles_rad for seen in stop], axis=0).max()),
+                float(np.degrees(angle_rad)),
+            ),
+        )
+        for what, unit, scatter, sigma in found:
+            if scatter > _MOST_SCATTER * sigma and (what == "pixels" or self.station.turns):
+                got = f"{what} scattered by {scatter:.3g} {unit} over {len(stop)} pictures"
+                wanted = f"at most {_MOST_SCATTER * sigma:.2g} {unit}, as the head's noise explains"
+                where = f"{landmark}: left out, repeat it once head and mast are still"
+                raise InputError(where, got=got, wanted=wanted)
 
     def _warn_of_direction(self, landmark: str, angles_rad: FloatArray) -> None:
         """Tell where a landmark cannot be in the picture by a calibrated rig: probably it is another one."""

@@ -8,6 +8,7 @@ from groundstation.cli.command_arguments import Commands, add_command, add_simul
 from groundstation.cli.number_arguments import count, parse_number
 from groundstation.cli.path_arguments import NEW_FOLDER, READ, READ_TEXT
 from groundstation.cli.progress import ProgressLine
+from groundstation.cli.wrong_usage import refuse_with
 
 _SIMULATE = """Fly an aircraft past two stations, film it, and write a session folder with exact truth,
 as a laboratory would have it after a flight: videos, tables of frame times, PTU
@@ -21,7 +22,8 @@ _MORE = """examples:
 
 a world: airframe, scenery, sky, cameras, stations and flight drawn from a seed (0 to
 2999999: the sets train, validate, test of a million each), or read from a world.toml
-as every drawn session holds it; --rate and --duration hold, other options do not
+as every drawn session holds it; of the options only --rate and --duration go with a
+seed, and none with a file
 
 faults on a timetable, TOML, one table for each; times are session time:
   [[fault]]
@@ -36,6 +38,18 @@ exit code: 0 done; 1 rig, faults or folder are at fault; 2 wrong usage; 130
 interrupted"""
 _FLIGHTS = ("landing", "take-off", "weave")
 _FORMS = ("video", "h264", "lossless", "png")
+_RATE_HZ = 10.0
+# options with their defaults: of a flight alone, and of a drawn world too
+_OF_A_FLIGHT: dict[str, object] = {
+    "flight": "landing",
+    "wind": 0.0,
+    "aircraft": "waves",
+    "faults": None,
+    "rig": None,
+    "pictures": "video",
+    "grey": False,
+}
+_OF_A_WORLD: dict[str, object] = {"rate": _RATE_HZ, "duration": None}
 
 
 def add_simulate(commands: Commands) -> None:
@@ -52,7 +66,7 @@ def add_simulate(commands: Commands) -> None:
         "--out", type=NEW_FOLDER, required=True, metavar="SESSION", help="the folder to write; new or empty"
     )
     simulate.add_argument("--flight", choices=_FLIGHTS, default="landing", help="what is flown (default: landing)")
-    add_simulated_flight(simulate, rate_hz=10.0)
+    add_simulated_flight(simulate, rate_hz=_RATE_HZ)
     simulate.add_argument("--duration", type=_positive, metavar="S", help="only the first so many s of the flight")
     simulate.add_argument("--faults", type=READ, metavar="FILE", help="what fails when, TOML; see below")
     simulate.add_argument("--rig", type=READ, metavar="FILE", help="your own stations, rig.toml")
@@ -82,8 +96,12 @@ def _positive(text: str) -> float:
 def run_simulate(options: argparse.Namespace) -> int:
     """Film one flight and print what was written; returns the exit code."""
     if options.night is not None:
+        refuse_with(options, "--night", {"world": None, **_OF_A_FLIGHT, **_OF_A_WORLD}, "only --seed holds for a night")
         return _run_night(options)
     if options.world is not None:
+        refuse_with(options, "--world", {"seed": 0, **_OF_A_FLIGHT}, "a world has its own")
+        if not options.world.isdecimal():
+            refuse_with(options, f"--world {options.world}", _OF_A_WORLD, "the file states it")
         return _run_world(options)
     from groundstation.simulation.flights import FlightModelKind, FlightName
     from groundstation.simulation.picture_writer import PictureFormat

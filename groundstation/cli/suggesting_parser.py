@@ -15,20 +15,29 @@ class SuggestingParser(argparse.ArgumentParser):
     """Adds a suggestion to the error of a word that it does not know; the parsers of its commands are of this class."""
 
     def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Return the options; exits with 2 for words that are none, and names what may have been meant."""
+        """Return the options; exits with 2 for words that are none.
+
+        It prints the usage of the command that they were given to, and names what may have been meant.
+        """
         found, rest = self.parse_known_args(args, namespace)
         if rest:
             hints = getattr(found, "suggestions", [])
             meant = f"; did you mean {', '.join(hints)}?" if hints else ""
-            self.error(f"unrecognized arguments: {' '.join(rest)}{meant}")
+            found.parser.error(f"unrecognized arguments: {' '.join(rest)}{meant}")
+        del found.parser
         return found
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Return what is known and the rest; the namespace keeps ``suggestions`` for the rest, also a command's."""
+        """Return what is known and the rest.
+
+        The namespace keeps ``suggestions`` for the rest, also a command's, and as ``parser`` that of the command.
+        """
         self._words = list(sys.argv[1:] if args is None else args)
         found, rest = super().parse_known_args(args, namespace)
         options = [name for action in self._actions for name in action.option_strings]
         hints = [nearest_word(word.split("=")[0], options) for word in rest if word.startswith("-")]
+        # a command has parsed its words before
+        found.parser = getattr(found, "parser", self)
         found.suggestions = [*getattr(found, "suggestions", []), *filter(None, hints)]
         return found, rest
 

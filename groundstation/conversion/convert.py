@@ -1,11 +1,12 @@
 """Between the two forms of a session: a plain folder and a recording."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from groundstation.conversion.corrected_rig import corrected_rig
 from groundstation.conversion.recording_header import build_header
+from groundstation.conversion.reference_cut import SessionPart, cut_references, session_part
 from groundstation.conversion.session_folder_writer import SessionFolderWriter, WrittenCounts
 from groundstation.errors import InputError, UsageError
 from groundstation.files.output_names import below
@@ -58,14 +59,18 @@ def convert(
         raise InputError(str(out), got=got, wanted="a folder and a file that ends in .mcap")
     session.rig.require_known()
     with session_source(session, from_s, to_s) as stream:
+        part = session_part(session, from_s, to_s)
         if packs:
-            return _packed(session, stream, out, progress)
-        return _unpacked(session, stream, out, progress)
+            return _packed(session, stream, part, out, progress)
+        return _unpacked(session, stream, part, out, progress)
 
 
-def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> ConversionResult:
+def _packed(
+    session: Session, stream: Source, part: SessionPart, out: Path, progress: Callable[[int, int], None]
+) -> ConversionResult:
     """Write a recording of whole frames, set up as a replay of the folder would be."""
     header = build_header(session, None, load_config(None), initial=session.initial, learns_from_reference=False)
+    header = replace(header, files=cut_references(header.files, session, part))
     with Recorder(out, session.rig, header, PATIENT, whole_frames=True) as recorder:
         events, fault = pass_on(stream, recorder.take, progress, stream.epoch_count)
         if recorder.status.state in (RecorderState.WAITING, RecorderState.FAILED):
@@ -76,9 +81,11 @@ def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int
     return ConversionResult(out=out, events=events, notes=notes, fault=fault)
 
 
-def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> ConversionResult:
+def _unpacked(
+    session: Session, stream: Source, part: SessionPart, out: Path, progress: Callable[[int, int], None]
+) -> ConversionResult:
     """Write a folder."""
-    files = {} if session.recorded is None else dict(session.recorded.header.files)
+    files = {} if session.recorded is None else cut_references(session.recorded.header.files, session, part)
     remarks: tuple[str, ...] = ()
     if "rig.toml" in files:
         files["rig.toml"], remarks = corrected_rig(session.rig, files["rig.toml"])

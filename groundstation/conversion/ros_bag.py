@@ -8,6 +8,7 @@ from typing import NoReturn
 
 from groundstation.conversion.convert import ConversionResult, pass_on
 from groundstation.conversion.corrected_rig import corrected_rig
+from groundstation.conversion.reference_cut import cut_fixes, cut_references, session_part
 from groundstation.conversion.ros_bag_reader import RosBag
 from groundstation.conversion.ros_bag_writer import RosBagWriter, track_table
 from groundstation.conversion.session_folder_writer import SessionFolderWriter
@@ -55,7 +56,9 @@ def to_ros_bag(
         truth := (session.folder / _TRUTH).read_bytes()
     ) <= _MOST_TRUTH_BYTES:
         files[_TRUTH] = truth
-    fixes = load_dgps(session, lambda fault: notes.append(str(fault)), notes.append)
+    part = session_part(session, from_s, to_s)
+    files = cut_references(files, session, part)
+    fixes = cut_fixes(load_dgps(session, lambda fault: notes.append(str(fault)), notes.append), part)
     with session_source(session, from_s, to_s) as stream:
         begins_s = min([stream.span_s[0] - 1.0, *(fix.t_s for fix in fixes[:1])])
         with RosBagWriter(out, session, begins_s, files) as bag:

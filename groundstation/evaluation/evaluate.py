@@ -20,7 +20,7 @@ from groundstation.evaluation.collector import (
     ResultCollector,
 )
 from groundstation.evaluation.config import EvaluationConfig
-from groundstation.evaluation.metrics import Comparison
+from groundstation.evaluation.metrics import Comparison, phases_within
 from groundstation.evaluation.position_series import (
     BoolArray,
     InterpolatedReference,
@@ -107,6 +107,9 @@ def evaluate_run(
     )
     for name, comparison in found.smoothed.items():
         summary["accuracy"][name]["smoothed"] = smoothed_table(found.comparisons[name], comparison)
+    if len(epochs):
+        # the pictures show the replayed interval
+        run = replace(run, phases=phases_within(run.phases, float(epochs["t_s"][0]), float(epochs["t_s"][-1])))
     return Evaluation(
         summary=summary,
         run=run,

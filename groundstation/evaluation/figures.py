@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from groundstation.arrays import FloatArray
 from groundstation.evaluation.checked_reference import CheckedReference
 from groundstation.evaluation.collector import TRIANGULATION_STATUSES
 from groundstation.evaluation.consistency_figures import consistency_pictures
@@ -102,9 +103,10 @@ def _projection(figure: "Figure", e: Evaluation, axis: int) -> None:
     legend_above(ax, 3)
 
 
-def _hatch_excluded(ax: "Axes", reference: CheckedReference | None, label: bool) -> None:
-    """Hatch the spans of the reference that are not compared with."""
-    spans = reference.excluded if reference is not None else ()
+def _hatch_excluded(ax: "Axes", reference: CheckedReference | None, t_s: FloatArray, label: bool) -> None:
+    """Hatch the spans of the reference that are not compared with, of those between the first and last time (n,)."""
+    excluded = reference.excluded if reference is not None else ()
+    spans = [span for span in excluded if span.to_s >= t_s[0] and span.from_s <= t_s[-1]]
     for k, span in enumerate(spans):
         name = "left out" if label and k == 0 else None
         to_s = max(span.to_s, span.from_s + 0.05)
@@ -136,7 +138,7 @@ def _errors(figure: "Figure", e: Evaluation, c: Comparison, reference: CheckedRe
         sigma = np.sqrt(np.where(known, np.maximum(c.covariance_m2[::step, axis, axis], 0.0), np.nan))
         error = c.ekf_error_m[::step, axis]
         shade_phases(ax, e.run.phases, label=axis == 0)
-        _hatch_excluded(ax, reference, label=axis == 0)
+        _hatch_excluded(ax, reference, c.t_s, label=axis == 0)
         ax.fill_between(t, -2 * sigma, 2 * sigma, color=EKF, alpha=0.22, lw=0, label="±2 σ" if axis == 0 else None)
         triangulated = c.triangulation_error_m[::step, axis][seen]
         draw_dots(ax, t[seen], triangulated, 2.2, TRIANGULATION, 0.7, "triangulation" if axis == 0 else "")

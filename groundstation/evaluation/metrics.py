@@ -149,6 +149,21 @@ def in_bin(y_m: FloatArray, low_m: float, high_m: float) -> BoolArray:
     return (y_m >= low_m) & (y_m < high_m)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretch:
+    """A part of a phase; session time in s."""
+
+    from_s: float
+    to_s: float
+    background: str
+
+
+def phases_within(phases: Sequence[PhaseLike], from_s: float, to_s: float) -> tuple[Stretch, ...]:
+    """Return the parts of the phases that lie in an interval, s; those outside are left out."""
+    cut = ((max(p.from_s, from_s), min(p.to_s, to_s), p.background) for p in phases)
+    return tuple(Stretch(from_s=start, to_s=end, background=name) for start, end, name in cut if start < end)
+
+
 def phase_masks(t_s: FloatArray, phases: Sequence[PhaseLike]) -> dict[str, BoolArray]:
     """Return the epochs (n,) of each background, phases of the same background together."""
     masks: dict[str, BoolArray] = {}

@@ -104,7 +104,9 @@ def _errors(e: Evaluation, c: Comparison, *, hatched: bool) -> dict[str, Any]:
     ]
     if hatched and e.reference is not None:
         spans += [
-            {"from": s.from_s, "to": s.to_s, "name": "left out", "colour": _LEFT_OUT} for s in e.reference.excluded
+            {"from": s.from_s, "to": s.to_s, "name": "left out", "colour": _LEFT_OUT}
+            for s in e.reference.excluded
+            if s.to_s >= c.t_s[0] and s.from_s <= c.t_s[-1]
         ]
     time = {"label": "session time in s", "short": "t", "unit": "s", "values": _numbers(c.t_s[::step], _SECONDS)}
     return _plot(e, time, panels, spans, step)

@@ -10,7 +10,7 @@ class LineFile:
     """Lines wait in memory until `flush` brings them to the file; an older file is replaced.
 
     What the disk does not take is kept: a flush that failed may be repeated, and nothing is written twice. The file
-    always ends with a whole line. Raises `OSError`, which names the file.
+    always ends with a whole line, and is removed where the disk takes none. Raises `OSError`, which names the file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -59,7 +59,10 @@ class LineFile:
         try:
             self.flush()
         finally:
+            empty = self._regular and bool(self._state[1]) and self._raw.tell() == 0
             self._raw.close()
+            if empty:
+                self._path.unlink(missing_ok=True)
 
     def _cut(self, base: int, data: bytes) -> None:
         """End the file after its last whole line."""

@@ -16,7 +16,7 @@ from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import HeadDevice, open_head
 from groundstation.live.keep_out_zones import sun_text, with_keep_out
 from groundstation.live.station_file import StationDevices, load_station
-from groundstation.rig.rig import Rig, load_rig
+from groundstation.rig.rig import Rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
 from groundstation.tracking.config import load_config
 from ptu_drivers.errors import PtuError
@@ -34,7 +34,7 @@ def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckRe
     """Test everything that a station file names, one after the other; looks at each for ``seconds``."""
     try:
         file = load_station(path)
-        rig = load_rig(file.rig)
+        rig = file.load_rig()
         check_against_rig(file, rig)
         load_config(file.config)
         file = with_keep_out(file, rig, time.monotonic(), time.time())

@@ -17,6 +17,7 @@ from groundstation.approach.approach_options import (
 )
 from groundstation.errors import InputError
 from groundstation.estimation.parameters import ParameterPrior
+from groundstation.live.abandonable import abandonable
 from groundstation.live.core import live_config
 from groundstation.live.devices import check_against_rig
 from groundstation.live.guarded_sink import GuardedSink
@@ -36,7 +37,7 @@ from groundstation.live.station_simulator import StationSimulator
 from groundstation.live.status_board import LiveStatus
 from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.replay.reference_prior import ReferencePrior
-from groundstation.rig.rig import Rig, load_rig
+from groundstation.rig.rig import Rig
 from groundstation.session.load import LIVE_RECORDING
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
@@ -141,8 +142,7 @@ def _live(
         heads = HeadManager({s.name: s.head for s in file.stations if s.head is not None}, start_s)
         opened.callback(heads.close)
         heads.begin()
-        say("compiling, once")
-        warm_up(station.config.detection.detector)
+        abandonable(partial(warm_up, station.config.detection.detector), stop)
         outputs = _Outputs(out, opened, tell, simulator, station.approach(request.approach, start_s))
         write_provenance(out, request.command, request.station, file, outputs.faults)
         if (recorder := outputs.open_recorder(station) if request.record else None) is not None:
@@ -210,7 +210,7 @@ class _LiveStation:
 def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -> _LiveStation:
     """Read and check the files of a station; raises `InputError` or `ConfigError`."""
     file = _file(request) if simulator is None else simulator.station_file(request.station, out)
-    rig = load_rig(file.rig)
+    rig = file.load_rig()
     check_against_rig(file, rig)
     file = with_keep_out(file, rig, time.monotonic(), time.time())
     if simulator is not None:

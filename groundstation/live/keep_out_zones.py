@@ -14,7 +14,7 @@ from groundstation.live.head_device import open_head
 from groundstation.live.station_file import StationDevices, StationFile, load_station
 from groundstation.pointing.keep_out import KeepOut, LensAxis, SunZone
 from groundstation.pointing.sun import SunOverPlace
-from groundstation.rig.rig import Rig, Station, load_rig
+from groundstation.rig.rig import Rig, Station
 from ptu_drivers.interface import PanTiltUnit
 
 # without [safety] sun_angle_deg: the Sun's image stays off the sensor, half a degree of it, by what a mount, a clock
@@ -98,7 +98,7 @@ def open_station_head(path: Path, name: str, clock: Callable[[], float], utc: Ca
     ``clock`` is monotonic, ``utc`` Unix time. Raises `ConfigError`, `RigError`, `DeviceError`.
     """
     file = load_station(path)
-    rig = load_rig(file.rig)
+    rig = file.load_rig()
     check_against_rig(file, rig)
     heads = {s.name: s.head for s in with_keep_out(file, rig, clock(), utc()).stations}
     head = heads.get(name)

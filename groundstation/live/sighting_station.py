@@ -16,7 +16,7 @@ from groundstation.live.devices import Tell, camera_of, check_against_rig
 from groundstation.live.guarded_head import GuardedHead
 from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile, load_station
-from groundstation.rig.rig import Rig, Station, load_rig
+from groundstation.rig.rig import Rig, Station
 from groundstation.sources.cameras.camera import CameraError, CameraFrame
 from groundstation.sources.cameras.live_camera import LiveCamera
 from ptu_drivers.messages import Reading
@@ -68,7 +68,7 @@ class SightingStation:
         gain: float | None = None,
     ) -> None:
         self._file: StationFile = load_station(path)
-        rig: Rig = load_rig(self._file.rig)
+        rig: Rig = self._file.load_rig()
         check_against_rig(self._file, rig)
         devices = {s.name: s for s in self._file.stations}
         if name not in devices:

@@ -9,12 +9,14 @@ from typing import Any
 
 from groundstation.autopilot.settings import AutopilotSettings, parse_autopilot
 from groundstation.errors import ConfigError
+from groundstation.files.text_file import absence
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.reference_device import Network, ReferenceDevice, sender_networks
 from groundstation.pointing.keep_out import Sector
 from groundstation.pointing.pointing_law import PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig
+from groundstation.rig.rig import Rig, load_rig
 from groundstation.session.folder import GeoOrigin, parse_origin
 from groundstation.tracking.config import config_from_mapping
 
@@ -87,6 +89,17 @@ class StationFile:
     autopilot: AutopilotSettings | None = None
     landing_site: Path | None = None
     geoid_separation_m: float | None = None
+
+    def load_rig(self) -> Rig:
+        """Read the rig; raises `ConfigError` with the station file's key where a file that it names is missing."""
+        for key, path in (("rig", self.rig), ("config", self.config), ("landing_site", self.landing_site)):
+            if path is not None and not path.is_file():
+                raise ConfigError(
+                    f"{self.path}: {key}",
+                    got=f"{path}, which is {absence(path)}",
+                    wanted="a file, its path seen from the station file's folder",
+                )
+        return load_rig(self.rig)
 
 
 def load_station(path: Path) -> StationFile:

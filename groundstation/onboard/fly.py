@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import ImageArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, ending_noted
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
@@ -159,6 +159,7 @@ class _Flight:
                 files.append(out / "fly.rrd")
                 runway = self._navigator.runway
                 recording = opened.enter_context(FlyRecording(files[1], request.video.name, runway.corners_m, ground))
+            opened.enter_context(ending_noted(lambda: f"its tables end after {statuses.total()} pictures"))
             try:
                 for frame, report in self._reports(samples):
                     corners = report.corners

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, ending_noted
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
 from groundstation.onboard.edges.config import TrackerConfig, with_noise, without_log
 from groundstation.onboard.edges.edges_file import NO_POSE, EdgesFile, corner_pixels
@@ -120,6 +120,7 @@ def _run(
         if request.rerun:
             files.append(request.out / "edges.rrd")
             recording = opened.enter_context(EdgesRecording(files[2], request.video.name, camera.guess.length_m))
+        opened.enter_context(ending_noted(lambda: f"edges.csv ends after {table.rows} frames"))
         try:
             for frame in video.frames():
                 pose = poses.of(frame, flat)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.errors import SiteError
+from groundstation.errors import RigError, SiteError
+from groundstation.files.text_file import absence
 from groundstation.files.toml_table import TomlTable, load_toml, quoted, shown
 from groundstation.geometry.camera import Lens
 from groundstation.planning.site import Aircraft, Requirement, Site
@@ -88,7 +89,10 @@ def _given_rig(top: TomlTable, path: Path) -> Rig:
     for key in ("ptu", "height_m"):
         if key in top:
             raise top.fail(key, "it together with rig", "one of them: the rig has its own")
-    rig = load_rig(path.parent / top.text("rig"))
+    named = path.parent / top.text("rig")
+    if not named.is_file():
+        raise RigError(f"{path}: rig: {named}", got=absence(named), wanted="a rig file")
+    rig = load_rig(named)
     rig.require_known()
     return rig
 

@@ -24,6 +24,7 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box
+from groundstation.compilation import compilation_sent, reported
 from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.simulated_latency import DelayLine
 from groundstation.rig.rig import Rig, load_rig
@@ -53,9 +54,7 @@ from ptu_drivers.simulated.line import VirtualLine
 from ptu_drivers.simulated.server import SimulatedServer
 
 _MEASURED_PAIRS = 15
-_READY_S = 600.0
-_LOOK_S = 0.1
-_END_S = 0.5
+_READY_S, _LOOK_S, _END_S = 600.0, 0.1, 0.5
 _ARCSEC = 3600.0
 # distance of the aircraft before the flight starts, m
 _FAR_OFF_S = 3600.0
@@ -166,12 +165,12 @@ class DeviceSimulator:
     def _answer(self, control: Connection) -> float:
         """Return what its process measured; raises `CameraError` where none comes, KeyboardInterrupt for a stop."""
         until_s = time.monotonic() + _READY_S
-        while not control.poll(_LOOK_S):
-            if self._stop():
-                raise KeyboardInterrupt
+        while not self._stop():
             if time.monotonic() > until_s:
                 raise CameraError("simulated range: got no answer; wanted it to start")
-        return float(control.recv())
+            if control.poll(_LOOK_S) and (answer := reported(control.recv())) is not None:
+                return float(answer)
+        raise KeyboardInterrupt
 
     def kill(self) -> None:
         """End its process at once, from any thread; the context is not left by that."""
@@ -235,9 +234,10 @@ def serve_devices(
     stations = [_made(rig, number, world, config) for number in range(len(rig.stations))]
     stop = threading.Event()
     memories = {name: SharedMemory(name=block) for name, block in blocks.items()}
-    for station in stations:
-        # compile the kernels before the first picture is due
-        station.camera.picture(time.monotonic(), 0.0, 0.0)
+    with compilation_sent(control.send):
+        for station in stations:
+            # compile the kernels before the first picture is due
+            station.camera.picture(time.monotonic(), 0.0, 0.0)
     try:
         control.send(0.0 if config.frame_rate_hz else _rendered_pair_s(stations))
         rate_hz = control.recv()

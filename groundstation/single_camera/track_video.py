@@ -11,7 +11,7 @@ from pathlib import Path
 from groundstation.box import Box
 from groundstation.detection.config import DetectorKind
 from groundstation.detection.pixel_track import PixelTrack
-from groundstation.errors import InputError, UsageError
+from groundstation.errors import InputError, UsageError, ending_noted
 from groundstation.messages import Miss, MissReason, TrackStatus
 from groundstation.single_camera.pixel_track_file import PixelTrackFile
 from groundstation.single_camera.pixel_tracker import PixelTracker
@@ -83,6 +83,7 @@ def track_video(
         warm_up(DetectorKind.CLASSIC)
         tracker = PixelTracker(video.size_px)
         begun = False
+        opened.enter_context(ending_noted(lambda: f"{request.out.name} ends after {tally.frames} frames"))
         try:
             for frame in video.frames(request.from_frame, request.to_frame):
                 if not begun and request.init is not None:

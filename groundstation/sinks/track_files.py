@@ -130,10 +130,18 @@ class TrackFilesSink:
             file.flush()
 
     def close(self) -> None:
-        """Write what waits and close the files; may be called twice."""
-        with self._files:
-            if not self._detections.closed:
-                self._write_detections(all_rows=True)
+        """Write what waits and close the files; may be called twice.
+
+        Raises `OSError` where the disk takes no more; a table without a row is removed then.
+        """
+        try:
+            with self._files:
+                if not self._detections.closed:
+                    self._write_detections(all_rows=True)
+        except OSError:
+            if (self.folder / "track.tum").stat().st_size == 0:
+                (self.folder / "track.tum").unlink()
+            raise
 
 
 def write_track(path: Path, estimates: Iterable[TrackEstimate]) -> None:

@@ -33,6 +33,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.errors",
         "groundstation.arrays",
         "groundstation.box",
+        "groundstation.compilation",
         "groundstation.thread_scheduling",
         "ptu_drivers",
     ),

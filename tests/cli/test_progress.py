@@ -87,7 +87,7 @@ def test_log_states_that_a_run_is_being_prepared_if_that_lasts(monkeypatch: pyte
             break
         time.sleep(0.01)
     log.close()
-    assert slow.getvalue() == "replay: preparing; the first run after an installation compiles, a minute of a core\n"
+    assert slow.getvalue() == "replay: preparing; the first run after an installation compiles\n"
     monkeypatch.setattr("groundstation.cli.progress._LOG_INTERVAL_S", 1000.0)
     log = ProgressLog(io.StringIO(), "pair")
     log.prepare("replay")

@@ -45,6 +45,31 @@ WRONG: dict[str, tuple[tuple[str, ...], str]] = {
         ("replay", "SESSION", "--out", "OUT", "--from", "5", "--to", "2"),
         "--from, --to: got --from 5 and --to 2",
     ),
+    "night and world": (("simulate", "--out", "OUT", "--night", "3", "--world", "1"), "--world: got --night as well"),
+    "night and flight": (
+        ("simulate", "--out", "OUT", "--night", "3", "--flight", "weave"),
+        "--flight: got --night as well; wanted one of them: only --seed holds for a night",
+    ),
+    "night and rate": (("simulate", "--out", "OUT", "--night", "3", "--rate", "5"), "--rate: got --night as well"),
+    "world and wind": (("simulate", "--out", "OUT", "--world", "1", "--wind", "3"), "--wind: got --world as well"),
+    "world and seed": (("simulate", "--out", "OUT", "--world", "1", "--seed", "3"), "--seed: got --world as well"),
+    "world file and duration": (
+        ("simulate", "--out", "OUT", "--world", "w.toml", "--duration", "3"),
+        "--duration: got --world w.toml as well; wanted one of them: the file states it",
+    ),
+    "render": (
+        ("onboard", "render", "--out", "OUT", "--world", "3", "--scene", "night"),
+        "--scene: got --world as well; wanted one of them",
+    ),
+    "threshold": ((*FLY, "--threshold-m", "1,2,3"), "--threshold-m: got no --ground-track; wanted both, or neither"),
+    "sky": (
+        ("calibrate", "sky", "--receive", "h:3000", "--keep", "OUT", "--clock-sigma", "0.2"),
+        "--receive: got no --keep, or more than it",
+    ),
+    "workers": (
+        ("bank", "BANK", "--out", "OUT", "--scheduler", "tcp://h:80", "--workers", "2"),
+        "--workers: got --scheduler as well",
+    ),
     "convert": (("convert", "SESSION", "OUT", "--from", "5", "--to", "5"), "--from, --to: got --from 5 and --to 5"),
 }
 
@@ -76,3 +101,28 @@ def test_a_port_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
         main(["ptu", "simulate", "--tcp", "70000"])
     assert ended.value.code == 2
     assert "--tcp: got '70000'; wanted a free port from 1 to 65535, or 0 for any" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "usage", "said"),
+    [
+        (("replay", "s", "--out", "o", "--fom", "3"), "usage: groundstation replay ", "did you mean --from?"),
+        (
+            ("onboard", "edges", "v", "--camera", "c", "--out", "o", "--no-rerum"),
+            "usage: groundstation onboard edges ",
+            "",
+        ),
+        (("config", "--everything"), "usage: groundstation config ", ""),
+        (("--nonsense",), "usage: groundstation [-h]", ""),
+    ],
+)
+def test_an_unknown_option_is_told_with_its_commands_usage(
+    words: tuple[str, ...], usage: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert told.startswith(usage)
+    assert "unrecognized arguments: " in told.splitlines()[-1]
+    assert said in told

@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from groundstation.errors import InputError
 from groundstation.evaluation.accuracy_table import format_accuracy_table
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
+from groundstation.evaluation.figures import pictures
 from groundstation.evaluation.html_report import report_page, write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.messages import DgpsFix, StepReport, TrackEvent
@@ -234,3 +236,29 @@ def test_each_range_bin_of_the_configuration_appears(rig: Rig, rng: np.random.Ge
 def test_range_bins_must_rise(edges: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="rising"):
         EvaluationConfig(range_bins_m=edges)
+
+
+def test_the_pictures_of_a_part_show_only_the_phases_in_it(
+    landing_run: ResultCollector, landing_truth: Path3D, rig: Rig
+) -> None:
+    """Expected: phases end where the epochs do, one outside is left out, and no picture reaches beyond the epochs."""
+    first_s, last_s = (float(landing_run.epochs()["t_s"][k]) for k in (0, -1))
+    middle_s = (first_s + last_s) / 2
+    whole = (
+        Phase(from_s=first_s - 50.0, to_s=middle_s, background="sky"),
+        Phase(from_s=middle_s, to_s=last_s + 60.0, background="ground"),
+        Phase(from_s=last_s + 60.0, to_s=last_s + 90.0, background="mixed"),
+    )
+    run = replace(RUN, phases=whole)
+    part = evaluate_run(landing_run, run, rig=rig, config=EvaluationConfig(), truth=landing_truth)
+    assert [(p.from_s, p.to_s, p.background) for p in part.run.phases] == [
+        (first_s, middle_s, "sky"),
+        (middle_s, last_s, "ground"),
+    ]
+    room_s = 0.1 * (last_s - first_s)
+    for picture in pictures(part, EvaluationConfig().range_bins_m):
+        if picture.name.startswith(("errors", "nees", "nis", "latency")):
+            figure = Figure()
+            picture.draw(figure)
+            low_s, high_s = figure.axes[-1].get_xlim()
+            assert first_s - room_s < low_s < high_s < last_s + room_s, picture.name

@@ -1,6 +1,7 @@
 """Files that are whole under their name, and tables that end with a whole line, whatever stops the writing."""
 
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -133,3 +134,24 @@ def test_a_video_that_the_disk_did_not_take_is_noticed(tmp_path: Path) -> None:
         else:
             with pytest.raises(OSError, match="not all of 20 frames"):
                 require_whole_video(path, 20)
+
+
+def test_a_table_of_which_the_disk_took_nothing_is_removed(tmp_path: Path) -> None:
+    """Expected: no empty file under its name, whether an older one stood there; one line that was taken stays."""
+    old, new = tmp_path / "old.csv", tmp_path / "new.csv"
+    old.write_text("a,b\n1,2\n", encoding="utf-8")
+    for path in (old, new):
+        table = LineFile(path)
+        table.write("a,b\n")
+        with files_of_at_most(0):
+            for end in (table.flush, table.close):
+                with pytest.raises(OSError, match=re.escape(str(path))):
+                    end()
+    assert names(tmp_path) == []
+    table = LineFile(new)
+    table.write("a,b\n")
+    table.flush()
+    table.write("1,2\n")
+    with files_of_at_most(5), pytest.raises(OSError, match=re.escape(str(new))):
+        table.close()
+    assert new.read_text(encoding="utf-8") == "a,b\n"

@@ -3,6 +3,7 @@
 python -m tests.hostile.measured FOLDER: then a line READER for each file in the place where that reader expects it.
 """
 
+import gc
 import json
 import os
 import resource
@@ -55,6 +56,9 @@ def main() -> None:
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     print(json.dumps({name: str(reader.path) for name, reader in found.items()}), file=out, flush=True)
+    # a forked process collects its own garbage only, and copies no pages of what was there before
+    gc.collect()
+    gc.freeze()
     for line in sys.stdin:
         child = os.fork()
         if not child:

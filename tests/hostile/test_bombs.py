@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from tests.hostile.bombs import BOMBS, Bomb
+from tests.kept_memory import usual_environment
 
 MOST_BYTES = 512 << 20
 # of the processor, so that a busy machine breaks nothing
@@ -30,6 +31,7 @@ def measure(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Measure]:
     with subprocess.Popen(
         [sys.executable, "-m", "tests.hostile.measured", str(folder)],
         cwd=ROOT,
+        env=usual_environment(),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -55,10 +55,10 @@ HANGING = """
 import signal, sys, time
 import groundstation.live.command as command
 from groundstation.cli.start import main
-def hang(_):
+def hang(*_):
     print("hangs", flush=True)
     time.sleep(600)
-command.warm_up = hang
+command.write_provenance = hang
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.exit(main())
 """
@@ -103,7 +103,7 @@ def test_a_hanging_step_before_operation_is_abandoned_too(monkeypatch: pytest.Mo
     asked, given_up, reported = threading.Event(), threading.Event(), list[str]()
     killed, left = threading.Event(), list[tuple[bool, bool, bool]]()
 
-    def hangs(_: object) -> None:
+    def hangs(*_: object) -> None:
         asked.set()
         assert given_up.wait(60.0)
 
@@ -112,7 +112,7 @@ def test_a_hanging_step_before_operation_is_abandoned_too(monkeypatch: pytest.Mo
         left.append((begun, killed.is_set(), (tmp_path / "out").exists()))
         given_up.set()
 
-    monkeypatch.setattr("groundstation.live.command.warm_up", hangs)
+    monkeypatch.setattr("groundstation.live.command.write_provenance", hangs)
     monkeypatch.setattr("groundstation.live.command.HeadManager", lambda *_: MagicMock())
     request = LiveRequest(station=None, out=tmp_path / "out", record=False)
     simulator = AttachedSimulator(MagicMock(truth={}), simulated_station_file(tmp_path / "range", 30.0, None), 0.0)

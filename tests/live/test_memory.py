@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.kept_memory import usual_environment
+
 ROOT = Path(__file__).resolve().parents[2]
 # the first picture of all initialises the allocator; of the rest only the last stays
 PROGRAM = """
@@ -28,7 +30,13 @@ def test_pictures_that_are_let_go_give_their_memory_back() -> None:
     grown = {}
     for how in ("settled", "as it is"):
         run = subprocess.run(
-            [sys.executable, "-c", PROGRAM, how], cwd=ROOT, capture_output=True, text=True, check=True, timeout=120
+            [sys.executable, "-c", PROGRAM, how],
+            cwd=ROOT,
+            env=usual_environment(),
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=120,
         )
         grown[how] = float(run.stdout)
     assert grown["settled"] < 5.0

@@ -11,6 +11,7 @@ from groundstation.live.head_device import head_settings
 from groundstation.live.reference_device import ReferenceDevice, sender_networks
 from groundstation.live.station_file import load_station
 from groundstation.rig.rig import load_rig
+from tests.complaints import complaint
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "station-example.toml"
 ORIGIN = """[origin]
@@ -165,3 +166,17 @@ def test_two_addresses_behind_one_server_are_two_heads(tmp_path: Path) -> None:
     assert len(load_station(written(tmp_path, text)).stations) == 2
     with pytest.raises(ConfigError, match=r"got socket://192\.168\.1\.21:4000 as the PTU of left and of right"):
         load_station(written(tmp_path, text.replace("address = 1", "address = 2")))
+
+
+@pytest.mark.parametrize(
+    ("key", "missing"), [("rig", "rig.toml"), ("config", "night.toml"), ("landing_site", "x.toml")]
+)
+def test_a_missing_file_is_named_with_the_key(tmp_path: Path, key: str, missing: str) -> None:
+    """Expected: station file, key and path in one line, for the rig also where the key is left to its default."""
+    text = "".join(line for line in WHOLE.splitlines(keepends=True) if not line.startswith((f"{key} =", "rig =")))
+    text = text.replace("[target]", f'{key} = "{missing}"\n[target]' if key != "rig" else "[target]", 1)
+    for name in {"rig.toml", "night.toml", "tuning.toml"} - {missing}:
+        (tmp_path / name).write_text("", encoding="utf-8")
+    path = written(tmp_path, text)
+    said = complaint(ConfigError, lambda: load_station(path).load_rig())
+    assert said.startswith(f"{path}: {key}: got {tmp_path / missing}, which is no such file; wanted a file")

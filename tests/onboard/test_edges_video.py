@@ -93,6 +93,29 @@ def test_frames_outside_the_imu_table_have_no_pose(flight: Path, tmp_path: Path)
     assert (tmp_path / "out" / "edges.csv").read_text().count("no_pose") == FRAMES - 3
 
 
+def test_an_interrupted_run_says_where_its_table_ends(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: exit code 130, whole rows until then, their number told, no recording half written."""
+    steps = iter(range(FRAMES))
+
+    def drawn(*_: object) -> np.ndarray:
+        if next(steps) == 4:
+            raise KeyboardInterrupt
+        return np.zeros((480, 640, 3), np.uint8)
+
+    monkeypatch.setattr("groundstation.onboard.video.draw_edges", drawn)
+    assert run(flight, tmp_path / "out", "--imu", str(flight / "imu.csv")) == 130
+    out = tmp_path / "out"
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == f"groundstation: interrupted; {out} holds what was done until then; edges.csv ends after 5 frames"
+    text = (out / "edges.csv").read_text()
+    assert text.endswith("\n")
+    assert [len(line.split(",")) for line in text.splitlines()] == [len(EDGE_COLUMNS)] * 6
+    assert {path.name for path in out.iterdir()} == {"edges.csv", "edges.mp4"}
+    assert cv2.VideoCapture(str(out / "edges.mp4")).get(cv2.CAP_PROP_FRAME_COUNT) == 4
+
+
 def test_bad_input_is_one_line_and_exit_code_1(
     flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

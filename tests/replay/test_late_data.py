@@ -30,7 +30,6 @@ from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame, SynchroniseConfig, Synchroniser
 from tests.stereo_rig import flight_events, glide, make_rig
 
-RECORDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
 START = InitialState(
     t_s=0.0,
     position_runway_m=glide(0.0) + np.array([0.5, -2.0, 0.3]),
@@ -224,10 +223,10 @@ def test_the_window_is_bounded_in_time_and_in_number() -> None:
     assert len(by_number._late_buffer) <= 30
 
 
-def test_late_pictures_are_processed_without_a_disturbance() -> None:
+def test_late_pictures_are_processed_without_a_disturbance(landing_from_20_s: Path) -> None:
     """Every third right picture of two seconds of the bundled landing comes 0.3 s late: nearly all give their pixel,
     and the cameras miss nothing more than without them."""
-    session = load_session(RECORDING, None)
+    session = load_session(landing_from_20_s, None)
     pipeline = Pipeline(session.rig, Config(), span_m=session.target.span_m)
     with FolderSource(session, 23.0, 27.0) as source:
         events = iter(source)

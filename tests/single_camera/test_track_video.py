@@ -3,6 +3,7 @@
 import csv
 import itertools
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -359,7 +360,8 @@ def test_an_interrupt_keeps_the_finished_rows(
     seen = video.with_name("seen.mp4")
     rows = track(video, "--init", init(film), "--save-video", str(seen), code=130)
     assert len(rows) == 10
-    assert "interrupted" in capsys.readouterr().err
+    assert "interrupted" in (said := capsys.readouterr().err)
+    assert re.search(r"; \S+\.csv ends after 10 frames$", said.strip())
     assert cv2.VideoCapture(str(seen)).get(cv2.CAP_PROP_FRAME_COUNT) == 10
 
 

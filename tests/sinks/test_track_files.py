@@ -26,6 +26,7 @@ from groundstation.messages import (
     TriangulationStatus,
 )
 from groundstation.sinks.track_files import TrackFilesSink
+from tests.files.limits import files_of_at_most
 
 TRACK_HEADER = "t_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,cov_xx_m2,cov_xy_m2,cov_xz_m2,cov_yy_m2,cov_yz_m2,cov_zz_m2,status"
 DETECTION_HEADER = "t_s,station,u_px,v_px,sigma_u_px,sigma_v_px,roi_x_px,roi_y_px,roi_w_px,roi_h_px,status,elapsed_ms"
@@ -323,3 +324,11 @@ class _Full:
     @property
     def closed(self) -> bool:
         return self.file.closed
+
+
+def test_a_full_disk_leaves_no_empty_table(tmp_path: Path) -> None:
+    """Expected: where the disk takes nothing at all, no file stands under its name, that without a header included."""
+    sink = TrackFilesSink(tmp_path / "out")
+    with files_of_at_most(0), pytest.raises(OSError, match="csv"):
+        sink.close()
+    assert list((tmp_path / "out").iterdir()) == []

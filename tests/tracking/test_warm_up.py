@@ -26,14 +26,14 @@ config.write_text(f'[detection]\\ndetector = "{sys.argv[3]}"\\n')
 warm_up(DetectorKind(sys.argv[3]))
 before = compiled()
 paths = {"session": Path(sys.argv[1]), "out": Path(sys.argv[2]), "config": config}
-replay(ReplayRequest(**paths, to_s=6.0, rerun=False, report=False))
+replay(ReplayRequest(**paths, to_s=4.0, rerun=False, report=False))
 print(sorted(compiled() - before), 'scipy.stats' in sys.modules)
 """
 
 
 @pytest.mark.parametrize("kind", list(DetectorKind))
 def test_no_kernel_is_first_compiled_during_a_replay(kind: DetectorKind, landing_1: Path, tmp_path: Path) -> None:
-    """In a process of its own: the first six seconds, with the search, use only kernels that are warm.
+    """In a process of its own: the first four seconds, of search and of a track, use only kernels that are warm.
 
     Nor is `scipy.stats` imported, which takes half a second of a core (`groundstation.geometry.chi_square`).
     """

@@ -45,6 +45,7 @@ class EdgesFile:
         except OSError as fault:
             raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault
         self._file.write(",".join(EDGE_COLUMNS) + "\n")
+        self.rows = 0
 
     def __enter__(self) -> "EdgesFile":
         return self
@@ -71,3 +72,4 @@ class EdgesFile:
         cells += [NO_POSE, ""] if report is None else [report.status.value, report.miss.value]
         self._file.write(",".join(cells) + "\n")
         self._file.flush()
+        self.rows += 1

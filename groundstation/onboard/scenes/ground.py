@@ -8,8 +8,12 @@ from groundstation.arrays import FloatArray
 
 Colour = tuple[float, float, float]
 # columns of a painted patch: centre, unit vector of its length, half width, half length, colour, opacity, mottle,
-# and of dashes along the length: period (0 for none), share painted
-PATCH = ("cx", "cy", "ax", "ay", "half_width", "half_length", "r", "g", "b", "opacity", "mottle", "period", "share")
+# of dashes along the length: period (0 for none), share painted; and what it lies on: 0 the ground, 1 the ground, and
+# it is the runway itself, 2 the runway, whose edges it may share
+PATCH = (
+    "cx", "cy", "ax", "ay", "half_width", "half_length", "r", "g", "b", "opacity", "mottle", "period", "share", "upon",
+)  # fmt: skip
+_GROUND, _RUNWAY, _ON_RUNWAY = 0.0, 1.0, 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +84,7 @@ class Airfield:
 
 
 def patches(field: Airfield, generator: np.random.Generator) -> FloatArray:
-    """Return the painted patches (n, 13), columns as in `PATCH`, in the order of painting."""
+    """Return the painted patches (n, 14), columns as in `PATCH`, in the order of painting."""
     s = field.surfaces
     middle = -0.5 * field.length_m
     rows: list[FloatArray] = []
@@ -89,13 +93,14 @@ def patches(field: Airfield, generator: np.random.Generator) -> FloatArray:
         rows.append(_patch(x, y, 0.2, 4000.0, s.paint, turn=turn, opacity=0.7, dashes=(9.0, 0.4)))
     if field.taxiway_side:
         rows += _taxiways(field)
-    rows.append(_patch(0.0, middle, field.width_m, field.length_m, s.runway, mottle=0.12))
+    rows.append(_patch(0.0, middle, field.width_m, field.length_m, s.runway, mottle=0.12, upon=_RUNWAY))
     rows += _repairs(field, generator)
     if field.end_m > 0.0:
         for y in (-0.5 * field.end_m, -field.length_m + 0.5 * field.end_m):
-            rows.append(_patch(0.0, y, field.width_m, field.end_m, s.runway_end, mottle=0.08))
+            rows.append(_patch(0.0, y, field.width_m, field.end_m, s.runway_end, mottle=0.08, upon=_ON_RUNWAY))
     for x in (-0.17 * field.width_m, 0.17 * field.width_m):
-        rows.append(_patch(x, -75.0, 0.22 * field.width_m, 90.0, s.rubber, opacity=field.rubber_opacity, mottle=0.3))
+        opacity, width = field.rubber_opacity, 0.22 * field.width_m
+        rows.append(_patch(x, -75.0, width, 90.0, s.rubber, opacity=opacity, mottle=0.3, upon=_ON_RUNWAY))
     if field.paint_opacity > 0.0:
         rows += _paint(field)
     for one in field.shadows:
@@ -107,16 +112,21 @@ def patches(field: Airfield, generator: np.random.Generator) -> FloatArray:
 def _paint(field: Airfield) -> list[FloatArray]:
     """Return the painted centre line, side lines and bars."""
     paint, opacity, half, middle = field.surfaces.paint, field.paint_opacity, 0.5 * field.width_m, -0.5 * field.length_m
-    rows = [_patch(0.0, middle, 0.4, field.length_m - 60.0, paint, opacity=opacity, dashes=(20.0, 0.6))]
+    rows = [
+        _patch(0.0, middle, 0.4, field.length_m - 60.0, paint, opacity=opacity, dashes=(20.0, 0.6), upon=_ON_RUNWAY)
+    ]
     if field.edge_stripe_m > 0.0:
         x = half - field.edge_stripe_inset_m - 0.5 * field.edge_stripe_m
-        rows += [_patch(k * x, middle, field.edge_stripe_m, field.length_m, paint, opacity=opacity) for k in (-1, 1)]
+        rows += [
+            _patch(k * x, middle, field.edge_stripe_m, field.length_m, paint, opacity=opacity, upon=_ON_RUNWAY)
+            for k in (-1, 1)
+        ]
     pitch = (half - 1.5) / max(field.bars, 1)
     for k in range(field.bars):
         for sign in (-1.0, 1.0):
             for y in (-12.0, -field.length_m + 12.0):
                 x = sign * (0.8 + (k + 0.5) * pitch)
-                rows.append(_patch(x, y, 0.55 * pitch, 14.0, paint, opacity=opacity))
+                rows.append(_patch(x, y, 0.55 * pitch, 14.0, paint, opacity=opacity, upon=_ON_RUNWAY))
     return rows
 
 
@@ -128,7 +138,9 @@ def _repairs(field: Airfield, generator: np.random.Generator) -> list[FloatArray
         factors = generator.uniform(*field.repair, 3)
         factors = factors[0] + field.repair_tint * (factors - factors[0])
         tone = tuple(float(np.clip(c * f, 0, 1)) for c, f in zip(field.surfaces.runway, factors, strict=True))
-        rows.append(_patch(0.0, y - 0.5 * length, field.width_m, length, tone, mottle=0.12))  # type: ignore[arg-type]
+        rows.append(
+            _patch(0.0, y - 0.5 * length, field.width_m, length, tone, mottle=0.12, upon=_ON_RUNWAY)  # type: ignore[arg-type]
+        )
         y -= length
     return rows
 
@@ -156,10 +168,11 @@ def _patch(
     opacity: float = 1.0,
     mottle: float = 0.0,
     dashes: tuple[float, float] = (0.0, 1.0),
+    upon: float = _GROUND,
 ) -> FloatArray:
     """Return one patch; ``turn`` rad of its length from the y axis."""
     axis = (-np.sin(turn), np.cos(turn))
-    return np.array([x, y, *axis, 0.5 * width, 0.5 * length, *colour, opacity, mottle, *dashes])
+    return np.array([x, y, *axis, 0.5 * width, 0.5 * length, *colour, opacity, mottle, *dashes, upon])
 
 
 def edge_lamps(field: Airfield, spacing_m: float = 30.0) -> FloatArray:

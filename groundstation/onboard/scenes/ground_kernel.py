@@ -9,6 +9,10 @@ from numba import njit
 from groundstation.arrays import FloatArray, MaskArray
 
 _OCTAVES = 7
+# columns of a patch, and what it lies on, see `ground.PATCH`
+_CX, _CY, _AX, _AY, _HALF_WIDTH, _HALF_LENGTH, _RED = range(7)
+_OPACITY, _MOTTLE, _PERIOD, _SHARE, _UPON = range(9, 14)
+_RUNWAY, _ON_RUNWAY = 1.0, 2.0
 
 
 class Illumination(NamedTuple):
@@ -125,6 +129,30 @@ def _mark_near(x: float, y: float, footprint: Footprint, columns: FloatArray, ne
         near[k] = (along <= columns[5, k] + margin) & (across <= columns[4, k] + margin)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _patch_covered(dx: float, dy: float, footprint: Footprint, p: FloatArray) -> float:
+    """Return which share of a pixel's footprint, (dx, dy) m from a patch's middle, the patch covers."""
+    along = dx * p[_AX] + dy * p[_AY]
+    across = dx * p[_AY] - dy * p[_AX]
+    f_along = (
+        abs(footprint.x_by_u * p[_AX] + footprint.y_by_u * p[_AY])
+        + abs(footprint.x_by_v * p[_AX] + footprint.y_by_v * p[_AY])
+        + 1e-6
+    )
+    f_across = (
+        abs(footprint.x_by_u * p[_AY] - footprint.y_by_u * p[_AX])
+        + abs(footprint.x_by_v * p[_AY] - footprint.y_by_v * p[_AX])
+        + 1e-6
+    )
+    covered = _covered(across, f_across, p[_HALF_WIDTH]) * _covered(along, f_along, p[_HALF_LENGTH])
+    if p[_PERIOD] > 0.0 and covered > 0.0:
+        covered *= (
+            _dashed(along + 0.5 * f_along, p[_PERIOD], p[_SHARE])
+            - _dashed(along - 0.5 * f_along, p[_PERIOD], p[_SHARE])
+        ) / f_along
+    return covered
+
+
 @njit(cache=True, nogil=True)
 def _ground_colour(
     x: float,
@@ -135,11 +163,15 @@ def _ground_colour(
     near: MaskArray,
     fields: GroundTexture,
     seed: int,
+    runway: FloatArray,
     out: FloatArray,
 ) -> None:
     """Fill the reflectance (3,) of the ground that a pixel covers about (x, y) m.
 
-    ``near`` (patches,): the patches that may lie under the pixel, from `_mark_near`.
+    ``near`` (patches,): the patches that may lie under the pixel, from `_mark_near`. ``runway`` (3,) is overwritten:
+    the reflectance of the part of the pixel that is runway. Paint, slabs and repairs cover that part and none of the
+    ground next to it: laid one after the other over the whole pixel, those that share the runway's edge would move it
+    outwards.
     """
     fx, fy = abs(footprint.x_by_u) + abs(footprint.x_by_v), abs(footprint.y_by_u) + abs(footprint.y_by_v)
     grain = _texture(x, y, fx, fy, 24.0, _OCTAVES, seed)
@@ -150,35 +182,31 @@ def _ground_colour(
         mix = min(max(0.5 + 1.4 * value_noise(x / fields.field_m, y / (1.6 * fields.field_m), seed + 91), 0.0), 1.0)
     for c in range(3):
         out[c] = (base[0, c] * (1.0 - mix) + base[1, c] * mix) * (1.0 + fields.grain * grain)
+    paved = 0.0
     for k in range(patches.shape[0]):
         if not near[k]:
             continue
         p = patches[k]
-        dx, dy = x - p[0], y - p[1]
-        along = dx * p[2] + dy * p[3]
-        across = dx * p[3] - dy * p[2]
-        f_along = (
-            abs(footprint.x_by_u * p[2] + footprint.y_by_u * p[3])
-            + abs(footprint.x_by_v * p[2] + footprint.y_by_v * p[3])
-            + 1e-6
-        )
-        f_across = (
-            abs(footprint.x_by_u * p[3] - footprint.y_by_u * p[2])
-            + abs(footprint.x_by_v * p[3] - footprint.y_by_v * p[2])
-            + 1e-6
-        )
-        if abs(along) > p[5] + 0.5 * f_along or abs(across) > p[4] + 0.5 * f_across:
+        alpha = _patch_covered(x - p[_CX], y - p[_CY], footprint, p)
+        if alpha <= 0.0 or (p[_UPON] == _ON_RUNWAY and paved <= 0.0):
             continue
-        alpha = p[9] * _covered(across, f_across, p[4]) * _covered(along, f_along, p[5])
-        if p[11] > 0.0:
-            alpha *= (
-                _dashed(along + 0.5 * f_along, p[11], p[12]) - _dashed(along - 0.5 * f_along, p[11], p[12])
-            ) / f_along
+        if p[_UPON] == _ON_RUNWAY:
+            alpha = min(alpha / paved, 1.0)
+        alpha *= p[_OPACITY]
         shade = 1.0
-        if p[10] > 0.0:
-            shade += p[10] * 2.0 * _texture(x + 311.0, y - 77.0, fx, fy, 6.0, 4, seed + 17)
+        if p[_MOTTLE] > 0.0:
+            shade += p[_MOTTLE] * 2.0 * _texture(x + 311.0, y - 77.0, fx, fy, 6.0, 4, seed + 17)
+        if p[_UPON] == _RUNWAY:
+            paved = alpha
         for c in range(3):
-            out[c] += alpha * (p[6 + c] * shade - out[c])
+            new = p[_RED + c] * shade
+            if p[_UPON] == _ON_RUNWAY:
+                change = alpha * (new - runway[c])
+                runway[c] += change
+                out[c] += paved * change
+            else:
+                runway[c] = new
+                out[c] += alpha * (new - out[c])
 
 
 @njit(cache=True, nogil=True)
@@ -218,7 +246,7 @@ def render_ground(
     ``rays`` (h, w, 2) normalised camera rays; ``rotation`` threshold_from_camera.
     """
     h, w = out.shape[:2]
-    colour = np.empty(3)
+    colour, runway = np.empty(3), np.empty(3)
     ray, point = np.empty(3), np.empty((3, 2))
     columns, near = np.ascontiguousarray(patches.T), np.empty(patches.shape[0], np.bool_)
     for i in range(h):
@@ -246,7 +274,7 @@ def render_ground(
             x, y = point[0]
             footprint = Footprint(point[1, 0] - x, point[1, 1] - y, point[2, 0] - x, point[2, 1] - y)
             _mark_near(x, y, footprint, columns, near)
-            _ground_colour(x, y, footprint, patches, base, near, fields, seed, colour)
+            _ground_colour(x, y, footprint, patches, base, near, fields, seed, runway, colour)
             distance = math.sqrt((x - camera[0]) ** 2 + (y - camera[1]) ** 2 + camera[2] ** 2)
             cloud = 1.0 - light.cloud_shadow * min(
                 max(0.5 + 1.6 * value_noise(x / light.cloud_across_m, y / light.cloud_along_m, seed + 33), 0.0), 1.0

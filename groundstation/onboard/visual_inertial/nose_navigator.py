@@ -287,15 +287,15 @@ class NoseNavigator:
 
     def _fix(self, t_s: float) -> NoseFix:
         """Return the camera's place with the whole covariance, less what lasts as far as that has been learnt."""
-        now, S, learnt = self._filter.navigation, self._sensitivity_of_fix(), self._errors
-        off = S @ learnt.mean
+        now, S = self._filter.navigation, self._sensitivity_of_fix()
+        off, covariance = self._errors.corrected(t_s, S, self._covariance(now), UPWARDS)
         turned = rotation_from_vector(-off[ATTITUDE_OF_FIX]) @ matrix_from_wxyz(now.runway_from_body_wxyz)
         return NoseFix(
             t_s=t_s,
             position_m=self._filter.camera_pose()[0] - off[:3],
             velocity_m_s=now.velocity_m_s - off[6:],
             runway_from_body_wxyz=wxyz_from_matrix(turned),
-            covariance=self._covariance(now) + S @ learnt.covariance @ S.T,
+            covariance=covariance,
             status=now.status,
         )
 

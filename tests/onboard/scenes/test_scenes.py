@@ -60,6 +60,30 @@ def test_the_pavement_ends_at_the_projected_end() -> None:
         assert abs(edge - u) < 0.15
 
 
+def test_slabs_and_paint_that_share_the_runways_edge_do_not_move_it() -> None:
+    """Repairs, ends and a line on the edge, all of one colour, are as a runway without them.
+
+    Each laid over the whole pixel, half covered ones would be covered by three quarters and more: the edges moved
+    outwards by a sixth of a pixel and more, 0.25 px in drawn approaches.
+    """
+    white = (1.0, 1.0, 1.0)
+    surfaces = replace(Airfield().surfaces, ground=(0, 0, 0), ground_other=(0, 0, 0), runway=white, runway_end=white)
+    field = Airfield(
+        taxiway_side=0, edge_stripe_inset_m=0.0, rubber_opacity=0.0, repair=(1.0, 1.0), field_m=0.0,
+        surfaces=replace(surfaces, paint=white),
+    )  # fmt: skip
+    renderer = Renderer(
+        Sequence(name="white", seed=1, airfield=field, light=PLAIN, approach=StraightApproach(frames=2))
+    )
+    all_of_it = renderer._patches
+    all_of_it[:, 10] = 0.0
+    pose = nose_pose(np.array([2.0, 40.0, 9.0]), Attitude(roll_rad=0.05, pitch_rad=-0.04, yaw_rad=0.03))
+    whole = renderer.picture(pose)
+    renderer._patches = all_of_it[:1]
+    assert len(all_of_it) > 10
+    np.testing.assert_array_equal(whole, renderer.picture(pose))
+
+
 def test_gusts_are_smooth_and_have_the_requested_strength(rng: np.random.Generator) -> None:
     t = np.arange(0.0, 400.0, 0.1)
     noise = smooth_noise(rng, t, (0.02, 0.5), 0.5)

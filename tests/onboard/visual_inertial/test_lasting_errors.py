@@ -37,6 +37,38 @@ def test_learnt_errors_are_as_large_as_is_stated_and_no_larger_than_the_bound(rn
     assert np.sqrt(np.mean(np.square(errors))) < 1.2 * bound_m < 0.5 * width_sigma * ALONG_M[-1]
 
 
+def test_what_heights_tell_of_the_filters_own_error_is_not_counted_as_unknown(rng: np.random.Generator) -> None:
+    """Expected: the corrected height's error is as large as is stated, NEES inside its 99.9 % band.
+
+    The filter's own error is in what the heights tell of the width. Taken for noise that has nothing to do with the
+    filter's height, it stayed in the corrected one, 0.3 m here, and in what was stated.
+    """
+    noise_m, memory_s, own_m, nees, errors = 0.02, 3.0, 0.3, [], []
+    kept = np.exp(-2.0 * 0.1 / memory_s)
+    for _ in range(150):
+        theta, b, e = rng.standard_normal(), 0.05 * rng.standard_normal(), own_m * rng.standard_normal()
+        learnt = LastingErrors(1, memory_s)
+        for t, up in zip(T_S, UP_M, strict=True):
+            s, known = np.array([0.05 * up]), KnownHeight(up_m=0.0, lasting_m=0.05, noise_m=noise_m)
+            learnt.update(float(t), float(s[0] * theta + e - b + noise_m * rng.standard_normal()), s, own_m**2, known)
+            here, e = e, kept * e + np.sqrt(1.0 - kept**2) * own_m * rng.standard_normal()
+        off, covariance = learnt.corrected(float(T_S[-1]), s[None], np.array([[own_m**2]]), 0)
+        left = s[0] * theta + here - off[0]
+        nees.append(left**2 / covariance[0, 0])
+        errors.append(left)
+    low, high = chi2.ppf([5e-4, 1.0 - 5e-4], 150)
+    assert low < sum(nees) < high
+    assert np.sqrt(np.mean(np.square(errors))) < 0.25 * own_m
+
+
+def test_a_height_that_is_not_there_leaves_the_filters_covariance_and_the_errors_prior() -> None:
+    own = np.array([[2.0, 0.3], [0.3, 0.5]])
+    sensitivity = np.array([[1.0, 0.2], [0.4, 0.7]])
+    off, covariance = LastingErrors(2, 3.0).corrected(1.0, sensitivity, own, 1)
+    np.testing.assert_array_equal(off, [0.0, 0.0])
+    np.testing.assert_allclose(covariance, own + sensitivity @ sensitivity.T)
+
+
 def test_without_heights_nothing_is_learnt_and_heights_at_one_time_count_once() -> None:
     learnt, known = LastingErrors(1, 3.0), KnownHeight(up_m=10.0, lasting_m=1.0, noise_m=0.1)
     np.testing.assert_array_equal(learnt.mean, [0.0])
