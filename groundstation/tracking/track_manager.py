@@ -14,7 +14,7 @@ from groundstation.estimation.earlier_pixels import EarlierPixels
 from groundstation.estimation.guided_search import GuidedPlace, GuidedSearch
 from groundstation.estimation.initialise import TrackInitiator
 from groundstation.estimation.station_ekf import StationEkf
-from groundstation.estimation.target_point import with_point_error
+from groundstation.estimation.target_point import point_sigma_m, with_point_error
 from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import (
@@ -71,6 +71,7 @@ class TrackManager:
         self._earlier = EarlierPixels(geometries, config.initiation)
         self._span, self._usual_span_m = span, config.initiation.usual_span_m
         self._point_sigma_spans = np.array(config.estimation.target_point_sigma_spans)
+        self._point_behind_spans = config.estimation.target_point_behind_spans
         self._alternative = AlternativeTrack(geometries, config.initiation, span.span_m)
         self._initial = initial
         self._schedule = SearchSchedule()
@@ -175,7 +176,8 @@ class TrackManager:
         if not any(camera.has_detected for camera in self._cameras.values()):
             return kinematics
         span_m = self._usual_span_m if self._span.span_m is None else self._span.span_m
-        return with_point_error(kinematics, span_m * self._point_sigma_spans)
+        sigma_m = point_sigma_m(kinematics, span_m, self._point_sigma_spans, self._point_behind_spans, self._eyes_m)
+        return with_point_error(kinematics, sigma_m)
 
     def is_quiet(self, t_s: float) -> bool:
         """Return whether the last epoch is so old that the status depends on time only."""

@@ -83,7 +83,10 @@ def takeoff(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Repl
 def classic(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The classic detector, whose pixels of these two flights need no error of an unseen aircraft."""
     path = tmp_path_factory.mktemp("classic") / "classic.toml"
-    path.write_text('[detection]\ndetector = "classic"\n[estimation]\ntarget_point_sigma_spans = [0.0, 0.0, 0.0]\n')
+    path.write_text(
+        '[detection]\ndetector = "classic"\n[estimation]\ntarget_point_sigma_spans = [0.0, 0.0, 0.0]\n'
+        "target_point_behind_spans = 0.0\n"
+    )
     return path
 
 
