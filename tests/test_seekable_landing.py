@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 import groundstation
-from tests.seekable_landing import FIRST_S
+from tests.conftest import ROOT
+from tests.seekable_landing import FIRST_S, lossless_copy
 
 
 def test_its_events_are_those_of_the_landing(landing_1: Path, landing_from_20_s: Path) -> None:
@@ -22,6 +24,21 @@ def test_its_events_are_those_of_the_landing(landing_1: Path, landing_from_20_s:
             np.testing.assert_array_equal(one.image.whole(), two.image.whole())
             pictures += 1
     assert pictures == 10
+
+
+def test_a_copy_of_a_whole_flight_has_its_pictures(shared_data: Path) -> None:
+    """Expected: of the take-off, whose copy others replay; its first pictures."""
+    session = shared_data / "takeoff-1"
+    copy = lossless_copy(session, ROOT / "build" / "seekable")
+    for station in ("left", "right"):
+        coded, plain = cv2.VideoCapture(str(session / f"{station}.mp4")), cv2.VideoCapture(str(copy / f"{station}.avi"))
+        assert coded.get(cv2.CAP_PROP_FRAME_COUNT) == plain.get(cv2.CAP_PROP_FRAME_COUNT) > 200
+        for _ in range(25):
+            (one, picture), (other, again) = coded.read(), plain.read()
+            assert one
+            assert other
+            np.testing.assert_array_equal(picture, again)
+    assert (copy / "frames.csv").read_bytes() == (session / "frames.csv").read_bytes()
 
 
 def test_what_is_no_picture_of_the_landing_is_seen_as_none(landing_from_20_s: Path) -> None:

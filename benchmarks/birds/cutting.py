@@ -94,10 +94,10 @@ def window_of(image: ImageArray, box: Box) -> tuple[int, int, int, int]:
     return x0, y0, min(int(x + bw) + _RING_PX + 1, w), min(int(y + bh) + _RING_PX + 1, h)
 
 
-def contrast_of(image: ImageArray, box: Box) -> tuple[FloatArray, FloatArray]:
-    """Return the difference of each pixel of a box and its ring from the sky, in grey levels, and those off it."""
+def contrast_of(image: ImageArray, box: Box, sky: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the difference of each pixel of a box and its ring from their sky, in grey levels, and those off it."""
     x0, y0, x1, y1 = window_of(image, box)
-    difference = (image[y0:y1, x0:x1] - sky_around(image, box)).mean(axis=2)
+    difference = (image[y0:y1, x0:x1] - sky).mean(axis=2)
     ring = np.concatenate([difference[:_RING_PX].ravel(), difference[-_RING_PX:].ravel()])
     noise = 1.4826 * float(np.median(np.abs(ring - np.median(ring))))
     return difference, np.abs(difference) > max(_NOISE_SIGMAS * noise, _LEAST_CONTRAST)
@@ -105,7 +105,7 @@ def contrast_of(image: ImageArray, box: Box) -> tuple[FloatArray, FloatArray]:
 
 def length_in(image: ImageArray, box: Box) -> float:
     """Return the length in px of what stands out in a loose box, at least 3; of an even box three quarters of it."""
-    _, mask = contrast_of(image, box)
+    _, mask = contrast_of(image, box, sky_around(image, box))
     count, _, table, centres = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     middle = 0.5 * np.array([mask.shape[1], mask.shape[0]])
     best = None
@@ -133,7 +133,8 @@ def cut_out(image: ImageArray, box: Box, before: tuple[float, float] | None = No
     """
     box = (box[0] - _BEYOND_PX, box[1] - _BEYOND_PX, box[2] + 2 * _BEYOND_PX, box[3] + 2 * _BEYOND_PX)
     x0, y0, x1, y1 = window_of(image, box)
-    difference, mask = contrast_of(image, box)
+    sky = sky_around(image, box)
+    difference, mask = contrast_of(image, box, sky)
     mask &= difference < 0
     # wings hang on thin shoulders
     joined = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
@@ -153,7 +154,7 @@ def cut_out(image: ImageArray, box: Box, before: tuple[float, float] | None = No
         return None
     # soft edges: a pixel half as dark as the core is half bird
     alpha = np.where(labels == k, np.clip(-difference / core, 0.0, 1.0), 0.0)
-    ratio = image[y0:y1, x0:x1] / np.maximum(sky_around(image, box), 1.0)
+    ratio = image[y0:y1, x0:x1] / np.maximum(sky, 1.0)
     colour = np.asarray(ratio[inside & (-difference >= _CORE_SHARE * core)].mean(axis=0))
     sprite = Sprite(alpha=alpha[y - 1 : y + h + 1, x - 1 : x + w + 1], colour=colour)
     return BirdCutout(sprite=sprite, middle=(float(centres[k][0]) + x0, float(centres[k][1]) + y0))

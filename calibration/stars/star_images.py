@@ -118,8 +118,9 @@ def _window(picture: FloatArray, centre: FloatArray, half: int) -> tuple[FloatAr
     h, w = picture.shape
     if not (half <= u < w - half and half <= v < h - half):
         return None
-    rows, columns = np.mgrid[v - half : v + half + 1, u - half : u + half + 1]
-    return picture[rows, columns].ravel().astype(np.float64), columns.ravel(), rows.ravel()
+    side = np.arange(-half, half + 1)
+    levels = picture[v - half : v + half + 1, u - half : u + half + 1]
+    return levels.astype(np.float64).ravel(), np.tile(u + side, len(side)), np.repeat(v + side, len(side))
 
 
 def _point_spread(picture: FloatArray, place: FloatArray, noise: float) -> FloatArray:

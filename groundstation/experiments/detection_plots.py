@@ -13,6 +13,7 @@ from groundstation.experiments.detector_outcomes import DetectorOutcome
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+PNG_DPI = 130
 SHADES = {"mixed": "#F0E442", "ground": "#8C6D46"}
 
 
@@ -30,7 +31,7 @@ def blank(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, l
 def save(figure: Figure, path: Path) -> None:
     """Write the figure as PNG."""
     # without the date and the version, equal data give equal files
-    figure.savefig(path, dpi=130, metadata={"Software": None})
+    figure.savefig(path, dpi=PNG_DPI, metadata={"Software": None})
 
 
 def draw_roi_sweep(sweep: Mapping[str, Sequence[DetectorOutcome]], full: str, path: Path) -> None:

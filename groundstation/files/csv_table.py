@@ -57,14 +57,15 @@ class CsvTable:
                 )
 
     def __iter__(self) -> Iterator[Row]:
-        lines = self._lines()
+        lines, columns = self._lines(), self.columns
         next(lines, None)
         for line, cells in lines:
-            if not any(cell.strip() for cell in cells):
+            # the first cell nearly always decides
+            if not (cells and cells[0].strip()) and not any(map(str.strip, cells)):
                 continue
-            if len(cells) != len(self.columns):
-                raise self.fault(line, got=f"{len(cells)} cells", wanted=f"{len(self.columns)} as in the header")
-            yield Row(line=line, text=dict(zip(self.columns, cells, strict=True)))
+            if len(cells) != len(columns):
+                raise self.fault(line, got=f"{len(cells)} cells", wanted=f"{len(columns)} as in the header")
+            yield Row(line, dict(zip(columns, cells, strict=True)))
 
     def fault(self, line: int, *, got: str, wanted: str) -> SessionError:
         """Build (not raise) the error for one line."""
@@ -87,12 +88,14 @@ class CsvTable:
                 return None
             value = math.nan
         # Python reads 1_000 and digits of other scripts as numbers; no table means that
-        if not math.isfinite(value) or "_" in text or not text.isascii():
-            wanted = "a finite number"
-        elif abs(value) > MAX_MAGNITUDE:
+        is_plain = text.isascii() and "_" not in text
+        # false for what is not a number
+        if is_plain and -MAX_MAGNITUDE <= value <= MAX_MAGNITUDE:
+            return value
+        if is_plain and math.isfinite(value):
             wanted = f"a number of at most {MAX_MAGNITUDE:g} in size"
         else:
-            return value
+            wanted = "a finite number"
         raise self.fault(row.line, got=f"{column} = {quoted(text.strip())}", wanted=wanted)
 
     def advance(self, row: Row, column: str, before: float | None) -> float:

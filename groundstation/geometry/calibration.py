@@ -30,6 +30,8 @@ _GROUPS = {
 # the one order of the parameters; rig.toml's covariance uses the same names
 CALIBRATION_PARAMETERS: tuple[str, ...] = tuple(f"{group}.{part}" for group, parts in _GROUPS.items() for part in parts)
 _INDEX = {name: k for k, name in enumerate(CALIBRATION_PARAMETERS)}
+# rotation vectors, and the matrices of the packed station that they turn
+_TURNED = ((slice(0, 3), slice(0, 9)), (slice(6, 9), slice(12, 21)))
 # where an added parameter stands in the packed station
 _PACKED = ((slice(3, 6), slice(9, 12)), (slice(9, 12), slice(21, 24)), (slice(12, 21), slice(24, 33)))
 
@@ -82,8 +84,10 @@ def project_with_calibration(
 def perturbed_packed(packed: FloatArray, change: FloatArray) -> FloatArray:
     """Return the packed station with a change (21,) of its calibration, in the order of `CALIBRATION_PARAMETERS`."""
     changed = packed.copy()
-    changed[0:9] = (rotation_from_vector(change[0:3]) @ packed[0:9].reshape(3, 3)).ravel()
-    changed[12:21] = (rotation_from_vector(change[6:9]) @ packed[12:21].reshape(3, 3)).ravel()
+    for turn, matrix in _TURNED:
+        # most changes are of one of the two alone
+        if change[turn].any():
+            changed[matrix] = (rotation_from_vector(change[turn]) @ packed[matrix].reshape(3, 3)).ravel()
     for here, there in _PACKED:
         changed[there] += change[here]
     return changed

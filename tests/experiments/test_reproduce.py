@@ -75,6 +75,7 @@ def again(tmp_path_factory: pytest.TempPathFactory, drawn_once: None) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         # labels may overlap: to place them takes half of the time of drawing
         patch.setattr("matplotlib.figure.Figure.get_layout_engine", lambda figure: None)
+        patch.setattr("groundstation.experiments.detection_plots.PNG_DPI", 40)
         run_blocks(run_by_test(ROOT / "docs" / "reproduce.md"), folder, patch, [])
     return folder / "out" / "reproduce"
 

@@ -22,6 +22,8 @@ from calibration.flight.calibrate import FlightRequest, calibrate_flight
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
+from tests.conftest import ROOT
+from tests.seekable_landing import lossless_copy
 
 pytestmark = pytest.mark.usefixtures("unrendered_figures")
 
@@ -75,8 +77,14 @@ def landing(landing_1: Path, tmp_path_factory: pytest.TempPathFactory) -> Replay
 
 
 @pytest.fixture(scope="module")
-def takeoff(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Replayed:
-    return replayed(shared_data / "takeoff-1", tmp_path_factory.mktemp("takeoff"))
+def takeoff_1(shared_data: Path) -> Path:
+    """The take-off, which is decoded five times here, with the same pictures in another coding."""
+    return lossless_copy(shared_data / "takeoff-1", ROOT / "build" / "seekable")
+
+
+@pytest.fixture(scope="module")
+def takeoff(takeoff_1: Path, tmp_path_factory: pytest.TempPathFactory) -> Replayed:
+    return replayed(takeoff_1, tmp_path_factory.mktemp("takeoff"))
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +104,8 @@ def classic_landing(landing_1: Path, classic: Path, tmp_path_factory: pytest.Tem
 
 
 @pytest.fixture(scope="module")
-def classic_takeoff(shared_data: Path, classic: Path, tmp_path_factory: pytest.TempPathFactory) -> Replayed:
-    return replayed(shared_data / "takeoff-1", tmp_path_factory.mktemp("classic-takeoff"), config=classic)
+def classic_takeoff(takeoff_1: Path, classic: Path, tmp_path_factory: pytest.TempPathFactory) -> Replayed:
+    return replayed(takeoff_1, tmp_path_factory.mktemp("classic-takeoff"), config=classic)
 
 
 def test_landing_accuracy(landing: Replayed) -> None:
@@ -230,13 +238,13 @@ def test_the_region_of_interest_holds_nose_and_silhouette(landing: Replayed, lan
     assert np.mean([s.silhouette_inside for s in seen]) >= 0.999
 
 
-def test_the_region_of_interest_holds_an_aircraft_overhead(takeoff: Replayed, shared_data: Path) -> None:
+def test_the_region_of_interest_holds_an_aircraft_overhead(takeoff: Replayed, takeoff_1: Path) -> None:
     """Climbing over the cameras it hangs below its nose, 350 px wide; a wing tip and the tail stayed outside."""
-    seen = sights(takeoff, shared_data / "takeoff-1")
+    seen = sights(takeoff, takeoff_1)
     assert sum(s.width_px > 200 for s in seen) > 70
     # of the pictures in which it is as wide and has its nose, nearly all were processed
     truth = takeoff.truth
-    with np.load(shared_data / "takeoff-1" / "masks.npz") as masks:
+    with np.load(takeoff_1 / "masks.npz") as masks:
         wide = [
             name
             for side in ("left", "right")
@@ -262,7 +270,7 @@ def bird_in(session: Path, station: str) -> Bird:
     """Find the bird, the darkest object in these pictures: below the shade of the trees and of the aircraft."""
     truth = np.genfromtxt(session / "truth.csv", delimiter=",", names=True)
     covered, away = np.zeros(len(truth)), np.full(len(truth), np.nan)
-    film = cv2.VideoCapture(str(session / f"{station}.mp4"))
+    film = cv2.VideoCapture(str(session / f"{station}.avi"))
     with np.load(session / "masks.npz") as masks:
         for k in range(len(truth)):
             read_one, picture = film.read()
@@ -308,14 +316,14 @@ def frames_around(bird: Bird, over: int) -> list[int]:
     return around
 
 
-def test_takeoff_status_shows_where_there_is_no_fix(takeoff: Replayed, shared_data: Path) -> None:
+def test_takeoff_status_shows_where_there_is_no_fix(takeoff: Replayed, takeoff_1: Path) -> None:
     """Out of view: no tracking. With the bird over the right nose or near it a pixel is true to its stated sigma.
 
     In the frames around it the nose is in plain sight, as the pictures show, the bird over a wing or past it. A pixel
     is claimed, and the track is a tracking one, in all of them but perhaps the one before, in which the bird hides a
     wing up to the fuselage.
     """
-    bird = bird_in(shared_data / "takeoff-1", "right")
+    bird = bird_in(takeoff_1, "right")
     # it covers a quarter of the silhouette over the nose, and 0.07 at most elsewhere
     (over,) = np.flatnonzero(bird.covered > 0.15)
     assert bird.away_spans[over] < 0.02
@@ -344,9 +352,9 @@ def test_takeoff_status_shows_where_there_is_no_fix(takeoff: Replayed, shared_da
     assert sum(off[k] > 4.5 * 2**0.5 for k in clear) <= 1
 
 
-def test_classic_takeoff_shows_where_there_is_no_fix(classic_takeoff: Replayed, shared_data: Path) -> None:
+def test_classic_takeoff_shows_where_there_is_no_fix(classic_takeoff: Replayed, takeoff_1: Path) -> None:
     """The classic detector does not guess a hidden nose: with the bird over it there is no tracking."""
-    bird, truth = bird_in(shared_data / "takeoff-1", "right"), classic_takeoff.truth
+    bird, truth = bird_in(takeoff_1, "right"), classic_takeoff.truth
     (over,) = np.flatnonzero(bird.covered > 0.15)
     hidden = ~np.isfinite(truth["left_u_px"]) | ~np.isfinite(truth["right_u_px"])
     hidden[over] = True
@@ -386,7 +394,7 @@ def edited(session: Path, to: Path, edits: dict[str, Callable[[list[str]], list[
     for item in session.iterdir():
         if item.name in edits:
             (to / item.name).write_text("\n".join(edits[item.name](item.read_text().splitlines())) + "\n")
-        elif item.suffix == ".mp4":
+        elif item.suffix in (".mp4", ".avi"):
             (to / item.name).symlink_to(item)
         elif item.suffix in (".csv", ".toml"):
             shutil.copy(item, to / item.name)
@@ -394,7 +402,7 @@ def edited(session: Path, to: Path, edits: dict[str, Callable[[list[str]], list[
 
 
 def test_takeoff_with_late_stamps_missing_frames_and_thinned_ptu(
-    shared_data: Path, takeoff: Replayed, tmp_path: Path
+    takeoff_1: Path, takeoff: Replayed, tmp_path: Path
 ) -> None:
     """Right stamps 20 ms late with that camera_clock, every tenth right frame missing, every second PTU
     row gone: errors stay within 1.2 × of 0.06/0.9/0.06 m."""
@@ -416,7 +424,7 @@ def test_takeoff_with_late_stamps_missing_frames_and_thinned_ptu(
         ]
 
     session = edited(
-        shared_data / "takeoff-1",
+        takeoff_1,
         tmp_path / "session",
         {"frames.csv": frames, "rig.toml": rig, "ptu.csv": lambda lines: [lines[0], *lines[1::2]]},
     )

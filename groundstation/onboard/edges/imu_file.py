@@ -108,7 +108,7 @@ def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     if not lines:
         raise ImuFileError(str(path), got="an empty file", wanted="a CSV table")
     header = [name.strip() for name in lines[0]]
-    return header, [(n, row) for n, row in enumerate(lines[1:], start=2) if any(cell.strip() for cell in row)]
+    return header, [(n, row) for n, row in enumerate(lines[1:], start=2) if any(map(str.strip, row))]
 
 
 def _number(path: Path, line: int, row: list[str], header: list[str], name: str) -> float:
