@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.overwriting import refuse_existing
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.onboard.scenes.draw_nose_world import NoseWorld, draw_nose_world, reported_poses
@@ -102,7 +102,7 @@ def _write_flight(
         _write(files[2], columns, _log_rows(flight, account))
         _write(files[3], TRUTH_COLUMNS, _truth_rows(flight))
     except OSError as fault:
-        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
+        raise InputError(str(folder), got=os_words(fault), wanted="a folder that can be written") from fault
     video = cv2.VideoWriter(str(files[0]), _FFV1, float(flight.setup.camera_hz), flight.setup.lens.image_size_px)
     if not video.isOpened():
         raise InputError(str(files[0]), got="a video that OpenCV cannot write", wanted="the FFV1 codec")
