@@ -1,5 +1,6 @@
 """Every error that the drivers raise on purpose: one root; the text is one line that a user can act upon."""
 
+import errno
 import os
 import re
 
@@ -103,7 +104,7 @@ def os_words(fault: BaseException) -> str:
         said = os.strerror(fault.errno) if fault.errno > 0 else fault.strerror or said
     if (found := _OWN_WORDS.search(said)) is not None:
         said = found[1] or found[2]
-    return said
+    return "a device that is no serial line" if said == os.strerror(errno.ENOTTY) else said
 
 
 def _line(text: str) -> str:

@@ -62,6 +62,12 @@ def whole_folder(path: Path) -> Iterator[Path]:
         if final.is_dir():
             final.rmdir()
         draft.rename(final)
+    except OSError as fault:
+        named = Path(os.fsdecode(fault.filename)) if isinstance(fault.filename, str | bytes) else None
+        if fault.errno is None or named is None or not named.is_relative_to(draft):
+            raise
+        # a draft's name says nothing to a user
+        raise OSError(fault.errno, fault.strerror, str(path / named.relative_to(draft))) from fault
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 

@@ -102,8 +102,10 @@ class OverlayVideo:
         self._frames = 0
         self._writer = cv2.VideoWriter(str(self._draft), _MP4V, rate_hz, size_px)
         if not self._writer.isOpened():
-            self._draft.unlink()
-            raise InputError(str(path), got="a file that OpenCV cannot write", wanted="an .mp4 file of a usual size")
+            # FFmpeg may have removed it
+            self._draft.unlink(missing_ok=True)
+            wanted = "an .mp4 file of a usual size, and room on the disk"
+            raise InputError(str(path), got="a file that OpenCV cannot write", wanted=wanted)
 
     def __enter__(self) -> "OverlayVideo":
         return self

@@ -50,9 +50,9 @@ def test_words_within_the_text_of_a_library() -> None:
     # pyserial's, which repeat path and number
     text = "could not open port /dev/x: [Errno 2] No such file or directory: '/dev/x'"
     assert line_words(OSError(text)) == "No such file or directory"
-    assert line_words(OSError("Could not configure port: (25, 'Inappropriate ioctl for device')")) == (
-        "Inappropriate ioctl for device"
-    )
+    assert line_words(OSError("Could not configure port: (5, 'Input/output error')")) == "Input/output error"
+    no_line = OSError("Could not configure port: (25, 'Inappropriate ioctl for device')")
+    assert line_words(no_line) == "a device that is no serial line"
     said = str(InputError("a.csv", got="[Errno 13] Permission denied", wanted="a file"))
     assert said == "a.csv: got Permission denied; wanted a file"
 
