@@ -132,15 +132,17 @@ class TrackFilesSink:
     def close(self) -> None:
         """Write what waits and close the files; may be called twice.
 
-        Raises `OSError` where the disk takes no more; a table without a row is removed then.
+        Raises `OSError` where the disk takes no more; of one that took nothing no table is left.
         """
         try:
             with self._files:
                 if not self._detections.closed:
                     self._write_detections(all_rows=True)
         except OSError:
-            if (self.folder / "track.tum").stat().st_size == 0:
-                (self.folder / "track.tum").unlink()
+            # the only one without a header
+            poses = self.folder / "track.tum"
+            if not (self.folder / "track.csv").exists() and poses.exists() and poses.stat().st_size == 0:
+                poses.unlink()
             raise
 
 
