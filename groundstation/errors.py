@@ -1,12 +1,29 @@
 """Every error that Groundstation raises on purpose: one root, and what was got against what was wanted."""
 
+import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+# how Python writes an error's number in front of its words
+_NUMBER = re.compile(r"\[(?:Errno|WinError) -?\d+\] ?")
 
 
 def printable(text: str) -> str:
     """Return a text with what cannot be printed, line ends too, written as Python's escapes."""
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def os_words(fault: BaseException) -> str:
+    """Return what went wrong in words, without the number that the operating system has for it, or the file's name.
+
+    Of an error that is none of the operating system's: its text, in one line.
+    """
+    if isinstance(fault, OSError) and fault.errno is not None:
+        words = fault.strerror or os.strerror(fault.errno)
+    else:
+        words = str(fault) or type(fault).__name__
+    return printable(_NUMBER.sub("", words.strip().partition("\n")[0]))
 
 
 class GroundstationError(Exception):
@@ -27,7 +44,7 @@ class InputError(GroundstationError):
         self.got = got
         self.wanted = wanted
         # it may contain text of a damaged file or a strange file name; an error is one line all the same
-        super().__init__(printable(f"{where}: got {got}; wanted {wanted}"))
+        super().__init__(printable(_NUMBER.sub("", f"{where}: got {got}; wanted {wanted}")))
 
     def __reduce__(self) -> tuple[Callable[..., "InputError"], tuple[type["InputError"], str, str, str]]:
         # arguments by name are not what pickle calls a class with

@@ -1,5 +1,12 @@
 """Every error that the drivers raise on purpose: one root; the text is one line that a user can act upon."""
 
+import errno
+import os
+import re
+
+# the operating system's words within a library's: "[Errno 2] No such file or directory: 'x'", "(25, 'No terminal')"
+_OWN_WORDS = re.compile(r".*\[Errno -?\d+\] ([^:]+)|\(\d+, '([^']+)'\)")
+
 
 class PtuError(Exception):
     """Root of all errors of this package."""
@@ -87,6 +94,17 @@ class MissingPackageError(PtuError):
 
 
 _DEG = 57.29577951308232
+
+
+def os_words(fault: BaseException) -> str:
+    """Return what went wrong in words, without the operating system's number; pyserial has its own ways to state it."""
+    said = str(fault) or type(fault).__name__
+    if type(fault).__module__.partition(".")[0] != "serial" and isinstance(fault, OSError) and fault.errno is not None:
+        # asyncio adds its own to the words; a negative number is a resolver's, which has words of its own
+        said = os.strerror(fault.errno) if fault.errno > 0 else fault.strerror or said
+    if (found := _OWN_WORDS.search(said)) is not None:
+        said = found[1] or found[2]
+    return "a device that is no serial line" if said == os.strerror(errno.ENOTTY) else said
 
 
 def _line(text: str) -> str:

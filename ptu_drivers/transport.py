@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
-from ptu_drivers.errors import LineError, MissingPackageError, PtuError
+from ptu_drivers.errors import LineError, MissingPackageError, PtuError, os_words
 
 _SLICE_S = 0.02
 # a port that takes no bytes for so long is lost; a halt waits behind it
@@ -343,7 +343,7 @@ class _line_errors:  # noqa: N801 - read as a statement: with _line_errors(url)
     def __exit__(self, kind: type[BaseException] | None, fault: BaseException | None, trace: object) -> None:
         # TypeError and AttributeError: pyserial on a port that another thread closed under it
         if isinstance(fault, OSError | ValueError | TypeError | AttributeError):
-            raise LineError(self.url, got=str(fault) or type(fault).__name__, wanted="a line that is there") from fault
+            raise LineError(self.url, got=os_words(fault), wanted="a line that is there") from fault
 
 
 def _pyserial() -> Any:

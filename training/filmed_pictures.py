@@ -15,7 +15,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.bank.composites.clip_segments import read_frames, read_segments
 from groundstation.box import Box
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.simulation.drawn_flights import build_flight
 from groundstation.simulation.world.draw_world import draw_world
 from groundstation.simulation.world.render_world import built_stations, rendered_cameras
@@ -160,7 +160,7 @@ def load_pictures(path: Path) -> list[FilmedPicture]:
         with np.load(path) as file:
             return list(_pictures(file))
     except (OSError, KeyError, ValueError) as fault:
-        raise InputError(str(path), got=str(fault), wanted="pictures that `groundstation train` made") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="pictures that `groundstation train` made") from fault
 
 
 def _pictures(file: "np.lib.npyio.NpzFile") -> Iterator[FilmedPicture]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from groundstation.box import Box
 from groundstation.detection.learned_channel import LearnedChannel
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.channel_weights import read_weights
 from groundstation.simulation.traffic import TrafficSpec
 from groundstation.simulation.traffic.bird_spec import BirdSpec
@@ -175,7 +175,7 @@ def load_material(folder: Path) -> Material:
             backgrounds = tuple(_backgrounds(file))
         filmed = load_targets(folder / "filmed.npz")
     except (OSError, KeyError, ValueError) as fault:
-        raise InputError(str(folder), got=str(fault), wanted="material that `groundstation train` made") from fault
+        raise InputError(str(folder), got=os_words(fault), wanted="material that `groundstation train` made") from fault
     return Material(aircraft=sprites[0], birds=sprites[1], backgrounds=backgrounds, filmed=filmed)
 
 

@@ -15,7 +15,7 @@ from calibration.flight.parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_p
 from calibration.flight.problem import DGPS_OFFSET, FlightProblem
 from calibration.flight.rig import solved_rig
 from calibration.rig_output import require_toml_name
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import ClockModel, Rig, Station
 from groundstation.rig.rig_toml import rig_to_toml
@@ -162,4 +162,4 @@ def _write(path: Path, session: str, rig: Rig) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, f"# clocks found in session {session!r}\n" + rig_to_toml(rig))
     except OSError as error:
-        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
+        raise InputError(str(path), got=os_words(error), wanted="a file that can be written") from error

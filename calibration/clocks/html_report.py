@@ -15,7 +15,7 @@ from calibration.clocks.ptu_clock_fit import TimingFit
 from calibration.clocks.text_report import format_timing
 from calibration.report.picture import ReportPicture, write_page
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.html_page import html_page, page_header, picture_grid, png_figure, preformatted
 
 _BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "#9aa0a6"
@@ -49,7 +49,7 @@ def write_timing_page(folder: Path, found: TimingCalibration) -> list[Path]:
     try:
         return write_page(folder, html_page(f"{found.session.name} – clocks", head + "".join(parts) + text), pictures)
     except OSError as error:
-        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
+        raise InputError(str(folder), got=os_words(error), wanted="a folder that can be written") from error
 
 
 def turned_by_readings(one: StationMotion, later_s: float) -> FloatArray:

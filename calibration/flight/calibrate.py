@@ -24,7 +24,7 @@ from calibration.flight.start import StartingPoint, find_start
 from calibration.flight.text_report import format_flight_report, rig_header
 from calibration.flight.verdict import judge_flight
 from calibration.rig_output import require_toml_name
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
@@ -149,7 +149,7 @@ def _write_page(folder: Path, content: FlightPage) -> list[Path]:
     try:
         return write_flight_page(folder, content)
     except OSError as error:
-        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
+        raise InputError(str(folder), got=os_words(error), wanted="a folder that can be written") from error
 
 
 def _problem(session: Session, data: FlightData, free: FreeParameters) -> FlightProblem:
@@ -240,4 +240,4 @@ def _write(path: Path, text: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, text)
     except OSError as error:
-        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
+        raise InputError(str(path), got=os_words(error), wanted="a file that can be written") from error

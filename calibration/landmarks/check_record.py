@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.landmarks.check import FALSE_ALARM, Check, StationMovement
 from calibration.sightings import LandmarkSighting
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
 
 RECORD_FORMAT = "groundstation-check/1"
@@ -62,7 +62,7 @@ def append_record(path: Path, record: dict[str, Any]) -> None:
         line = json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n"
         write_whole(path, before + line.encode())
     except OSError as error:
-        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
+        raise InputError(str(path), got=os_words(error), wanted="a file that can be written") from error
 
 
 def _counts(sightings: Sequence[LandmarkSighting]) -> dict[str, dict[str, int]]:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from calibration.landmarks.check import Check
 from calibration.landmarks.problem import AXES
 from calibration.sightings import LandmarkSighting
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.overwriting import Output, refuse_overwriting
 
 # a rig turned further than this from what its table saw stands elsewhere by now
@@ -51,7 +51,7 @@ def keep_reference(sightings: Path, rig: Path) -> Path:
         try:
             shutil.copyfile(sightings, kept)
         except OSError as error:
-            raise InputError(str(kept), got=str(error.strerror), wanted="a file that can be written") from error
+            raise InputError(str(kept), got=os_words(error), wanted="a file that can be written") from error
     return kept
 
 

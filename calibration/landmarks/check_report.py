@@ -9,7 +9,7 @@ from calibration.landmarks.check_history import PastCheck, history_picture
 from calibration.landmarks.check_pictures import check_pictures
 from calibration.landmarks.survey_report import rejected
 from calibration.report.picture import write_page
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.html_page import (
     bullet_list,
     html_page,
@@ -112,4 +112,4 @@ def write_check_report(
     try:
         return write_page(folder, html_page(f"{name} – check", body), pictures)
     except OSError as error:
-        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
+        raise InputError(str(folder), got=os_words(error), wanted="a folder that can be written") from error

@@ -23,7 +23,7 @@ from calibration.landmarks.survey import Survey, solve_survey, survey_words
 from calibration.landmarks.survey_report import format_survey, rig_header, write_survey_report
 from calibration.rig_output import require_toml_name
 from calibration.sightings import Landmark, LandmarkSighting, read_landmarks, read_sightings
-from groundstation.errors import GroundstationError, InputError, UsageError
+from groundstation.errors import GroundstationError, InputError, UsageError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.rig.rig_toml import rig_to_toml
@@ -208,4 +208,4 @@ def _write(path: Path, text: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, text)
     except OSError as error:
-        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
+        raise InputError(str(path), got=os_words(error), wanted="a file that can be written") from error

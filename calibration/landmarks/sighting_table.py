@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.sightings import SIGHTING_COLUMNS, LandmarkSighting, read_sightings
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 
 COLUMNS = (*SIGHTING_COLUMNS, "sigma_px", "t_s", "pan_from", "tilt_from")
 
@@ -77,7 +77,7 @@ def _require_appendable(path: Path) -> None:
             stream.seek(-1, os.SEEK_END)
             last = stream.read(1)
     except OSError as fault:
-        raise InputError(str(path), got=str(fault.strerror), wanted="a table to append to") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a table to append to") from fault
     columns = header.decode("utf-8-sig", errors="replace").strip()
     if columns != ",".join(COLUMNS):
         got = f"the columns {columns[:120]}" if columns else "no columns"

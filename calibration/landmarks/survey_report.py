@@ -10,7 +10,7 @@ from calibration.landmarks.survey import Survey, inlier_landmarks, station_obser
 from calibration.landmarks.survey_advice import TABLE_HEAD, SurveyAdvice, advise_survey
 from calibration.landmarks.survey_pictures import survey_pictures
 from calibration.robust_fit import OUTLIER_SIGMA
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.html_page import (
     bullet_list,
     html_page,
@@ -136,7 +136,7 @@ def write_survey_report(folder: Path, survey: Survey, name: str) -> list[Path]:
             written.append(below(folder, f"{picture.name}.png"))
             write_whole(written[-1], picture.png)
     except OSError as error:
-        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
+        raise InputError(str(folder), got=os_words(error), wanted="a folder that can be written") from error
     return written
 
 

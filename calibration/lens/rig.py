@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.lens.model import PARAMETERS, CalibratedLens
-from groundstation.errors import InputError, RigError
+from groundstation.errors import InputError, RigError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import PARTS, Rig
@@ -60,4 +60,4 @@ def write_rig_with_lens(path: Path, rig: Rig, name: str, calibrated: CalibratedL
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, f"# lens of {name}: new\n" + rig_to_toml(with_lens(rig, name, calibrated)))
     except OSError as error:
-        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
+        raise InputError(str(path), got=os_words(error), wanted="a file that can be written") from error

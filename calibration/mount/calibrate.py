@@ -20,7 +20,7 @@ from calibration.mount.problem import Mark, MarkKind, MountProblem, MountSightin
 from calibration.mount.start import mount_starts
 from calibration.sightings import Landmark, LandmarkSighting, read_landmarks, read_sightings
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError, RigError
+from groundstation.errors import InputError, RigError, os_words
 from groundstation.files.toml_table import quoted
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.covariance import ParameterCovariance
@@ -254,7 +254,7 @@ def write_rig(path: Path, found: MountCalibration) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, "\n".join([*notes, ""]) + rig_to_toml(found.rig))
     except OSError as error:
-        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
+        raise InputError(str(path), got=os_words(error), wanted="a file that can be written") from error
 
 
 def read_mount_tables(

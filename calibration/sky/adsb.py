@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 
 FOOT_M = 0.3048
 # no airliner flies higher; the longest line of a receiver with a thousand aircraft is 0.5 MB
@@ -48,7 +48,7 @@ def read_adsb(path: Path) -> dict[str, tuple[AdsbReport, ...]]:
         with path.open(encoding="utf-8", errors="replace") as file:
             found = by_aircraft(reports_of(_lines(file, path)))
     except OSError as fault:
-        raise InputError(str(path), got=str(fault.strerror), wanted="a file of a receiver's lines") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a file of a receiver's lines") from fault
     if not found:
         wanted = "lines of dump1090 or readsb (JSON), or of SBS (MSG,3 with latitude and longitude)"
         raise InputError(str(path), got="no aircraft's position", wanted=wanted)

@@ -12,7 +12,7 @@ from calibration.stars.night import StarPicture
 from calibration.stars.sky import ObservingSite, SkyOverSite, decimal_year
 from calibration.stars.star_solver import StarSolver
 from calibration.stars.station_night import fit_station, with_change
-from groundstation.errors import InputError, RigError
+from groundstation.errors import InputError, RigError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Rig, Station
@@ -107,4 +107,4 @@ def write_noted_rig(path: Path, rig: Rig, notes: Sequence[str]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, "\n".join([*notes, ""]) + rig_to_toml(rig))
     except OSError as error:
-        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
+        raise InputError(str(path), got=os_words(error), wanted="a file that can be written") from error

@@ -25,7 +25,7 @@ from calibration.stars.night import StarPicture
 from calibration.stars.sky import ObservingSite, SkyOverSite, decimal_year
 from calibration.stars.star_solver import StarSolver
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import Rig, Station
 
@@ -135,4 +135,4 @@ def _write(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) ->
     try:
         write_whole(path, text.getvalue())
     except OSError as fault:
-        raise InputError(str(path), got=str(fault.strerror), wanted="a folder that can be written") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a folder that can be written") from fault

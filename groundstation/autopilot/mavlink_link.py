@@ -15,7 +15,7 @@ from typing import Any
 from groundstation.autopilot.link_url import LinkUrl
 from groundstation.autopilot.message import MavlinkMessage
 from groundstation.autopilot.received import answer_time_request
-from groundstation.errors import ConfigError, MissingExtraError
+from groundstation.errors import ConfigError, MissingExtraError, os_words
 
 _DIALECT = "common"
 _READ_S = 0.1
@@ -134,7 +134,7 @@ class MavlinkLink:
             try:
                 self._connection.mav.send(encoded(self._dialect, message))
             except OSError as fault:
-                self.fault = f"{type(fault).__name__}: {fault}"
+                self.fault = f"{type(fault).__name__}: {os_words(fault)}"
 
 
 def encoded(dialect: ModuleType, message: MavlinkMessage) -> Any:

@@ -4,7 +4,7 @@ import hashlib
 import stat
 from pathlib import Path
 
-from groundstation.errors import ConfigError
+from groundstation.errors import ConfigError, os_words
 
 _HEX_DIGITS = 64
 _SHORTEST, _LONGEST = 8, 1024
@@ -22,7 +22,7 @@ def read_signing_key(path: Path) -> bytes:
             content = file.read(_LONGEST + 1)
         text = content.decode().strip()
     except (OSError, UnicodeDecodeError) as fault:
-        raise ConfigError(str(path), got=str(fault), wanted=wanted) from fault
+        raise ConfigError(str(path), got=os_words(fault), wanted=wanted) from fault
     if not _SHORTEST <= len(text) <= _LONGEST or not text.isprintable():
         raise ConfigError(str(path), got=f"{len(text)} characters", wanted=wanted)
     if mode & (stat.S_IRGRP | stat.S_IROTH):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from groundstation.errors import InputError, MissingExtraError
+from groundstation.errors import InputError, MissingExtraError, os_words
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -46,7 +46,7 @@ def open_cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
         try:
             client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as fault:
-            said = str(fault).splitlines()[0] if str(fault) else type(fault).__name__
+            said = os_words(fault) if os_words(fault) else type(fault).__name__
             raise InputError("--scheduler", got=f"{scheduler}: {said}", wanted="a Dask scheduler's address") from fault
         with client:
             yield client

@@ -11,7 +11,7 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box, box_of_size
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 
 _WANTED = "a Python with opencv-contrib-python-headless below 5, which has CSRT"
 _CHECK = "import cv2; cv2.TrackerCSRT_create()"
@@ -25,7 +25,7 @@ def require_csrt(python: Path) -> None:
         command = [str(python), "-c", _CHECK]
         done = subprocess.run(command, env=environment, capture_output=True, check=False, timeout=_CHECK_S)
     except (OSError, subprocess.TimeoutExpired) as fault:
-        raise InputError(str(python), got=str(fault), wanted=_WANTED) from fault
+        raise InputError(str(python), got=os_words(fault), wanted=_WANTED) from fault
     if done.returncode != 0:
         raise InputError(str(python), got="a program that has no CSRT", wanted=_WANTED)
 
@@ -40,7 +40,7 @@ class CsrtProcess:
         try:
             self._process = subprocess.Popen(worker, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
         except OSError as fault:
-            raise InputError(str(python), got=str(fault.strerror), wanted=_WANTED) from fault
+            raise InputError(str(python), got=os_words(fault), wanted=_WANTED) from fault
 
     def __enter__(self) -> "CsrtProcess":
         return self

@@ -4,7 +4,7 @@ import csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 
 COLUMNS = ("date", "commit", "version", "first", "sessions", "hit", "wrong", "misleading", "rows_sha256")
 
@@ -34,7 +34,7 @@ def require_log(path: Path) -> None:
         with path.open(encoding="utf-8", newline="") as file:
             head = next(csv.reader(file), [])
     except (OSError, ValueError, csv.Error) as fault:
-        raise InputError(str(path), got=str(fault), wanted="a log of runs that can be read") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a log of runs that can be read") from fault
     if tuple(head) != COLUMNS:
         raise InputError(str(path), got=f"the columns {', '.join(head)[:80]}", wanted=", ".join(COLUMNS))
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from calibration.sky.adsb import as_json, reports_of
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 
 _CONNECT_S = 5.0
 _LOOK_S = 1.0
@@ -24,13 +24,13 @@ def keep_lines(host: str, port: int, path: Path, tell: Callable[[str], None]) ->
         connection = socket.create_connection((host, port), timeout=_CONNECT_S)
     except OSError as fault:
         wanted = "a receiver's port of lines (SBS: 30003)"
-        raise InputError(where, got=str(fault.strerror or fault), wanted=wanted) from fault
+        raise InputError(where, got=os_words(fault), wanted=wanted) from fault
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with connection, path.open("a", encoding="utf-8") as file:
             return _keep(connection, file.write, file.flush, tell)
     except OSError as fault:
-        raise InputError(str(path), got=str(fault.strerror or fault), wanted="a file that can be written") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a file that can be written") from fault
 
 
 def _keep(

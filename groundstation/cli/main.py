@@ -39,7 +39,7 @@ from groundstation.cli.train import add_train
 from groundstation.cli.train_proposals import add_train_proposals
 from groundstation.cli.view import add_view
 from groundstation.compilation import compilation_watched, listen
-from groundstation.errors import GroundstationError, UsageError
+from groundstation.errors import GroundstationError, UsageError, os_words
 
 # in the order of the help
 _COMMANDS: tuple[Callable[[Commands], None], ...] = (
@@ -93,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2 if isinstance(error, UsageError) else 1
     except OSError as error:
         # a full disk or an unplugged device: a traceback would not help
-        what = str(error) if error.filename is None else f"{error.filename}: {error.strerror}"
+        what = os_words(error) if error.filename is None else f"{error.filename}: {os_words(error)}"
         print_line(f"groundstation: {what}{left_by(options, began_s)}", sys.stderr)
         return 1
     except KeyboardInterrupt as end:

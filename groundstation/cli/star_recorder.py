@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.picture_table import PICTURE_COLUMNS, READINGS_COLUMN, TIME_COLUMN
 from calibration.stars.pointing_plan import Pointing
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.live.sighting_station import StandingPicture
 from ptu_drivers.monitor import MoveResult, format_moved
@@ -60,9 +60,7 @@ class NightFolder:
             write_whole(self.folder / name, cv2.imencode(".png", grey)[1].tobytes())
             write_whole(self.folder / "pictures.csv", "\n".join([",".join(COLUMNS), *self._rows, row, ""]))
         except OSError as fault:
-            raise InputError(
-                str(self.folder), got=str(fault.strerror), wanted="a folder that can be written"
-            ) from fault
+            raise InputError(str(self.folder), got=os_words(fault), wanted="a folder that can be written") from fault
         self._rows.append(row)
         return name
 

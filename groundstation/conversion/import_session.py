@@ -17,7 +17,7 @@ from groundstation.conversion.import_clock import ImportClock, import_clock
 from groundstation.conversion.import_request import ImportRequest, ImportResult
 from groundstation.conversion.video_frame_pairing import frames_csv, paired
 from groundstation.conversion.video_stamps import VideoStamps, read_video_stamps
-from groundstation.errors import InputError, SessionError
+from groundstation.errors import InputError, SessionError, os_words
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.output_names import below
 from groundstation.messages import DgpsFix
@@ -249,7 +249,7 @@ def _write(request: ImportRequest, parts: _Parts) -> tuple[Path, ...]:
         draft.rename(request.out)
     except OSError as fault:
         wanted = "room on the disk" if fault.errno in (errno.ENOSPC, errno.EDQUOT) else "a folder that can be written"
-        raise SessionError(str(request.out), got=str(fault.strerror or fault), wanted=wanted) from fault
+        raise SessionError(str(request.out), got=os_words(fault), wanted=wanted) from fault
     finally:
         if draft.exists():
             shutil.rmtree(draft)

@@ -16,7 +16,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.conversion.ros_types import MAP_FRAME, OFFSET_KEY, UNKNOWN_VARIANCE, RosTypes, pixel_topic, topic_of
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.csv_table import CsvTable
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.geometry.station import StationGeometry
@@ -71,7 +71,7 @@ class RosBagWriter:
         try:
             self._writer.open()
         except OSError as error:
-            raise InputError(str(self._writer.path), got=str(error.strerror), wanted="a folder to write") from error
+            raise InputError(str(self._writer.path), got=os_words(error), wanted="a folder to write") from error
         self._write_static()
         return self
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.output_names import below
 from groundstation.messages import Event, Frame, Heartbeat, PixelMeasurement, PtuSample, ReferenceFix
 from groundstation.picture import PartialPicture, Picture
@@ -169,7 +169,7 @@ class _writing:  # noqa: N801 - reads as what it is: with _writing(folder)
 
     def __exit__(self, kind: object, fault: BaseException | None, trace: object) -> None:
         if isinstance(fault, OSError):
-            raise InputError(str(self._folder), got=str(fault.strerror), wanted="a folder to write to") from fault
+            raise InputError(str(self._folder), got=os_words(fault), wanted="a folder to write to") from fault
 
 
 def _whole_or_black(picture: Picture) -> tuple[ImageArray, bool]:

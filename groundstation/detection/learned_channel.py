@@ -103,7 +103,9 @@ def _network(weights: bytes) -> "InferenceSession":
         shape = _run(network, np.zeros((h, w, 3), np.uint8)).shape
     except Exception as fault:
         # its own exceptions have no common class but this
-        raise InputError("weights of the learned channel", got=str(fault), wanted=_WANTED) from fault
+        raise InputError(
+            "weights of the learned channel", got="a file that ONNX Runtime cannot run", wanted=_WANTED
+        ) from fault
     if shape != (1, _MAPS, h, w):
         raise InputError("weights of the learned channel", got=f"maps of shape {shape}", wanted=_WANTED)
     return network

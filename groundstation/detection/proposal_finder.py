@@ -209,7 +209,9 @@ def _network(weights: bytes) -> "InferenceSession":
         shape = _run(network, np.zeros((3, 64, 96), np.float32)).shape
     except Exception as fault:
         # its own exceptions have no common class but this
-        raise InputError("weights of the proposal network", got=str(fault), wanted=_WANTED) from fault
+        raise InputError(
+            "weights of the proposal network", got="a file that ONNX Runtime cannot run", wanted=_WANTED
+        ) from fault
     if shape != (OUTPUTS, 64 // CELL_PX, 96 // CELL_PX):
         raise InputError("weights of the proposal network", got=f"maps of shape {shape}", wanted=_WANTED)
     return network

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.evaluation.bounds import BoundSeries, StationView, fix_covariance, fix_information, posterior_bounds
 from groundstation.evaluation.checked_reference import CheckedReference, check_reference
 from groundstation.evaluation.collector import (
@@ -183,7 +183,7 @@ def write_summary(path: Path, evaluation: Evaluation) -> None:
     try:
         write_whole(path, text + "\n")
     except OSError as fault:
-        raise InputError(str(path), got=fault.strerror or str(fault), wanted="a file that can be written") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a file that can be written") from fault
 
 
 def write_reference_tums(folder: Path, evaluation: Evaluation) -> list[Path]:
@@ -201,9 +201,7 @@ def write_reference_tums(folder: Path, evaluation: Evaluation) -> list[Path]:
                     x, y, z = c.reference_m[k]
                     file.write(f"{c.t_s[k]:.6f} {x:.7f} {y:.7f} {z:.7f} 0 0 0 1\n")
         except OSError as fault:
-            raise InputError(
-                str(path), got=fault.strerror or str(fault), wanted="a file that can be written"
-            ) from fault
+            raise InputError(str(path), got=os_words(fault), wanted="a file that can be written") from fault
         written.append(path)
     return written
 

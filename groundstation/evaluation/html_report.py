@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.consistency_figures import LATENCY
 from groundstation.evaluation.evaluate import Evaluation
@@ -66,7 +66,7 @@ def write_report(
             drawn = _in_turn(shown, folder, long=len(evaluation.epochs) > _MANY_EPOCHS)
             page.writelines(_page(evaluation, drawn, silhouettes, landings))
     except OSError as fault:
-        raise InputError(str(path), got=fault.strerror or str(fault), wanted="a file that can be written") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a file that can be written") from fault
     return (path, folder) if shown else (path,)
 
 

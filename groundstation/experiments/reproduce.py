@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from groundstation.detection.config import DetectorKind
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.evaluation.summary import versions
 from groundstation.experiments.experiment import Experiment, Findings
 from groundstation.experiments.html_report import paper_page
@@ -82,7 +82,7 @@ def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
+        raise InputError(str(folder), got=os_words(fault), wanted="a folder that can be written") from fault
 
 
 @contextlib.contextmanager
@@ -92,7 +92,7 @@ def _writable(path: Path) -> Iterator[None]:
         yield
     except OSError as fault:
         where = Path(fault.filename or path)
-        got = "a folder" if where.is_dir() and where != path else str(fault.strerror or fault)
+        got = "a folder" if where.is_dir() and where != path else os_words(fault)
         raise InputError(str(where), got=got, wanted="a file that can be written") from fault
 
 

@@ -4,7 +4,7 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.toml_table import shown
 
 _FOLDER = Path(__file__).resolve().parents[1] / "detection" / "weights"
@@ -65,7 +65,7 @@ def read_weights(path: Path, sha256: str | None) -> bytes:
         size = path.stat().st_size
         content = path.read_bytes() if size <= MOST_BYTES else b""
     except OSError as fault:
-        raise InputError(str(path), got=str(fault), wanted=wanted) from fault
+        raise InputError(str(path), got=os_words(fault), wanted=wanted) from fault
     if size > MOST_BYTES:
         raise InputError(str(path), got=f"{size} bytes", wanted=f"at most {MOST_BYTES}")
     found = hashlib.sha256(content).hexdigest()

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TextIO
 
-from groundstation.errors import SessionError
+from groundstation.errors import SessionError, os_words
 from groundstation.files.text_file import TextFile, absence, is_utf16
 from groundstation.files.toml_table import quoted, shown
 
@@ -125,7 +125,7 @@ class CsvTable:
         except csv.Error as error:
             raise self.fault(line + 1, got=f"no CSV ({shown(str(error))})", wanted="cells with commas") from error
         except OSError as error:
-            raise SessionError(str(self.path), got=str(error.strerror), wanted="a file that can be read") from error
+            raise SessionError(str(self.path), got=os_words(error), wanted="a file that can be read") from error
 
 
 def _bounded(stream: TextIO, path: TextFile) -> Iterator[str]:

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 
 
 def make_folder(folder: Path) -> None:
@@ -12,7 +12,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
+        raise InputError(str(folder), got=os_words(fault), wanted="a folder that can be written") from fault
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.errors import InputError, printable
+from groundstation.errors import InputError, os_words, printable
 from groundstation.files.nearest_word import one_of
 from groundstation.files.text_file import TextFile, absence, is_utf16
 
@@ -57,7 +57,7 @@ def load_toml(path: TextFile, error: type[InputError]) -> dict[str, Any]:
         _check_integers(values)
         return values
     except OSError as fault:
-        raise error(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
+        raise error(str(path), got=os_words(fault), wanted="a file that can be read") from fault
     except (ValueError, RecursionError) as fault:
         if isinstance(fault, UnicodeDecodeError) and is_utf16(fault.object):
             raise error(str(path), got="text in UTF-16", wanted="a TOML file in UTF-8") from fault

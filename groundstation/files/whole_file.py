@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 
 
 @contextmanager
@@ -62,6 +62,12 @@ def whole_folder(path: Path) -> Iterator[Path]:
         if final.is_dir():
             final.rmdir()
         draft.rename(final)
+    except OSError as fault:
+        named = Path(os.fsdecode(fault.filename)) if isinstance(fault.filename, str | bytes) else None
+        if fault.errno is None or named is None or not named.is_relative_to(draft):
+            raise
+        # a draft's name says nothing to a user
+        raise OSError(fault.errno, fault.strerror, str(path / named.relative_to(draft))) from fault
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 
@@ -77,4 +83,4 @@ def write_bytes_whole(path: Path, content: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, content)
     except OSError as fault:
-        raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a file that can be written") from fault

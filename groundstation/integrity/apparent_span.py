@@ -12,14 +12,13 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.station import StationGeometry
-from groundstation.messages import CameraReport, Detection, StepReport, TriangulationStatus
+from groundstation.integrity.paired_widths import PairedWidths
+from groundstation.messages import StepReport
 
 _LEAST_EPOCHS, _MOST_WIDTHS = 30, 400
 # of the given span: wider than any view of the longest delta's fuselage by a quarter; narrower than a fuselage found
 # alone, whose width is 0.09 to 0.3 spans from ahead
 _WIDEST, _NARROWEST = 1.6, 0.25
-# pictures that wait for the estimate of their pair
-_MOST_WAITING = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +47,7 @@ class ApparentSpanMonitor:
         self._eyes = {name: s.camera_pose(0.0, 0.0).position_runway_m for name, s in stations.items()}
         self._focal_px = {name: float(s.lens.focal_px[0]) for name, s in stations.items()}
         self._span_m = span_m
-        self._waiting: dict[int, dict[str, float]] = {}
+        self._pairs = PairedWidths()
         self._spans_m: list[float] = []
         self._every = self._seen = 1
 
@@ -56,17 +55,8 @@ class ApparentSpanMonitor:
         """Take widths, and the ranges of the pairs that they are of."""
         if self._span_m is None:
             return
-        for camera in report.cameras:
-            width_px = _width_px(camera)
-            if width_px is not None:
-                self._waiting.setdefault(camera.epoch, {})[camera.station] = width_px
-        for estimate in report.estimates:
-            widths = self._waiting.pop(estimate.epoch, {})
-            point = estimate.triangulation
-            if point is not None and estimate.triangulation_status is TriangulationStatus.OK and len(widths) > 1:
-                self._add(widths, point.point_runway_m)
-        while len(self._waiting) > _MOST_WAITING:
-            del self._waiting[next(iter(self._waiting))]
+        for pair in self._pairs.of(report):
+            self._add(pair.widths_px, pair.position_m)
 
     def _add(self, widths_px: Mapping[str, float], position_m: FloatArray) -> None:
         self._seen += 1
@@ -89,12 +79,3 @@ class ApparentSpanMonitor:
         if _NARROWEST * self._span_m <= seen_m <= _WIDEST * self._span_m:
             return None
         return SpanFault(seen_m=seen_m, given_m=self._span_m, count=len(self._spans_m))
-
-
-def _width_px(camera: CameraReport) -> float | None:
-    """Return the width of a silhouette that the filter used and no border cuts."""
-    found = camera.result
-    used = isinstance(found, Detection) and camera.innovation is not None and camera.innovation.accepted
-    if not used or not isinstance(found, Detection) or found.cut or found.box.w <= 0.0:
-        return None
-    return found.box.w

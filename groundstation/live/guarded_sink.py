@@ -1,5 +1,6 @@
 """A sink that a full disk disables, while tracking continues."""
 
+from groundstation.errors import os_words
 from groundstation.messages import StepReport
 from groundstation.sinks.sink import Sink
 
@@ -20,11 +21,11 @@ class GuardedSink:
                 self._sink.write(report)
             except OSError as fault:
                 self._failed = True
-                self._faults.append(f"track files end here: {fault.strerror or fault}")
+                self._faults.append(f"track files end here: {os_words(fault)}")
 
     def close(self) -> None:
         """Close the sink; an error on closing is recorded as well."""
         try:
             self._sink.close()
         except OSError as fault:
-            self._faults.append(f"track files are not whole: {fault.strerror or fault}")
+            self._faults.append(f"track files are not whole: {os_words(fault)}")

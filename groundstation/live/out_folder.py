@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 
 
 def require_free(out: Path) -> None:
@@ -50,7 +50,7 @@ def removed_unless_started(out: Path) -> Iterator[StartingFolder]:
         if not folder.kept:
             folder.restore()
             if isinstance(fault, OSError) and fault.filename and Path(str(fault.filename)).is_relative_to(out):
-                got, wanted = fault.strerror or str(fault), "a folder that files can be made in"
+                got, wanted = os_words(fault), "a folder that files can be made in"
                 raise InputError(str(out), got=got, wanted=wanted) from fault
         raise
 

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from groundstation.errors import os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.live.station_file import StationFile
 from groundstation.replay.provenance import file_provenance, program_provenance
@@ -25,4 +26,4 @@ def write_provenance(
     try:
         write_whole(out / NAME, json.dumps(table, indent=1, ensure_ascii=False) + "\n")
     except OSError as fault:
-        faults.append(f"{NAME}: {fault}")
+        faults.append(f"{NAME}: {os_words(fault)}")

@@ -4,6 +4,7 @@ import socket
 import time
 from typing import Protocol
 
+from groundstation.errors import os_words
 from groundstation.live.head_device import DeviceError
 from groundstation.live.reference_device import ReferenceDevice, UdpAddress, udp_address
 from ptu_drivers.errors import PtuError
@@ -70,7 +71,7 @@ class _UdpLine:
             self._socket.bind((str(address.host), address.port))
         except OSError as fault:
             self._socket.close()
-            raise DeviceError(f"{device.url}: got {fault.strerror or fault}; wanted a port to listen at") from fault
+            raise DeviceError(f"{device.url}: got {os_words(fault)}; wanted a port to listen at") from fault
 
     def read(self, timeout_s: float) -> bytes:
         """Wait for a datagram of an allowed sender; those of others are counted, and do not lengthen the wait."""
@@ -86,7 +87,7 @@ class _UdpLine:
         except TimeoutError:
             pass
         except OSError as fault:
-            raise DeviceError(f"{self._device.url}: got {fault.strerror or fault}; wanted datagrams") from fault
+            raise DeviceError(f"{self._device.url}: got {os_words(fault)}; wanted datagrams") from fault
         return b""
 
     def close(self) -> None:

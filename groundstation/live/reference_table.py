@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from groundstation.errors import os_words
 from groundstation.files.line_file import LineFile
 from groundstation.messages import DgpsFix
 
@@ -46,7 +47,7 @@ class DgpsTable:
                     self._file.flush()
             except OSError as fault:
                 self._failed = True
-                self._faults.append(f"dgps.csv ends here: {fault.strerror or fault}")
+                self._faults.append(f"dgps.csv ends here: {os_words(fault)}")
 
     def close(self) -> bytes | None:
         """Close it; returns its content, None if there is nothing whole."""
@@ -58,5 +59,5 @@ class DgpsTable:
                 file.close()
                 return None if self._failed else self._path.read_bytes()
             except OSError as fault:
-                self._faults.append(f"dgps.csv is not whole: {fault.strerror or fault}")
+                self._faults.append(f"dgps.csv is not whole: {os_words(fault)}")
                 return None

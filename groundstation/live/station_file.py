@@ -96,7 +96,7 @@ class StationFile:
             if path is not None and not path.is_file():
                 raise ConfigError(
                     f"{self.path}: {key}",
-                    got=f"{path}, which is {absence(path)}",
+                    got=f"{path} ({absence(path)})",
                     wanted="a file, its path seen from the station file's folder",
                 )
         return load_rig(self.rig)

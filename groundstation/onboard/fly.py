@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import ImageArray
-from groundstation.errors import InputError, ending_noted
+from groundstation.errors import InputError, ending_noted, os_words
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
@@ -109,7 +109,7 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
     try:
         request.out.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise InputError(str(request.out), got=str(fault.strerror), wanted="a folder that can be made") from fault
+        raise InputError(str(request.out), got=os_words(fault), wanted="a folder that can be made") from fault
     unit = load_unit(request.camera, camera)
     config = ApproachConfig(inertial=unit.config, corners=request.corners)
     if request.runway is None and camera.width_sigma_m is not None:

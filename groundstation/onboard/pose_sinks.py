@@ -7,7 +7,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.geometry.camera import Lens
 from groundstation.onboard.pose.pose_solver import PoseStatus, RunwayPose
 from groundstation.onboard.pose.runway import Runway
@@ -44,7 +44,7 @@ def draw_poses(path: Path, lens: Lens, rows: Iterable[DrawnPose]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         wanted = "--rerun with a file that can be written"
-        raise InputError(str(fault.filename or path), got=str(fault.strerror), wanted=wanted) from fault
+        raise InputError(str(fault.filename or path), got=os_words(fault), wanted=wanted) from fault
     with written_recording(path, "groundstation", path.stem) as stream:
         _log_rows(stream, lens, rows)
 

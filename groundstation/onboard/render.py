@@ -1,6 +1,7 @@
 """A rendered approach as files: nose.avi without loss, nose.toml, imu.csv, truth.csv."""
 
 import csv
+import io
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -10,8 +11,11 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
+from groundstation.files.new_folder import removed_if_empty
 from groundstation.files.overwriting import refuse_existing
+from groundstation.files.video_check import require_whole_video
+from groundstation.files.whole_file import whole_file, write_whole
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.onboard.scenes.draw_nose_world import NoseWorld, draw_nose_world, reported_poses
 from groundstation.onboard.scenes.nose_flight import (
@@ -95,24 +99,46 @@ def _write_flight(
 ) -> tuple[Path, ...]:
     files = tuple(folder / name for name in ("nose.avi", "nose.toml", "imu.csv", "truth.csv"))
     refuse_existing(files)
+    written: list[Path] = []
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        files[1].write_text(camera_text, encoding="utf-8")
-        columns = (*SAMPLE_COLUMNS, *POSE_COLUMNS) if account.poses else SAMPLE_COLUMNS
-        _write(files[2], columns, _log_rows(flight, account))
-        _write(files[3], TRUTH_COLUMNS, _truth_rows(flight))
+        with removed_if_empty(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            try:
+                # the video takes its name last: a run that does not come to its end leaves nothing
+                with whole_file(files[0]) as draft:
+                    draft.open("wb").close()
+                    for path, content in zip(files[1:], _texts(flight, camera_text, account), strict=True):
+                        write_whole(path, content)
+                        written.append(path)
+                    _film(draft, flight, progress)
+                written.clear()
+            finally:
+                for path in written:
+                    path.unlink(missing_ok=True)
     except OSError as fault:
-        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
-    video = cv2.VideoWriter(str(files[0]), _FFV1, float(flight.setup.camera_hz), flight.setup.lens.image_size_px)
+        raise InputError(str(folder), got=os_words(fault), wanted="a folder that can be written") from fault
+    return files
+
+
+def _texts(flight: NoseFlight, camera_text: str, account: NavigationAccount) -> tuple[str, str, str]:
+    """Return the contents of nose.toml, imu.csv and truth.csv."""
+    columns = (*SAMPLE_COLUMNS, *POSE_COLUMNS) if account.poses else SAMPLE_COLUMNS
+    return camera_text, _table(columns, _log_rows(flight, account)), _table(TRUTH_COLUMNS, _truth_rows(flight))
+
+
+def _film(path: Path, flight: NoseFlight, progress: Callable[[int, int | None], None]) -> None:
+    """Write the video; raises `OSError` where the disk did not take all of it."""
+    video = cv2.VideoWriter(str(path), _FFV1, float(flight.setup.camera_hz), flight.setup.lens.image_size_px)
     if not video.isOpened():
-        raise InputError(str(files[0]), got="a video that OpenCV cannot write", wanted="the FFV1 codec")
+        wanted = "the FFV1 codec, and room on the disk"
+        raise InputError("nose.avi", got="a video that OpenCV cannot write", wanted=wanted)
     try:
         for number, (_, image) in enumerate(flight.pictures(), start=1):
             video.write(image)
             progress(number, len(flight.frames))
     finally:
         video.release()
-    return files
+    require_whole_video(path, len(flight.frames))
 
 
 def camera_file(flight: NoseFlight, attitude_rad: FloatArray, place_m: FloatArray) -> str:
@@ -180,8 +206,9 @@ def _truth_rows(flight: NoseFlight) -> Iterable[list[float]]:
         yield [float(motion.t_s[k]), *place, *motion.velocity_m_s[k], *angles]
 
 
-def _write(path: Path, columns: tuple[str, ...], rows: Iterable[list[float]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        out = csv.writer(stream, lineterminator="\n")
-        out.writerow(columns)
-        out.writerows([f"{value:.9g}" for value in row] for row in rows)
+def _table(columns: tuple[str, ...], rows: Iterable[list[float]]) -> str:
+    stream = io.StringIO()
+    out = csv.writer(stream, lineterminator="\n")
+    out.writerow(columns)
+    out.writerows([f"{value:.9g}" for value in row] for row in rows)
+    return stream.getvalue()

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from groundstation.errors import InputError, ending_noted
+from groundstation.errors import InputError, ending_noted, os_words
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
 from groundstation.onboard.edges.config import TrackerConfig, with_noise, without_log
 from groundstation.onboard.edges.edges_file import NO_POSE, EdgesFile, corner_pixels
@@ -67,7 +67,7 @@ def track_edges(
     try:
         request.out.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise InputError(str(request.out), got=str(fault.strerror), wanted="a folder that can be made") from fault
+        raise InputError(str(request.out), got=os_words(fault), wanted="a folder that can be made") from fault
     return _run(request, video, camera, poses, progress)
 
 

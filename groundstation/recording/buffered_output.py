@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import IO, Protocol
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 
 
 class RawOutput(Protocol):
@@ -28,7 +28,7 @@ def new_file(path: Path) -> RawOutput:
     except FileExistsError as fault:
         raise InputError(str(path), got="a file that exists", wanted="a new one: recordings are kept") from fault
     except OSError as fault:
-        raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be made") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a file that can be made") from fault
     return raw
 
 

@@ -20,7 +20,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, McapRecord, Metadata, Schema
 
-from groundstation.errors import RecordingError
+from groundstation.errors import RecordingError, os_words
 from groundstation.files.read_budget import ReadBudget
 from groundstation.files.toml_table import quoted, shown
 
@@ -91,7 +91,7 @@ class McapReader:
         try:
             self._stream: BinaryIO = path.open("rb")
         except OSError as fault:
-            raise RecordingError(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
+            raise RecordingError(str(path), got=os_words(fault), wanted="a file that can be read") from fault
         self._size = os.fstat(self._stream.fileno()).st_size
         if self._read(0, len(MAGIC)) != MAGIC:
             self._stream.close()
@@ -180,7 +180,7 @@ class McapReader:
             self._stream.seek(at)
             return self._stream.read(length)
         except OSError as fault:
-            raise RecordingError(str(self.path), got=str(fault.strerror), wanted="a file that can be read") from fault
+            raise RecordingError(str(self.path), got=os_words(fault), wanted="a file that can be read") from fault
 
     def _parsed(self, kind: type[R], place: _RecordSpan) -> R:
         return _parse(kind, self._read(place.offset, place.length), self._where(place.offset))

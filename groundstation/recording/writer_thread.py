@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 
+from groundstation.errors import os_words
 from groundstation.messages import TrackEstimate
 from groundstation.recording.buffered_output import BufferedOutput
 from groundstation.recording.data_rates import DataRateMeter
@@ -103,7 +104,7 @@ class WriterThread:
             try:
                 free = self._free_bytes()
             except OSError as fault:
-                return self._refuse(f"the disk is gone ({fault.strerror})")
+                return self._refuse(f"the disk is gone ({os_words(fault)})")
             if free < self._config.stop_free_bytes:
                 return self._refuse(f"disk full, {free / 1e6:.0f} MB free")
             if free < self._config.keep_free_bytes:
@@ -127,5 +128,5 @@ class WriterThread:
             if sync:
                 self._output.sync()
         except OSError as fault:
-            return self._refuse(f"the disk accepts no data ({fault.strerror or fault})")
+            return self._refuse(f"the disk accepts no data ({os_words(fault)})")
         return True

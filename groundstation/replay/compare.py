@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.evaluation.comparison_text import ScoredRun, format_comparison, scored
 from groundstation.evaluation.key_figures import moved_figures
 from groundstation.evaluation.summary import SUMMARY_FORMAT
@@ -189,7 +189,7 @@ def load_summary(path: Path) -> dict[str, Any]:
     try:
         summary = json.loads(path.read_text(encoding="utf-8"), parse_float=_finite, parse_constant=_finite)
     except OSError as fault:
-        raise InputError(str(path), got=str(fault.strerror), wanted=wanted) from fault
+        raise InputError(str(path), got=os_words(fault), wanted=wanted) from fault
     except (ValueError, RecursionError) as fault:
         raise InputError(str(path), got=f"no JSON ({shown(str(fault))})", wanted=wanted) from fault
     if not isinstance(summary, dict) or summary.get("format") != SUMMARY_FORMAT:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.evaluation.comparison_figures import ERROR_PLOTS, TRACK_PLOTS, comparison_pictures, overlap_in_time
 from groundstation.evaluation.comparison_page import compared_reference, comparison_verdict, write_comparison_page
 from groundstation.evaluation.comparison_panels import run_styles
@@ -91,7 +91,7 @@ def _remove_earlier(folder: Path) -> None:
         try:
             path.unlink(missing_ok=True)
         except OSError as fault:
-            raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be replaced") from fault
+            raise InputError(str(path), got=os_words(fault), wanted="a file that can be replaced") from fault
 
 
 def _read(result: CompareResult, notes: list[str]) -> dict[str, RunSeries]:

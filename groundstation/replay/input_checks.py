@@ -7,6 +7,7 @@ import numpy as np
 from groundstation.integrity.apparent_span import ApparentSpanMonitor
 from groundstation.integrity.head_motion import HeadMotionMonitor, fault_lines
 from groundstation.integrity.ray_agreement import RayAgreementMonitor
+from groundstation.integrity.relative_pan import RelativePanMonitor
 from groundstation.messages import Event, StepReport
 from groundstation.rig.rig import Rig
 
@@ -27,6 +28,7 @@ class InputChecks:
         self._heads = HeadMotionMonitor({name: geometries[name] for name in turning}, sigmas_rad)
         self._rays = RayAgreementMonitor(geometries, turning)
         self._size = ApparentSpanMonitor(geometries, span_m)
+        self._pan = RelativePanMonitor(geometries)
         places = np.array([station.ptu_position_m for station in rig.stations])
         self._apart_m = float(np.linalg.norm(np.ptp(places, axis=0)))
 
@@ -37,6 +39,7 @@ class InputChecks:
     def write(self, report: StepReport) -> None:
         """Take the pixels and silhouettes that were found."""
         self._size.add(report)
+        self._pan.add(report)
         for camera in report.cameras:
             self._rays.add_report(camera)
 
@@ -57,5 +60,7 @@ class InputChecks:
         rays = self._rays.fault()
         if rays is not None and (rays.hypotheses or not tracked):
             return (rays.line(),)
-        size = self._size.fault()
-        return () if size is None else (size.line(),)
+        for found in (self._pan.fault(), self._size.fault()):
+            if found is not None:
+                return (found.line(),)
+        return ()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.evaluation.position_series import FALLBACK_SIGMA_M
 from groundstation.evaluation.run_series import ReferencePositions, RunSeries, TrackSeries, invertible
 from groundstation.files.csv_table import MAX_LINE_CHARACTERS, MAX_MAGNITUDE, CsvTable
@@ -78,7 +78,7 @@ def _read_tum(path: Path) -> FloatArray:
                 if len(rows) > _MAX_ROWS:
                     raise InputError(f"{path.name}: line {number}", got="more rows", wanted=f"at most {_MAX_ROWS}")
     except OSError as fault:
-        raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a file that can be read") from fault
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 

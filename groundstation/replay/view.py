@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from groundstation.errors import InputError, RigError, SessionError
+from groundstation.errors import InputError, RigError, SessionError, os_words
 from groundstation.files.output_names import below
 from groundstation.files.overwriting import Output
 from groundstation.replay.run_planning import (
@@ -173,7 +173,7 @@ def _kept(path: Path, save: Path | None) -> Path:
     try:
         shutil.copyfile(path, save)
     except OSError as fault:
-        raise InputError(str(save), got=str(fault.strerror), wanted="a file that can be written") from fault
+        raise InputError(str(save), got=os_words(fault), wanted="a file that can be written") from fault
     return save
 
 
@@ -181,7 +181,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
+        raise InputError(str(folder), got=os_words(fault), wanted="a folder that can be written") from fault
 
 
 def names_line(result: ViewResult, sources: Sequence[Path]) -> str:

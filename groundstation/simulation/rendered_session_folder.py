@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from groundstation.errors import ScenarioError
+from groundstation.errors import ScenarioError, os_words
 from groundstation.files.output_names import below
 from groundstation.simulation.device_clocks import device_from_session
 from groundstation.simulation.event_faults import DeliveredFrames, Fault, check_faults, delivered_frames, with_faults
@@ -83,7 +83,7 @@ def write_rendered_session(
                 below(draft, name).write_text(text, encoding="utf-8", newline="\n")
     except (OSError, cv2.error) as fault:
         # a draft's name says nothing to the user
-        got = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
+        got = os_words(fault)
         raise folder_fault(folder, OSError(got)) from fault
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import whole_folder
 from groundstation.messages import InitialState, PixelMeasurement, PtuSample
 from groundstation.rig.rig_toml import rig_to_toml
@@ -57,7 +57,7 @@ def new_session_folder(folder: Path) -> Iterator[Path]:
 
 def folder_fault(folder: Path, fault: OSError) -> InputError:
     """Build (not raise) the error for a folder that cannot be written."""
-    return InputError(str(folder), got=str(fault), wanted="a folder that can be written")
+    return InputError(str(folder), got=os_words(fault), wanted="a folder that can be written")
 
 
 def write_tables(folder: Path, flight: SimulatedFlight, session: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 
 from groundstation.detection.pixel_track import PixelTrack
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.line_file import LineFile
 from groundstation.messages import Detection
 
@@ -25,7 +25,7 @@ class PixelTrackFile:
         try:
             self._file = LineFile(path)
         except OSError as fault:
-            raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault
+            raise InputError(str(path), got=os_words(fault), wanted="a file that can be written") from fault
         self._file.write(",".join(PIXEL_TRACK_COLUMNS) + "\n")
         self._file.flush()
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from groundstation.arrays import ImageArray
 from groundstation.box import Box, expand
 from groundstation.detection.pixel_track import PixelTrack
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.video_check import require_whole_video
 from groundstation.files.whole_file import whole_file
 from groundstation.messages import Detection
@@ -98,12 +98,14 @@ class OverlayVideo:
             # OpenCV does not report why it cannot write
             self._draft.open("wb").close()
         except OSError as fault:
-            raise InputError(str(path), got=str(fault.strerror), wanted="a video that can be written") from fault
+            raise InputError(str(path), got=os_words(fault), wanted="a video that can be written") from fault
         self._frames = 0
         self._writer = cv2.VideoWriter(str(self._draft), _MP4V, rate_hz, size_px)
         if not self._writer.isOpened():
-            self._draft.unlink()
-            raise InputError(str(path), got="a file that OpenCV cannot write", wanted="an .mp4 file of a usual size")
+            # FFmpeg may have removed it
+            self._draft.unlink(missing_ok=True)
+            wanted = "an .mp4 file of a usual size, and room on the disk"
+            raise InputError(str(path), got="a file that OpenCV cannot write", wanted=wanted)
 
     def __enter__(self) -> "OverlayVideo":
         return self
@@ -118,7 +120,7 @@ class OverlayVideo:
                 require_whole_video(self._draft, self._frames)
             except OSError as fault:
                 wanted = "room on the disk: it was given up, what else was written is whole"
-                raise InputError(str(self._path), got=str(fault.strerror), wanted=wanted) from fault
+                raise InputError(str(self._path), got=os_words(fault), wanted=wanted) from fault
 
     def write(self, picture: ImageArray) -> None:
         """Append a drawn frame (h, w, 3) BGR."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.line_file import LineFile
 from groundstation.files.whole_file import whole_file
 from groundstation.messages import (
@@ -70,7 +70,7 @@ class TrackFilesSink:
                 self._detections = _open(stack, folder / "detections.csv")
                 self._tum = _open(stack, folder / "track.tum")
             except OSError as fault:
-                raise InputError(str(folder), got=str(fault), wanted="a folder that can be written") from fault
+                raise InputError(str(folder), got=os_words(fault), wanted="a folder that can be written") from fault
             self._track.write(_line(TRACK_COLUMNS))
             self._triangulation.write(_line(TRIANGULATION_COLUMNS))
             self._detections.write(_line(DETECTION_COLUMNS))
@@ -132,15 +132,17 @@ class TrackFilesSink:
     def close(self) -> None:
         """Write what waits and close the files; may be called twice.
 
-        Raises `OSError` where the disk takes no more; a table without a row is removed then.
+        Raises `OSError` where the disk takes no more; of one that took nothing no table is left.
         """
         try:
             with self._files:
                 if not self._detections.closed:
                     self._write_detections(all_rows=True)
         except OSError:
-            if (self.folder / "track.tum").stat().st_size == 0:
-                (self.folder / "track.tum").unlink()
+            # the only one without a header
+            poses = self.folder / "track.tum"
+            if not (self.folder / "track.csv").exists() and poses.exists() and poses.stat().st_size == 0:
+                poses.unlink()
             raise
 
 
@@ -151,7 +153,7 @@ def write_track(path: Path, estimates: Iterable[TrackEstimate]) -> None:
             file.write(_line(TRACK_COLUMNS))
             file.writelines(_line(_track_cells(estimate)) for estimate in estimates)
     except OSError as fault:
-        raise InputError(str(path), got=fault.strerror or str(fault), wanted="a file that can be written") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a file that can be written") from fault
 
 
 def _open(stack: ExitStack, path: Path) -> LineFile:

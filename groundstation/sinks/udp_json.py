@@ -7,7 +7,7 @@ import socket
 from collections.abc import Mapping
 from typing import Any
 
-from groundstation.errors import ConfigError
+from groundstation.errors import ConfigError, os_words
 
 _ADDRESS = re.compile(r"(?:udp:(?://)?)?(?:\[([0-9a-fA-F:]+)\]|([^:/\s\[\]]+)):(\d{1,5})")
 
@@ -32,7 +32,9 @@ class UdpJsonSender:
             family, kind, protocol, _, to = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind, protocol)
         except OSError as fault:
-            raise ConfigError("--udp", got=f"{address!r}: {fault}", wanted="an address that is known") from fault
+            raise ConfigError(
+                "--udp", got=f"{address!r}: {os_words(fault)}", wanted="an address that is known"
+            ) from fault
         self._to: Any = to
         self._socket.setblocking(False)
         self.sent = 0

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.detection.panorama import GroundPanorama
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
 
 FORMAT = "groundstation-panorama/1"
@@ -29,7 +29,7 @@ def write_panoramas(path: Path, panoramas: Mapping[str, GroundPanorama]) -> None
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, content.getvalue())
     except OSError as fault:
-        raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a file that can be written") from fault
 
 
 def read_panoramas(path: Path) -> dict[str, GroundPanorama]:
@@ -43,7 +43,7 @@ def read_panoramas(path: Path) -> dict[str, GroundPanorama]:
             names = sorted({key.rpartition(".")[0] for key in file.files} - {""})
             found = {name: _panorama(path, name, {key: file[f"{name}.{key}"] for key in _KEYS}) for name in names}
     except OSError as fault:
-        got = str(fault.strerror or fault)
+        got = os_words(fault)
         raise InputError(str(path), got=got, wanted="a file of `calibrate panorama`") from fault
     except (ValueError, KeyError, zipfile.BadZipFile, EOFError) as fault:
         raise InputError(str(path), got="no panorama", wanted="a file of `calibrate panorama`") from fault

@@ -14,6 +14,9 @@ from groundstation.session import Session
 from groundstation.session.folder import ptu_table
 from groundstation.session.time_units import unit_hint
 
+# no head turns further; thousandths of degrees and encoder counts are beyond it
+_MOST_DEG = 3600.0
+
 
 class PtuReadings:
     """Streams ptu.csv in order of session time; a rig of fixed stations has no readings and needs no file.
@@ -105,5 +108,9 @@ def _reading(
         return None
     if pan is None or tilt is None:
         raise table.fault(row.line, got=f"only one of {name}'s two angles", wanted="pan and tilt, or neither")
+    largest = max(pan, tilt, key=abs)
+    if abs(largest) > _MOST_DEG:
+        got = f"{name} at {largest:g} deg"
+        raise table.fault(row.line, got=got, wanted=f"angles in degrees, at most {_MOST_DEG:g} in size: ten turns")
     pan_rad, tilt_rad = correction.angles(math.radians(pan), math.radians(tilt))
     return PtuSample(t_s=t_s, station=name, pan_rad=pan_rad, tilt_rad=tilt_rad)

@@ -13,7 +13,7 @@ import rerun as rr
 from rerun.chunk import Chunk, RrdReader
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.viewer import entity_paths
 
 # the aircraft has touched down when it has come as close to its lowest height
@@ -204,4 +204,4 @@ def chunks(path: Path) -> Iterator[Chunk]:
             if not chunk.entity_path.startswith(_PROPERTIES):
                 yield chunk
     except (RuntimeError, ValueError, OSError) as fault:
-        raise InputError(str(path), got=str(fault).splitlines()[0], wanted="a Rerun recording (.rrd)") from fault
+        raise InputError(str(path), got=os_words(fault), wanted="a Rerun recording (.rrd)") from fault

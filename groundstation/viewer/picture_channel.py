@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from groundstation.arrays import ImageArray
-from groundstation.errors import SessionError
+from groundstation.errors import SessionError, os_words
 from groundstation.messages import CameraReport
 from groundstation.viewer import entity_paths
 from groundstation.viewer.columns import ColumnBatch
@@ -118,7 +118,7 @@ def encoded_file(path: Path) -> tuple[bytes, str]:
     try:
         return path.read_bytes(), media_type
     except OSError as fault:
-        raise SessionError(str(path), got=str(fault.strerror), wanted="a readable picture") from fault
+        raise SessionError(str(path), got=os_words(fault), wanted="a readable picture") from fault
 
 
 def jpeg_bytes(picture: ImageArray) -> bytes:

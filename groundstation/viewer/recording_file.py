@@ -12,7 +12,7 @@ from pathlib import Path
 
 import rerun as rr
 
-from groundstation.errors import InputError, SessionError
+from groundstation.errors import InputError, SessionError, os_words
 
 _CHUNK_BYTES = 1 << 16
 
@@ -69,7 +69,7 @@ class RecordingFile:
                     self._file.close()
                     self._draft.replace(self._path)
                 except OSError as fault:
-                    self._give_up(fault.strerror or str(fault))
+                    self._give_up(os_words(fault))
 
     def discard(self) -> None:
         """Delete the draft, unless it has been closed."""
@@ -109,7 +109,7 @@ class RecordingFile:
             while done < len(data):
                 done += self._file.write(data[done:])
         except OSError as fault:
-            self._give_up(fault.strerror or str(fault))
+            self._give_up(os_words(fault))
 
 
 @contextmanager
@@ -137,5 +137,5 @@ def open_recording_file(path: Path, stream: rr.RecordingStream) -> RecordingFile
     try:
         return RecordingFile(path, stream)
     except (OSError, RuntimeError) as fault:
-        got = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault).splitlines()[0]
+        got = os_words(fault)
         raise SessionError(str(path), got=got, wanted="a file that can be written") from fault

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import rerun as rr
 
-from groundstation.errors import GroundstationError
+from groundstation.errors import GroundstationError, os_words
 
 # a viewer that cannot start exits within this time
 STARTUP_S = 2.0
@@ -174,7 +174,7 @@ def free_port(port: int | None = None) -> int:
         try:
             free.bind(("127.0.0.1", port or 0))
         except OSError as fault:
-            raise ViewerError(f"--port: got {port}, which is in use ({fault.strerror}); wanted a free one") from fault
+            raise ViewerError(f"--port: got {port}, which is in use ({os_words(fault)}); wanted a free one") from fault
         return int(free.getsockname()[1])
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
-from ptu_drivers.errors import LineError, ProtocolError
+from ptu_drivers.errors import LineError, ProtocolError, os_words
 from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.health import FailureReason
 from ptu_drivers.line_lock import SLICE_S, LineLock
@@ -113,7 +113,7 @@ class HttpConnection:
             try:
                 self._addresses = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
             except OSError as unknown:
-                raise LineError(self.url, got=str(unknown), wanted="a host that has an address") from unknown
+                raise LineError(self.url, got=os_words(unknown), wanted="a host that has an address") from unknown
         self._connection = http.client.HTTPConnection(self._host, self._port)
 
     def close(self) -> None:
@@ -138,7 +138,7 @@ class HttpConnection:
             # an idle connection that the server closed shows only when it is used
             raise ExchangeFailed(FailureReason.TRUNCATED, str(broken) or type(broken).__name__) from broken
         except OSError as gone:
-            raise LineError(self.url, got=str(gone) or type(gone).__name__, wanted="an Alpaca server") from gone
+            raise LineError(self.url, got=os_words(gone), wanted="an Alpaca server") from gone
         finally:
             if not whole:
                 self._connection.close()

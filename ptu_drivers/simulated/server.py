@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from ptu_drivers.errors import LineError
+from ptu_drivers.errors import LineError, os_words
 from ptu_drivers.simulated.faults import FAULTS
 from ptu_drivers.simulated.line import VirtualLine
 
@@ -40,7 +40,7 @@ class _Pty:
             link.symlink_to(os.ttyname(self._slave))
         except OSError as fault:
             self._close_ends()
-            raise LineError(str(link), got=fault.strerror or str(fault), wanted="a path for a link") from fault
+            raise LineError(str(link), got=os_words(fault), wanted="a path for a link") from fault
 
     def fileno(self) -> int:
         return self._master
@@ -81,7 +81,7 @@ class _PathLock:
         except OSError as fault:
             self._name.close()
             if fault.errno != errno.EADDRINUSE:
-                raise LineError(str(link), got=str(fault), wanted="a path for a link") from fault
+                raise LineError(str(link), got=os_words(fault), wanted="a path for a link") from fault
             raise LineError(
                 str(link), got="a link that a running simulated unit serves", wanted="another path, or its end first"
             ) from fault
@@ -100,7 +100,7 @@ class _Tcp:
         try:
             self._server = socket.create_server(("127.0.0.1", port))
         except OSError as fault:
-            got = os.strerror(fault.errno) if fault.errno else str(fault)
+            got = os_words(fault)
             raise LineError(f"port {port}", got=got, wanted=wanted) from fault
         self.port = self._server.getsockname()[1]
         self._peer: socket.socket | None = None

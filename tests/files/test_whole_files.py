@@ -155,3 +155,14 @@ def test_a_table_of_which_the_disk_took_nothing_is_removed(tmp_path: Path) -> No
     with files_of_at_most(5), pytest.raises(OSError, match=re.escape(str(new))):
         table.close()
     assert new.read_text(encoding="utf-8") == "a,b\n"
+
+
+def test_a_fault_in_a_draft_folder_has_the_final_name(tmp_path: Path) -> None:
+    path = tmp_path / "flight"
+    with pytest.raises(FileNotFoundError) as fault, whole_folder(path) as draft:
+        (draft / "none" / "rig.toml").write_text("never", encoding="utf-8")
+    assert fault.value.filename == str(path / "none" / "rig.toml")
+    with pytest.raises(FileNotFoundError) as fault, whole_folder(path):
+        (tmp_path / "elsewhere" / "rig.toml").write_text("never", encoding="utf-8")
+    assert fault.value.filename == str(tmp_path / "elsewhere" / "rig.toml")
+    assert names(tmp_path) == []

@@ -21,9 +21,17 @@ from tests.stereo_rig import make_station
 STATIONS = {name: make_station(name, x).geometry() for name, x in (("left", -5.0), ("right", 5.0))}
 
 
-def report(epoch: int, range_m: float, width_m: float, *, accepted: bool = True, cut: bool = False) -> StepReport:
+def report(
+    epoch: int,
+    range_m: float,
+    width_m: float,
+    *,
+    accepted: bool = True,
+    cut: bool = False,
+    bearing_rad: float = 0.0,
+) -> StepReport:
     """A pair of silhouettes ``width_m`` wide at a triangulated range."""
-    point = np.array([0.0, range_m, 5.0])
+    point = np.array([range_m * np.sin(bearing_rad), range_m * np.cos(bearing_rad), 5.0])
     cameras = []
     for name, geometry in STATIONS.items():
         eye = geometry.camera_pose(0.0, 0.0).position_runway_m

@@ -179,4 +179,4 @@ def test_a_missing_file_is_named_with_the_key(tmp_path: Path, key: str, missing:
         (tmp_path / name).write_text("", encoding="utf-8")
     path = written(tmp_path, text)
     said = complaint(ConfigError, lambda: load_station(path).load_rig())
-    assert said.startswith(f"{path}: {key}: got {tmp_path / missing}, which is no such file; wanted a file")
+    assert said.startswith(f"{path}: {key}: got {tmp_path / missing} (no such file); wanted a file")

@@ -53,6 +53,21 @@ def test_a_time_that_is_not_covered(tmp_path: Path) -> None:
     )
 
 
+def test_angles_that_no_head_has_are_named(tmp_path: Path) -> None:
+    """Expected: the stream ends before the row, and the fault names line, station, angle and unit."""
+    session = load_session(Tiny(rows=1, video="png").write(tmp_path))
+    lines = (tmp_path / "ptu.csv").read_text(encoding="utf-8").splitlines()
+    cells = lines[3].split(",")
+    lines[3] = ",".join([cells[0], "123456", *cells[2:]])
+    (tmp_path / "ptu.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    readings = PtuReadings(session)
+    readings.start(-1e9, 1e9)
+    assert len(list(readings.until(1e9))) == 2 * 2
+    assert str(readings.fault).startswith(
+        "ptu.csv: line 4: got left at 123456 deg; wanted angles in degrees, at most 3600"
+    )
+
+
 def test_a_long_table_is_streamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: by the tenth frame, hardly more rows are read than there are before it."""
     folder = Tiny(rows=12, ptu_from_s=0.9, ptu_to_s=2000.0).write(tmp_path)

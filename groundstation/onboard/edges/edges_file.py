@@ -7,7 +7,7 @@ from types import TracebackType
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.line_file import LineFile
 from groundstation.onboard.edges.line_state import A, B, C, D
 from groundstation.onboard.edges.report import EdgeReport, Edges
@@ -43,7 +43,7 @@ class EdgesFile:
         try:
             self._file = LineFile(path)
         except OSError as fault:
-            raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault
+            raise InputError(str(path), got=os_words(fault), wanted="a file that can be written") from fault
         self._file.write(",".join(EDGE_COLUMNS) + "\n")
         self.rows = 0
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.text_file import absence
 from groundstation.files.toml_table import shown
 from groundstation.onboard.edges.camera_file import NoseCamera
@@ -104,7 +104,7 @@ def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     except UnicodeDecodeError as fault:
         raise ImuFileError(str(path), got="bytes that are no text in UTF-8", wanted="a CSV table") from fault
     except (OSError, csv.Error) as fault:
-        raise ImuFileError(str(path), got=shown(str(fault)), wanted="a CSV table") from fault
+        raise ImuFileError(str(path), got=shown(os_words(fault)), wanted="a CSV table") from fault
     if not lines:
         raise ImuFileError(str(path), got="an empty file", wanted="a CSV table")
     header = [name.strip() for name in lines[0]]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.text_file import absence
 from groundstation.files.toml_table import quoted, shown
@@ -83,7 +83,7 @@ class Runways:
                 raise PoseError(str(path), got="more than 50 MB", wanted="a table of runways")
             self._table = json.loads(path.read_text(encoding="utf-8"))
         except OSError as error:
-            raise PoseError(str(path), got=str(error.strerror), wanted="a JSON file of runways") from error
+            raise PoseError(str(path), got=os_words(error), wanted="a JSON file of runways") from error
         except json.JSONDecodeError as error:
             got = f"no JSON ({shown(error.msg)})"
             raise PoseError(f"{path}: line {error.lineno}", got=got, wanted="a JSON file of runways") from error
@@ -179,7 +179,7 @@ def write_poses(path: Path, rows: Iterator[tuple[str, RunwayPose | None, str]]) 
         write_whole(path, text.getvalue())
     except OSError as error:
         raise PoseError(
-            str(error.filename or path), got=str(error.strerror), wanted="--out with a file that can be written"
+            str(error.filename or path), got=os_words(error), wanted="--out with a file that can be written"
         ) from error
     return counts
 

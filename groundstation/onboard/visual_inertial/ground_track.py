@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.text_file import absence
 from groundstation.files.toml_table import finite_number, shown
@@ -67,7 +67,7 @@ def _from_tum(path: Path, sigma_m: float) -> tuple[FloatArray, FloatArray, Float
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as fault:
-        raise GroundTrackError(str(path), got=shown(str(fault)), wanted="a TUM trajectory") from fault
+        raise GroundTrackError(str(path), got=shown(os_words(fault)), wanted="a TUM trajectory") from fault
     for number, line in enumerate(lines, start=1):
         words = line.split()
         if not words or words[0].startswith("#"):

@@ -9,7 +9,7 @@ from types import TracebackType
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.files.line_file import LineFile
 from groundstation.onboard.edges.edges_file import NO_POSE
 from groundstation.onboard.pose.agreement import PositionAgreement
@@ -42,7 +42,7 @@ class NoseFiles:
             try:
                 track, self._tum, pictures = (stack.enter_context(LineFile(path)) for path in self.files)
             except OSError as fault:
-                raise InputError(str(folder), got=str(fault.strerror), wanted="a folder to write to") from fault
+                raise InputError(str(folder), got=os_words(fault), wanted="a folder to write to") from fault
             self._track = csv.writer(track, lineterminator="\n")
             self._pictures = csv.writer(pictures, lineterminator="\n")
             self._track.writerow(TRACK_COLUMNS)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import LogError
+from groundstation.errors import LogError, os_words
 from groundstation.geometry.geodesy import ecef_from_geodetic
 from groundstation.session.logs.dataflash import read_dataflash
 from groundstation.session.logs.fixes import DEFAULT_SIGMA_M, FixQuality, LogFix, LogOptions, ReadingNotes, check_count
@@ -82,7 +82,7 @@ def _reader(path: Path) -> Reader:
         with path.open("rb") as stream:
             head = stream.read(_HEAD_BYTES)
     except OSError as fault:
-        raise LogError(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
+        raise LogError(str(path), got=os_words(fault), wanted="a file that can be read") from fault
     if head.startswith(b"ULog\x01\x12\x35"):
         return read_ulog
     if head.startswith(b"\xa3\x95"):

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from groundstation.errors import LogError
+from groundstation.errors import LogError, os_words
 from groundstation.session.logs.fixes import ReadingNotes
 
 MAX_LINE_BYTES = 4096
@@ -35,4 +35,4 @@ def text_lines(path: Path, remarks: ReadingNotes) -> Iterator[tuple[int, str, bo
                     remarks.count(f"line of more than {MAX_LINE_BYTES} bytes", f"line {number}")
                 skipping = not whole
     except OSError as fault:
-        raise LogError(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
+        raise LogError(str(path), got=os_words(fault), wanted="a file that can be read") from fault

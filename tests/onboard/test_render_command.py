@@ -1,0 +1,30 @@
+"""What `groundstation onboard render` leaves where it does not come to its end."""
+
+from pathlib import Path
+
+import pytest
+
+from groundstation.cli.main import main
+from tests.files.limits import files_of_at_most
+
+
+def test_a_full_disk_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: of tables and video neither an empty nor a part, and no folder; one line."""
+    out = tmp_path / "nose"
+    for limit in (100, 20_000):
+        with files_of_at_most(limit):
+            assert main(["onboard", "render", "--out", str(out), "--frames", "2"]) == 1
+        assert f"{out}: got " in capsys.readouterr().err.splitlines()[-1]
+        assert not out.exists()
+
+
+def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("groundstation.onboard.render.require_whole_video", interrupted)
+    out = tmp_path / "nose"
+    out.mkdir()
+    (out / "notes.txt").write_text("kept", encoding="utf-8")
+    assert main(["onboard", "render", "--out", str(out), "--frames", "2"]) == 130
+    assert [path.name for path in out.iterdir()] == ["notes.txt"]
