@@ -54,7 +54,8 @@ class TrackerConfig:
         shoulders, equal along an edge, and for blur and haze at either end; it does not average out and is added to the
         reported covariance (crossings only).
     profile_sigma_m, profile_sigma_px : the same for the ambiguity that remains in a profile with markings.
-    plain_contrast : contrast (0 to 1) below which an edge is faint, and ``edge_sigma_px`` increases as it decreases.
+    plain_contrast : contrast (0 to 1) below which an edge is faint, and ``edge_sigma_px`` increases as it decreases,
+        ``profile_sigma_px`` as its square.
     gate : largest normalised innovation squared of an accepted measurement, 4 degrees of freedom.
     coast_frames : number of frames for which the lines are predicted without measurement before a new search.
     line_noise, process_noise : the paper's U and Q, per element (lines only).
@@ -97,8 +98,8 @@ class TrackerConfig:
     work: int = 5
     edge_sigma_m: float = 0.35
     edge_sigma_px: float = 0.6
-    profile_sigma_m: float = 0.2
-    profile_sigma_px: float = 0.35
+    profile_sigma_m: float = 0.18
+    profile_sigma_px: float = 0.12
     plain_contrast: float = 0.07
     gate: float = 25.0
     coast_frames: int = 10

@@ -13,6 +13,8 @@ class EdgeMeasurement:
     Attributes
     ----------
     crossings_px, covariance_px2 : where they cross the two rows that were used, (4,) and (4, 4).
+    stated_px2 : the same covariance as it is stated; None: that one. Errors of pictures are much alike, so that the one
+        by which they are weighed has a larger floor.
     contrast : (2,) across both edges, 0 to 1.
     agreement : 1 where inside differs from outside by the same colours at both edges, all along them; down to −1.
     markings : side lines and lamps next to the edges, where a profile was taken.
@@ -31,3 +33,4 @@ class EdgeMeasurement:
     unsettled_px2: FloatArray | None = None
     change: Change = Change.NONE
     evidence: FloatArray | None = None
+    stated_px2: FloatArray | None = None

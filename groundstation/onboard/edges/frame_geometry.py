@@ -20,8 +20,9 @@ from groundstation.onboard.edges.line_state import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose, corrected_pose
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
 
-# fainter than a quarter of plain contrast an edge is not drawn farther: the profile's own sigma grows there
-_MOST_FAINT = 4.0
+# fainter than a quarter of plain contrast an edge is not drawn farther: the profile's own sigma grows there; the edge
+# of a profile is drawn less where contrast is plain, and the more the fainter it gets
+_MOST_FAINT, _MOST_FAINT_PROFILE = 4.0, 12.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,7 +132,8 @@ def edge_noise(
     own = np.abs(crossings[2:] - crossings[:2]) * (sigma_m / per_m)
     for line in range(2):
         contrast = config.plain_contrast if found is None else float(found.contrast[line])
-        faint = min(max(config.plain_contrast / max(contrast, 1e-9), 1.0), _MOST_FAINT)
+        faint = max(config.plain_contrast / max(contrast, 1e-9), 1.0)
+        faint = min(faint, _MOST_FAINT) if unsettled is None else min(faint * faint, _MOST_FAINT_PROFILE)
         faint *= math.hypot(1.0, float(crossings[2 * line + 1] - crossings[2 * line]) / float(rows[1] - rows[0]))
         block = noise[2 * line : 2 * line + 2, 2 * line : 2 * line + 2]
         np.multiply(own[:, None], own, out=block)

@@ -278,6 +278,8 @@ def _in_picture(
     prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
     crossings, covariance = np.empty(4), np.empty((4, 4))
     between(look.predicted, prior, found.crossings_px, found.covariance_px2, crossings, covariance)
+    if found.stated_px2 is not None:
+        between(look.predicted, prior, found.crossings_px, found.stated_px2, np.empty(4), covariance)
     return crossings, covariance
 
 

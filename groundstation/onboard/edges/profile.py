@@ -47,6 +47,9 @@ from groundstation.onboard.edges.profile_kernel import moments
 # usual colour about the edges, 0 to 1, below which lamps are assumed on until layouts have been compared: as in
 # `paint` 95 of 255 grey levels, well above night (60 to 80) and below day (from 125 on); dusk is on either side
 _DARK_COLOUR = 0.37
+# colours from which on ground may be, and is, as white as paint, and how much surer it is then that it hides a line;
+# how much of that is not the same at all ends
+_WHITE, _SURER, _UNLIKE = (0.76, 0.84), 3.0, 0.25
 # lamps that are seen where they stand, any width
 _PLAIN = ProfileView()
 
@@ -125,11 +128,11 @@ def _result(
 
     Except for the ``light`` (blocks, 3) of lamps: near by the fine window, 2 m to either side, does not include them.
     """
-    covariance, moved = config.floor_px**2 * np.eye(4), np.zeros(4)
+    spreads, moved = np.zeros((4, 4)), np.zeros(4)
     for line in range(2):
         own, spread = slice(2 * line, 2 * line + 2), np.empty((2, 2))
         moments(fit.grids[line], fit.steps, moved[own], spread)
-        covariance[own, own] += spread
+        spreads[own, own] = spread
     levels = levels_at(fit, moved)
     between = levels[:, :, 1] - levels[:, :, 0]
     lengths = np.sqrt((between**2).sum(axis=(1, 2)))
@@ -137,13 +140,15 @@ def _result(
     excess[1] = light
     markings = _remembered(markings, excess, noise_at(fit, moved), config)
     scale = OUTWARDS * np.tile(px_per_m, 2)
+    merged_m2 = _merged_m2(markings, levels, config) * (1.0 - _UNLIKE + _UNLIKE * np.eye(4))
     return EdgeMeasurement(
         crossings_px=crossings + OUTWARDS * moved,
-        covariance_px2=covariance,
+        covariance_px2=spreads + config.floor_px**2 * np.eye(4),
+        stated_px2=spreads + config.stated_floor_px**2 * np.eye(4),
         contrast=np.sqrt(np.median((between**2).mean(axis=2), axis=1)),
         agreement=float((between[0] * between[1]).sum()) / max(float(lengths[0] * lengths[1]), 1e-9),
         markings=markings,
-        unsettled_px2=(unsettled_m2(markings, config) + _merged_m2(markings, levels, config)) * np.outer(scale, scale),
+        unsettled_px2=(unsettled_m2(markings, config) + merged_m2) * np.outer(scale, scale),
         change=change,
     )
 
@@ -158,11 +163,14 @@ def _merged_m2(markings: Markings, levels: FloatArray, config: ProfileConfig) ->
     between = (levels[:, :, 1] - levels[:, :, 0]).mean(axis=2)
     if not is_bright(between):
         return 0.0
+    # ground as white as paint, snow by day, hides a line for sure
+    white = min(max((float(levels[:, :, 1].mean()) - _WHITE[0]) / (_WHITE[1] - _WHITE[0]), 0.0), 1.0)
+    share = min(config.merged_share * (1.0 + _SURER * white), 1.0)
     line_m = layout_at(markings.places, config, markings).line_m
     if line_m is None:
-        return config.merged_share * config.merged_m**2
+        return share * config.merged_m**2
     seen = is_bright((1.0 - OVER_GROUND) * levels[:, :, 2].mean(axis=2) - between)
-    return 0.0 if seen else config.merged_share * line_m[0] ** 2
+    return 0.0 if seen else share * line_m[0] ** 2
 
 
 def _steps(px_per_m: FloatArray, config: ProfileConfig) -> FloatArray:

@@ -25,8 +25,8 @@ class ProfileConfig:
     layout_alike, layout_alike_stated : nats of that which count as one against what is known before any picture, and
         for the covariance: errors of pictures are correlated.
     untried_m : displacement of the lines by a layout that was never compared, outwards.
-    merged_share, merged_m : probability of a side line as bright as ground that is brighter than the pavement, and how
-        much farther out the edge is then.
+    merged_share, merged_m : probability of a side line as bright as ground that is brighter than the pavement, where
+        the ground is not as white as paint, and how much farther out the edge is then.
     least_evidence : log-likelihood of an edge over none at all below which it is not seen.
     picture_limit : most log-likelihood by which a picture tells two layouts apart.
     shape_margin : summed gain at which the line is taken as wider, narrower or elsewhere by a step.
@@ -45,7 +45,8 @@ class ProfileConfig:
     values_as_one : number of a profile's values (bins in steps of the fine size, three colours) whose errors are equal
         and that count as one in its likelihood: a pixel's noise is in two bins of half a pixel; of three colours that
         share light and texture the errors are between one and three; two times two.
-    floor_px : lower limit of an end's sigma.
+    floor_px, stated_floor_px : lower limit of an end's sigma: as it weighs against other pictures, whose errors are
+        much alike, and as it is stated.
     """
 
     blocks: int = 8
@@ -71,7 +72,7 @@ class ProfileConfig:
     least_evidence: float = 15.0
     picture_limit: float = 30.0
     shape_margin: float = 10.0
-    lamps_alone: float = -2.5
+    lamps_alone: float = -3.25
     layout_outlier: float = 1e-4
     least_spread: float = 0.2
     paint_spread: float = 0.5
@@ -89,3 +90,4 @@ class ProfileConfig:
     mark_frames: int = 10
     values_as_one: float = 4.0
     floor_px: float = 0.4
+    stated_floor_px: float = 0.15

@@ -26,6 +26,8 @@ GREY_AND_TINTS = np.array([[1.0, 1.0, 1.0], [1.0, 0.0, -1.0], [1.0, -2.0, 1.0]])
 GREY_AND_TINTS /= np.linalg.norm(GREY_AND_TINTS, axis=1)[:, None]
 OUTLIER = 0.02  # likelihood of an outlier block of rows, over its best
 LEAST_BLUR = 0.5
+# weight of what is known before a picture, that the ground next to an edge is as bright farther out, in pixels
+_LEVEL = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,7 +219,8 @@ def layout_levels(
     prior = ExcessPrior(excess=np.ascontiguousarray(excess @ GREY_AND_TINTS.T), stiffness=stiffness)
     for line in range(2):
         total = np.ascontiguousarray(profiles.total[line] @ GREY_AND_TINTS.T)
-        misfits(total, profiles.weight[line], profiles.blurs[line], bars[line], prior, misfit[line], levels[line], True)
+        weight, blurs = profiles.weight[line], profiles.blurs[line]
+        misfits(total, weight, blurs, bars[line], prior, misfit[line], levels[line], True, _LEVEL)
     freedom = 3.0 * (profiles.weight > 0.0).sum(axis=2)
     return LayoutLevels(misfit=misfit, levels=levels, freedom=freedom, bars=bars)
 

@@ -48,6 +48,15 @@ def fill_steps(steps: FloatArray, blur: float, origin: int) -> None:
 
 
 @njit(cache=True, nogil=True)
+def fill_slope(slope: FloatArray, blur: float, origin: int, reach: int) -> None:
+    """Fill the blurred rise (bins,) of the ground outwards from the edge at bin ``origin``, 1 after ``reach`` bins."""
+    for i in range(slope.size):
+        z = (i - origin) / blur
+        bend = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi) if abs(z) < _FROM else 0.0
+        slope[i] = blur * (z * _under(z) + bend) / reach
+
+
+@njit(cache=True, nogil=True)
 def fill_bar(
     shape: FloatArray, inner: float, outer: float, blur: float, origin: int, limits: NDArray[np.int64]
 ) -> None:
@@ -99,7 +108,7 @@ def _fill_common(
 ) -> None:
     """Fill the rows of pavement and ground in the matrix (size, size, trials) and the right sides (3, size, trials)."""
     last = steps.shape[1]
-    for m in range(2):
+    for m in range(steps.shape[0]):
         for n in range(m + 1):
             _correlate(steps[m], steps[n], 0, last, signals[0], matrix[m, n])
         for c in range(3):
@@ -117,23 +126,24 @@ def _fill_bars(
     right: FloatArray,
 ) -> None:
     """Fill the rows of a layout's bars, ``shapes`` (bars, bins), in the matrix and the right sides."""
+    base = steps.shape[0]
     for m in range(shapes.shape[0]):
         first, last = limits[m, 0], limits[m, 1]
-        for n in range(2):
-            _correlate(steps[n], shapes[m], first, last, signals[0], matrix[2 + m, n])
+        for n in range(base):
+            _correlate(steps[n], shapes[m], first, last, signals[0], matrix[base + m, n])
         for n in range(m + 1):
             low, high = max(first, limits[n, 0]), min(last, limits[n, 1])
-            _correlate(shapes[m], shapes[n], low, high, signals[0], matrix[2 + m, 2 + n])
+            _correlate(shapes[m], shapes[n], low, high, signals[0], matrix[base + m, base + n])
         for c in range(3):
-            _correlate(shapes[m], ones, first, last, signals[1 + c], right[c, 2 + m])
+            _correlate(shapes[m], ones, first, last, signals[1 + c], right[c, base + m])
 
 
 @njit(cache=True, nogil=True)
 def _factorise(matrix: FloatArray, stiffness: FloatArray, lower: FloatArray, diagonal: FloatArray) -> None:
-    """Fill L and D (size, trials) of Cholesky's L D Lᵀ, with the prior's weights (bars,); alike for all colours."""
+    """Fill L and D (size, trials) of Cholesky's L D Lᵀ, with the prior's weights (size,); alike for all colours."""
     size, trials = matrix.shape[0], matrix.shape[2]
     for m in range(size):
-        more = _SQUARE + (stiffness[m - 2] if m > 1 else 0.0)
+        more = _SQUARE + stiffness[m]
         for o in range(trials):
             diagonal[m, o] = matrix[m, m, o] + more
         for n in range(m):
@@ -160,13 +170,13 @@ def _solve_levels(
 ) -> None:
     """Fill one colour's levels (size, trials) by substitution, and what is ``left`` of its squares (trials,).
 
-    ``right`` (size, trials), ``excess`` (bars,).
+    ``right`` (size, trials), ``stiffness`` and ``excess`` (size,).
     """
     size, trials = right.shape
     left[:] = squares
     for m in range(size):
-        held = stiffness[m - 2] * excess[m - 2] if m > 1 else 0.0
-        again = held * excess[m - 2] if m > 1 else 0.0
+        held = stiffness[m] * excess[m]
+        again = held * excess[m]
         for o in range(trials):
             y = right[m, o] + held
             for n in range(m):
@@ -202,6 +212,7 @@ def misfits(
     misfit: FloatArray,
     levels: FloatArray,
     apart: bool = False,
+    slope: float = 0.0,
 ) -> None:
     """Fill the misfits of pavement, ground and bright bars along one edge, and their levels, of several layouts.
 
@@ -216,19 +227,23 @@ def misfits(
     misfit, levels : (layouts, blocks, trials), and (layouts, blocks, trials, 2 + bars, 3): pavement, ground, each bar's
         excess.
     apart : the first colour is grey, the others are tints, which have their own noise: their misfits' geometric mean.
+    slope : the ground rises or falls outwards as well; weight of the prior that it is level, in pixels; 0: it is level.
     """
     blocks, bins = weight.shape
-    excess, stiffness = prior.excess, prior.stiffness
     layouts, count, trials = bars.shape[0], bars.shape[1], misfit.shape[2]
-    middle, size = trials // 2, 2 + count
+    base = 3 if slope > 0.0 else 2
+    middle, size = trials // 2, base + count
     origin = bins // 2 + middle
-    steps, shapes, ones = np.empty((2, bins + trials)), np.empty((count, bins + trials)), np.ones(bins + trials)
+    steps, shapes, ones = np.empty((base, bins + trials)), np.empty((count, bins + trials)), np.ones(bins + trials)
     limits, signals = np.empty((count, 2), np.int64), np.zeros((4, bins + 2 * trials))
     matrix, right = np.empty((size, size, trials)), np.empty((3, size, trials))
     lower, diagonal, own = np.zeros((size, size, trials)), np.empty((size, trials)), np.empty((size, trials))
-    squares, left = np.empty(3), np.empty((3, trials))
+    squares, left, stiffness, excess = np.empty(3), np.empty((3, trials)), np.zeros(size), np.zeros(size)
+    stiffness[2:base], stiffness[base:] = slope, prior.stiffness
     for k in range(blocks):
-        fill_steps(steps, blurs[k], origin)
+        fill_steps(steps[:2], blurs[k], origin)
+        if base > 2:
+            fill_slope(steps[2], blurs[k], origin, bins // 2)
         whole = _fill_signals(total[k], weight[k], 2 * middle, signals, squares)
         _fill_common(steps, ones, signals, matrix, right)
         for n in range(layouts):
@@ -237,10 +252,12 @@ def misfits(
             _fill_bars(shapes, limits, steps, ones, signals, matrix, right)
             _factorise(matrix, stiffness, lower, diagonal)
             for c in range(3):
-                _solve_levels(lower, diagonal, right[c], stiffness, excess[:, k, c], squares[c], own, left[c])
+                excess[base:] = prior.excess[:, k, c]
+                _solve_levels(lower, diagonal, right[c], stiffness, excess, squares[c], own, left[c])
                 for o in range(trials):
-                    for m in range(size):
-                        levels[n, k, o, m, c] = own[m, o]
+                    levels[n, k, o, 0, c], levels[n, k, o, 1, c] = own[0, o], own[1, o]
+                    for m in range(count):
+                        levels[n, k, o, 2 + m, c] = own[base + m, o]
             _fill_misfit(left, whole, apart, misfit[n, k])
 
 

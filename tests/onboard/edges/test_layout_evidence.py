@@ -27,8 +27,13 @@ PAINT, LAMPS = Layout(line_m=(-0.95, -0.5), lamps_m=None), Layout(line_m=None, l
 NONE = Layout(line_m=None, lamps_m=None)
 
 
-def seen(*, paint: float = 0.0, lamps: float = 0.0, noise: float = 8.0, blur_px: float = 0.6) -> EdgeProfiles:
-    """Return the profiles of a runway 20 m wide with a line half a metre inside, or lamps every 30 m outside."""
+def seen(
+    *, paint: float = 0.0, lamps: float = 0.0, noise: float = 8.0, blur_px: float = 0.6, rise: float = 0.0
+) -> EdgeProfiles:
+    """Return the profiles of a runway 20 m wide with a line half a metre inside, or lamps every 30 m outside.
+
+    The ground may ``rise`` in brightness outwards, grey levels a metre, to 8 m from the edge.
+    """
     rng, image = np.random.default_rng(5), np.zeros((480, 640, 3))
     fine = (np.arange(640 * 8) + 0.5) / 8.0 - 0.5
     for row in range(240, 320):
@@ -36,7 +41,7 @@ def seen(*, paint: float = 0.0, lamps: float = 0.0, noise: float = 8.0, blur_px:
         m = PX_PER_M[0] * (1.0 - t) + PX_PER_M[1] * t
         left, right = (LINES[k] * (1.0 - t) + LINES[k + 1] * t for k in (0, 2))
         outside = np.maximum(left - fine, fine - right) / m
-        grey = np.where(outside > 0.0, 110.0, 125.0)
+        grey = np.where(outside > 0.0, 150.0 if rise else 110.0, 125.0) + rise * np.clip(outside, 0.0, 8.0)
         grey += paint * ((outside > -0.95) & (outside < -0.5))
         # a lamp every sixth row
         grey += lamps * (row % 6 < 2) * ((outside > 1.25) & (outside < 1.75))
@@ -66,6 +71,20 @@ def test_a_line_is_a_line_and_lamps_are_dots() -> None:
     assert lamps > max(line, none) + 10.0
     line, lamps, none = evidence(plain, [PAINT, LAMPS, NONE])
     assert none > max(line, lamps)
+
+
+@pytest.mark.parametrize("rise", [2.0, 4.0, 8.0])
+def test_ground_that_gets_brighter_outwards_is_no_line_on_a_wider_runway(rise: float) -> None:
+    """With level ground alone a line was 11 to 52 nats ahead of the bare edge there is, and edges up to 1.2 px off.
+
+    Both edges of two drawn approaches were held a metre too far out, tracking, 5 to 11 stated sigmas off.
+    """
+    profiles = seen(rise=rise)
+    layouts = [NONE, *(Layout(line_m=(out_m - 0.45, out_m), lamps_m=None) for out_m in (0.0, -0.5, -1.0))]
+    fits = weighed_layouts(profiles, layouts, np.zeros(4), LOOSE, CONFIG)
+    none, *lines = (refined_displacement(fit, np.zeros(4), LOOSE) for fit in fits)
+    assert none.evidence > max(line.evidence for line in lines) + 4.0
+    assert np.abs(none.moved_px).max() < 0.3
 
 
 def test_light_is_not_darker_than_the_ground_nor_paint_than_the_pavement() -> None:
