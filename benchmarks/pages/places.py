@@ -7,7 +7,6 @@ from one passage of the linked section: a paragraph, a list's item, a table's ro
 _AT = "At y 100–250 m, these pairs: landing-1 "
 _NIS = "NIS per degree of freedom (1 is ideal): landing-1 "
 _CLIPS = "| {} | _ | _ | "
-_APPROACH = "| RMSE, px | {} |"
 _SPEED = "| {} | _ | _ | "
 _HORIZON = "| horizon to {}° | _ | "
 _TWELVE = "| 30 pairs/s, ten minutes, twelve approaches, today's code "
@@ -147,12 +146,9 @@ PLACES: dict[str, tuple[str, ...]] = {
     ),
     "seeded faults found by the tests, of 319 tried; 64 more are listed": ("~ found (# %; wanted",),
     "fuzz: inputs of each reader; recordings": ("53 readers, # inputs of each,", "; # recordings of mutated structure"),
-    "runway edges from the nose, RMSE; worst approach": (
-        _APPROACH.format("0.3 | _ | _ | _ | _ | _ | #"),
-        "| each approach, px | _ | _ | _ | _ | #, 0.9, 0.7 |",
-    ),
-    "processor time of a tracking frame under load, 99 %": ("tracking median ~ ms, 99 % # ms (~ wanted",),
-    "first; acquiring frames, median": ("First frames median #, acquiring ones #.",),
+    "runway edges from the nose, RMSE; worst approach": ("load ~ to ~): # px, median", "short final 15001 # px (~)"),
+    "processor time of a tracking frame under load, 99 %": ("Tracking median ~ ms, 99 % # ms, first",),
+    "first; acquiring frames, median": ("99 % ~ ms, first #, acquiring #",),
     "the same with the horizon to 0.05°, at 1–2 km; 2–4 km": (_HORIZON.format("0.05") + "# | # |",),
     "its NEES (6), farthest of three noises; 12,000 other views": (
         "(`--only noise`): ~ at 0.3 px, ~ at 0.5 px, # at 1 px",

@@ -56,8 +56,8 @@ class ProtectionConfig:
     ----------
     faults : priors, sizes and risk.
     window_s : time over which residuals are summed; the time to alert.
-    inflation : factor of the filter's sigma: ANEES is 1.09 and 1.28 on the two recordings that no part of the detector
-        was made with (docs/results.md), the root of the larger one is 1.13; an earlier detector had 1.45 and 1.20.
+    inflation : factor of the filter's sigma: ANEES is 0.42 and 0.81 on the two recordings that no part of the detector
+        was made with (docs/results.md); earlier detectors had up to 1.45, whose root the factor is.
     following : by how much more than one fix the filter follows a fault at most: measured in
         benchmarks/integrity_study.py.
     constant_px : one sigma of a constant error of each station's pixel that neither rig nor detection state.
