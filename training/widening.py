@@ -23,8 +23,9 @@ def widened(
     if eighth < network.eighth or sixteenth < network.sixteenth:
         had, wanted = (network.eighth, network.sixteenth), (eighth, sixteenth)
         raise ValueError(f"a network of {had} channels is not widened to {wanted}")
-    torch.manual_seed(seed)
-    wide = ChannelNetwork(eighth, sixteenth)
+    with torch.random.fork_rng(devices=()):
+        torch.manual_seed(seed)
+        wide = ChannelNetwork(eighth, sixteenth)
     new, old = wide.state_dict(), network.state_dict()
     for name, value in old.items():
         target = new[name]

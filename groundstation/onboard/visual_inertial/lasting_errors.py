@@ -82,6 +82,11 @@ class LastingErrors:
         kept = np.eye(h.size) - np.outer(gain, h)
         self._P = kept @ self._P @ kept.T + noise * np.outer(gain, gain)
 
+    def restart(self) -> None:
+        """Forget the filter's own error: it has started from another state, and what lasts is as it was."""
+        self._x[-1] = self._variance_m2 = 0.0
+        self._P[-1] = self._P[:, -1] = 0.0
+
     def corrected(self, t_s: float, sensitivity: FloatArray, own: FloatArray, up: int) -> tuple[FloatArray, FloatArray]:
         """Return what a state (n,) is off by as far as that has been learnt, and the covariance (n, n) of the rest.
 

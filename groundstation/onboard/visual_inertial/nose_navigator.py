@@ -251,6 +251,7 @@ class NoseNavigator:
         if innovation.outcome is UpdateOutcome.RESTARTED:
             # its velocity is unknown again: the tracker returns to the external pose
             self._used, self._inside, self._confirmed = 1, False, False
+            self._errors.restart()
         return innovation
 
     def _in_time(self, t_s: float, corners: FoundCorners) -> FloatArray:

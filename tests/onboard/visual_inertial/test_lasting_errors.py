@@ -83,6 +83,20 @@ def test_without_heights_nothing_is_learnt_and_heights_at_one_time_count_once() 
     np.testing.assert_array_equal(learnt.mean, before)
 
 
+def test_a_restarted_filters_own_error_is_forgotten_and_what_lasts_is_not() -> None:
+    """Expected: right after a restart the height is off by what the width makes of it alone, as sure as is stated."""
+    learnt, known = LastingErrors(1, 3.0), KnownHeight(up_m=10.0, lasting_m=0.1, noise_m=0.05)
+    sensitivity, own = np.array([[0.5]]), np.array([[9.0]])
+    for k in range(20):
+        learnt.update(0.2 * k, 0.4, np.array([2.0]), 0.04, known)
+    width = float(learnt.mean[0])
+    learnt.restart()
+    off, covariance = learnt.corrected(4.0, sensitivity, own, 0)
+    np.testing.assert_allclose(off, [0.5 * width])
+    np.testing.assert_allclose(covariance, own + 0.25 * learnt.covariance)
+    assert 0.0 < learnt.covariance[0, 0] < 0.5
+
+
 def test_a_wider_runway_is_wider_along_its_thresholds() -> None:
     pixels = np.array([[200.0, 300.0], [240.0, 200.0], [280.0, 201.0], [340.0, 302.0]])
     moved = pixels + width_mode(pixels, 0.1).reshape(4, 2)
