@@ -91,7 +91,12 @@ def listen() -> None:
             self._at_most = 0
 
         def on_start(self, event: Any) -> None:
-            """Report a kernel, the first time: another signature is no other kernel."""
+            """Report a kernel, the first time; a display that fails does not stop what is compiled."""
+            with suppress(Exception):
+                self._report(event)
+
+        def _report(self, event: Any) -> None:
+            # another signature is no other kernel
             function = event.data["dispatcher"].py_func
             name = f"{function.__module__}.{function.__qualname__}"
             if not name.startswith(_PACKAGES) or name in self._begun:
@@ -115,7 +120,7 @@ def _uncompiled() -> set[str]:
     """Return the names of the kernels in memory that are neither compiled nor in numba's cache."""
     from numba.core.registry import CPUDispatcher
 
-    kernels = [found for found in gc.get_objects() if isinstance(found, CPUDispatcher) and not found.signatures]
+    kernels = [found for found in gc.get_objects() if issubclass(type(found), CPUDispatcher) and not found.signatures]
     named = {f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}": kernel for kernel in kernels}
     return {name for name, kernel in named.items() if name.startswith(_PACKAGES) and not _is_cached(kernel)}
 

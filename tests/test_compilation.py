@@ -5,15 +5,18 @@ import multiprocessing as mp
 import os
 import subprocess
 import sys
+import threading
+import weakref
 from pathlib import Path
 
 import pytest
 
+from groundstation.cli import progress
 from groundstation.cli.main import build_parser
 from groundstation.cli.progress import CompilationLog, ProgressLine
 from groundstation.cli.progress_bars import ProgressBars
 from groundstation.cli.status_display import StatusDisplay
-from groundstation.compilation import Compiling, compilation_sent, compilation_watched, report, reported
+from groundstation.compilation import Compiling, _uncompiled, compilation_sent, compilation_watched, report, reported
 from tests.cli.screen import Terminal
 
 _ONE = Compiling(kernel="detection.flatten._edges", number=3, at_most=140)
@@ -93,6 +96,46 @@ def test_a_log_has_lines_at_a_low_rate_and_none_where_it_is_short() -> None:
         "compiling, once after an installation: kernel 22 of at most 30 in 21 s: a.b",
         "compiled 25 kernels in 25 s",
     ]
+
+
+def test_kernels_are_counted_from_where_a_phase_began() -> None:
+    now_s = 0.0
+    stream = io.StringIO()
+    log = CompilationLog(stream, lambda: now_s)
+    assert not log.lasts()
+    log.compiling(_ONE)
+    now_s = 12.0
+    assert log.lasts()
+    log.close()
+    assert not log.lasts()
+    assert stream.getvalue().splitlines() == [
+        "compiling, once after an installation: kernel 3 of at most 140 in 12 s: detection.flatten._edges",
+        "compiled 1 kernels in 12 s",
+    ]
+
+
+def test_a_slow_kernel_has_lines_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the first event leaves the timer running, which prints."""
+    monkeypatch.setattr(progress, "_LOG_INTERVAL_S", 0.02)
+    monkeypatch.setattr(progress, "_SHORT_S", 0.01)
+    printed = threading.Event()
+    monkeypatch.setattr(progress, "print_line", lambda text, _: printed.set() if "compiling, once" in text else None)
+    log = progress.ProgressLog(io.StringIO(), "pair")
+    log.prepare("replay")
+    log.compiling(_ONE)
+    assert printed.wait(10.0)
+    log.close()
+
+
+def test_a_dead_proxy_in_memory_is_no_fault() -> None:
+    class Thing:
+        pass
+
+    thing = Thing()
+    proxies = [weakref.proxy(thing)]
+    del thing
+    assert isinstance(_uncompiled(), set)
+    assert len(proxies) == 1
 
 
 def test_a_terminal_has_a_bar_while_it_lasts() -> None:

@@ -96,30 +96,40 @@ class ProgressLog:
         # by name: start, time of the last line, number done, total
         self._runs: dict[str, tuple[float, float, int, int | None]] = {}
         self._preparing: threading.Timer | None = None
+        self._lock = threading.Lock()
         self._compilation = CompilationLog(stream, clock)
 
     def prepare(self, name: str) -> None:
         """Print a line if nothing has been done after ten seconds."""
-        self._preparing = threading.Timer(_LOG_INTERVAL_S, self._print_preparing, (name,))
-        self._preparing.daemon = True
-        self._preparing.start()
+        with self._lock:
+            self._start_timer(name, first=True)
 
     def compiling(self, what: Compiling) -> None:
         """Print a line on what is compiled, in place of the one that something is prepared."""
-        self._stop_timer()
-        self._compilation.compiling(what)
+        with self._lock:
+            self._compilation.compiling(what)
 
-    def _print_preparing(self, name: str) -> None:
-        print_line(f"{name}: preparing; the first run after an installation compiles", self._stream)
-
-    def _stop_timer(self) -> None:
+    def _start_timer(self, name: str, *, first: bool) -> None:
         if self._preparing is not None:
             self._preparing.cancel()
-            self._preparing = None
+        self._preparing = threading.Timer(_LOG_INTERVAL_S, self._print_preparing, (name, first))
+        self._preparing.daemon = True
+        self._preparing.start()
+
+    def _print_preparing(self, name: str, first: bool) -> None:
+        with self._lock:
+            if self._preparing is not threading.current_thread():
+                return
+            if not self._compilation.lasts() and first:
+                print_line(f"{name}: preparing; the first run after an installation compiles", self._stream)
+            self._start_timer(name, first=False)
 
     def _prepared(self) -> None:
-        self._stop_timer()
-        self._compilation.close()
+        with self._lock:
+            if self._preparing is not None:
+                self._preparing.cancel()
+                self._preparing = None
+            self._compilation.close()
 
     def update(self, name: str, done: int, total: int | None) -> None:
         """Print a line if the last one is ten seconds old."""
@@ -152,25 +162,35 @@ class CompilationLog:
         self._clock = clock
         self._began_s: float | None = None
         self._next_s = 0.0
-        self._number = 0
+        self._before = 0
+        self._latest: Compiling | None = None
         self._shown = False
 
     def compiling(self, what: Compiling) -> None:
         """Print a line if the last one is ten seconds old, the first after one second."""
         now_s = self._clock()
         if self._began_s is None:
-            self._began_s, self._next_s = now_s, now_s + _SHORT_S
-        self._number = what.number
+            self._began_s, self._next_s, self._before = now_s, now_s + _SHORT_S, what.number - 1
+        self._latest = what
+        self.lasts()
+
+    def lasts(self) -> bool:
+        """Return whether something is compiled; print a line on it if the last one is ten seconds old."""
+        what, now_s = self._latest, self._clock()
+        if what is None or self._began_s is None:
+            return False
         if now_s >= self._next_s:
             self._next_s, self._shown = now_s + _LOG_INTERVAL_S, True
             text = f"kernel {what.number} of at most {what.at_most} in {now_s - self._began_s:.0f} s: {what.kernel}"
             print_line(f"compiling, once after an installation: {text}", self._stream)
+        return True
 
     def close(self) -> None:
         """Print how many there were, if anything was printed before; what is compiled later begins from zero."""
-        if self._shown and self._began_s is not None:
-            print_line(f"compiled {self._number} kernels in {self._clock() - self._began_s:.0f} s", self._stream)
-        self._began_s, self._shown = None, False
+        if self._shown and self._began_s is not None and self._latest is not None:
+            number = self._latest.number - self._before
+            print_line(f"compiled {number} kernels in {self._clock() - self._began_s:.0f} s", self._stream)
+        self._began_s, self._latest, self._shown = None, None, False
 
 
 class StatusLine:

@@ -1,5 +1,6 @@
 """The references of a part of a session: the rows of dgps.csv and truth.csv that belong to it, byte for byte."""
 
+import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -84,17 +85,26 @@ def cut_references(files: Mapping[str, bytes], session: Session, part: SessionPa
 
 def _cut(table: bytes, clock: ClockModel, holds: Callable[[float], bool], margin: int) -> bytes | None:
     """Return the header and the rows in time, and so many before and after; None if there are none."""
+    if not table.strip():
+        return table
     header, *rows = table.splitlines(keepends=True)
-    columns = [name.strip() for name in header.removeprefix(b"\xef\xbb\xbf").decode(errors="replace").split(",")]
+    columns = [name.strip() for name in _cells(header.removeprefix(b"\xef\xbb\xbf"))]
     if "t_s" not in columns:
         return table
     place = columns.index("t_s")
     rows = [row for row in rows if row.strip()]
     try:
-        times = [clock.session_from_device(float(row.split(b",")[place])) for row in rows]
-    except (ValueError, IndexError):
+        cells = [_cells(row)[place].strip() for row in rows]
+        # a row without a time stays with its neighbours
+        times = [clock.session_from_device(float(cell)) if cell else math.nan for cell in cells]
+    except (ValueError, IndexError, csv.Error):
         return table
     inside = [k for k, t_s in enumerate(times) if holds(t_s)]
     if not inside:
         return None
     return b"".join((header, *rows[max(inside[0] - margin, 0) : inside[-1] + 1 + margin]))
+
+
+def _cells(row: bytes) -> list[str]:
+    """Return the cells of a row, without the quotes about them."""
+    return next(csv.reader([row.decode(errors="replace")], skipinitialspace=True), [])

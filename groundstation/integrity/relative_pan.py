@@ -4,7 +4,9 @@ With the heads' pan angles off by δ against each other the parallax gives 1/r =
 baseline across the line of sight. An aircraft of a constant span S looks S/R wide, which is S (1/r − δ/b): over a
 flight a regression of the width on 1/r and 1/b gives S and δ. A wrong baseline, focal length or span changes S alone.
 An aircraft that turns, or is found in part, changes its width by itself: one whose direction to the line of sight
-changes is left alone, and so are widths that do not follow the line.
+changes is left alone, and so are widths that do not follow the line. Wing tips that fade, some pixels at each range,
+are of the same form: a pan is named only where a span was given that the widths contradict as stored, far where they
+are too narrow, and agree with once the fault is removed.
 """
 
 import math
@@ -29,6 +31,8 @@ _LEAST_FACTOR = 1.35
 _CORRELATED_PAIRS = 10.0
 _SIGMAS = 3.0
 _ROUNDS = 4
+# of the given span: what contradicts it as stored (too narrow is what faded tips are, too), and what agrees
+_NARROWEST, _WIDEST, _AGREES = 0.6, 1.25, 0.15
 # the direction of flight to the line of sight may change by so much along a flight, by the means of so many parts of it
 _MOST_TURN_RAD = math.radians(20.0)
 _PARTS = 7
@@ -48,9 +52,9 @@ class PanFault:
         too = "short" if self.factor > 1.0 else "long"
         share = abs(1.0 - 1.0 / self.factor)
         return (
-            "the aircraft's width does not change with its range as that of one aircraft does: the pan angles of "
+            "the aircraft's width does not change with its range as that of one aircraft does: the directions of "
             f"{one} and {other} look off by {abs(math.degrees(self.pan_rad)):.1f} deg against each other, "
-            f"which makes ranges {100.0 * share:.0f} % too {too}: survey them again, or see whether a zero was lost"
+            f"which makes ranges {100.0 * share:.0f} % too {too}: survey them again"
         )
 
 
@@ -58,9 +62,11 @@ class RelativePanMonitor:
     """Collects widths and ranges of a run's pairs, and looks for a relative pan at its end.
 
     ``stations`` are all stations of the rig by name; of more than two a wrong pan shows in their rays.
+    ``span_m`` is the given span; None where there is none, and nothing is named.
     """
 
-    def __init__(self, stations: Mapping[str, StationGeometry]) -> None:
+    def __init__(self, stations: Mapping[str, StationGeometry], span_m: float | None) -> None:
+        self._span_m = span_m
         self._eyes = {name: s.camera_pose(0.0, 0.0).position_runway_m for name, s in stations.items()}
         self._focal_px = {name: float(s.lens.focal_px[0]) for name, s in stations.items()}
         self._pairs = PairedWidths()
@@ -70,7 +76,7 @@ class RelativePanMonitor:
 
     def add(self, report: StepReport) -> None:
         """Take widths, and the points of the pairs that they are of."""
-        if len(self._eyes) != 2:
+        if len(self._eyes) != 2 or self._span_m is None:
             return
         for pair in self._pairs.of(report):
             self._add(pair)
@@ -93,7 +99,7 @@ class RelativePanMonitor:
 
     def fault(self) -> PanFault | None:
         """Return the fault; None where widths and ranges agree, or say too little."""
-        if len(self._rows) < _LEAST_PAIRS:
+        if self._span_m is None or len(self._rows) < _LEAST_PAIRS:
             return None
         inverse, across, width = np.array(self._rows).T
         near, far = np.quantile(inverse, [0.9, 0.1])
@@ -102,7 +108,10 @@ class RelativePanMonitor:
         fit = _fit(np.column_stack([inverse, across]) / width[:, None])
         if fit is None:
             return None
-        pan_rad, sigma_rad = fit
+        pan_rad, sigma_rad, span_m = fit
+        stored = float(np.median(width / inverse)) / self._span_m
+        if _NARROWEST <= stored <= _WIDEST or abs(span_m / self._span_m - 1.0) > _AGREES:
+            return None
         middle, across_middle = float(np.median(inverse)), float(np.median(across))
         # named where even the least pan that the widths allow makes so much of a difference
         least_rad = math.copysign(max(abs(pan_rad) - _SIGMAS * sigma_rad, 0.0), pan_rad)
@@ -124,8 +133,11 @@ def _turn_rad(places_m: FloatArray) -> float:
     return float(np.ptp(np.unwrap(angles)))
 
 
-def _fit(terms: FloatArray) -> tuple[float, float] | None:
-    """Return pan and one sigma, rad, from rows (n, 2) of 1/r and 1/b over the width; None where widths scatter."""
+def _fit(terms: FloatArray) -> tuple[float, float, float] | None:
+    """Return pan and one sigma, rad, and the span, m, from rows (n, 2) of 1/r and 1/b over the width.
+
+    None where widths scatter.
+    """
     kept = np.ones(len(terms), dtype=np.bool_)
     solved: FloatArray = np.zeros(2)
     scatter = math.inf
@@ -139,4 +151,4 @@ def _fit(terms: FloatArray) -> tuple[float, float] | None:
     covariance = np.linalg.pinv(terms[kept].T @ terms[kept]) * max(scatter, 1e-6) ** 2 * _CORRELATED_PAIRS
     pan = float(-solved[1] / solved[0])
     by = np.array([-pan, -1.0]) / solved[0]
-    return pan, float(np.sqrt(by @ covariance @ by))
+    return pan, float(np.sqrt(by @ covariance @ by)), float(solved[0])

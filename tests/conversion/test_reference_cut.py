@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from groundstation.cli.main import main
-from groundstation.conversion.reference_cut import cut_fixes, session_part
+from groundstation.conversion.reference_cut import cut_fixes, cut_references, session_part
 from groundstation.session import load_session
 from groundstation.session.references import load_dgps, load_truth
 from tests.session.folder import Tiny
@@ -73,7 +73,7 @@ def test_a_bag_of_a_part_has_its_fixes(tmp_path: Path) -> None:
     assert len(cut_fixes(load_dgps(session), session_part(session, None, None))) == 60
 
 
-@pytest.mark.parametrize("table", ["t_s,x_m\n1.0,2\nnone,3\n", "time,x\n1,2\n"])
+@pytest.mark.parametrize("table", ["t_s,x_m\n1.0,2\nnone,3\n", "time,x\n1,2\n", "", "\n"])
 def test_a_table_at_fault_stays_as_it_is(tmp_path: Path, table: str) -> None:
     first = _session(tmp_path / "first")
     (first / "truth.csv").write_text(table, encoding="utf-8")
@@ -81,3 +81,15 @@ def test_a_table_at_fault_stays_as_it_is(tmp_path: Path, table: str) -> None:
     assert main(["convert", str(first), str(packed), "--to", "1.5"]) == 0
     assert main(["convert", str(packed), str(part)]) == 0
     assert (part / "truth.csv").read_text(encoding="utf-8") == table
+
+
+def test_quoted_and_blank_cells_are_cut_as_they_stand(tmp_path: Path) -> None:
+    """Expected: rows byte for byte; one without a time stays between its neighbours."""
+    rows = [f'"{k / 10:.3f}","0","1,5"\n' for k in range(30)]
+    rows[11] = ',"0","2"\n'
+    header = '"t_s","x_m","note"\n'
+    session = load_session(_session(tmp_path / "first"))
+    files = {"truth.csv": (header + "".join(rows)).encode(), "dgps.csv": b""}
+    cut = cut_references(files, session, session_part(session, 1.0, 1.25))
+    assert cut["truth.csv"].decode() == header + "".join(rows[9:14])
+    assert cut["dgps.csv"] == b""

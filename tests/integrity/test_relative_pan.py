@@ -11,6 +11,8 @@ from tests.integrity.test_apparent_span import STATIONS, report
 from tests.stereo_rig import make_station
 
 _BASELINE_M, _SPAN_M, _PAIRS = 10.0, 2.3, 100
+# what a pan that is off makes of the widths of one that turns by 50 deg
+_FITTED_M = 0.82
 
 
 def _found(
@@ -22,16 +24,18 @@ def _found(
     scatter: float = 0.02,
     count: int = _PAIRS,
     stations: dict[str, StationGeometry] | None = None,
+    given_m: float | None = _SPAN_M,
+    loss: Callable[[float], float] = lambda _: 0.0,
 ) -> PanFault | None:
     """Return what is found of a flight whose ranges have a pan that is off; ``span_m`` by the share of the flight."""
-    monitor = RelativePanMonitor(stations or STATIONS)
+    monitor = RelativePanMonitor(stations or STATIONS, given_m)
     rng = np.random.default_rng(seed)
     for epoch, true_m in enumerate(np.linspace(*ranges_m, count)):
         inverse = 1.0 / true_m + np.radians(pan_deg) / _BASELINE_M
         if inverse < 1e-3:
             # diverging rays, or nearly so
             continue
-        width = span_m(epoch / count) * float(1.0 + scatter * rng.standard_normal()) / true_m
+        width = (span_m(epoch / count) / true_m - loss(true_m)) * float(1.0 + scatter * rng.standard_normal())
         monitor.add(report(epoch, 1.0 / inverse, width / inverse))
     return monitor.fault()
 
@@ -65,7 +69,7 @@ def test_an_aircraft_that_turns_is_no_wrong_pan(turn_deg: float) -> None:
     """Expected: its width changes as by a pan that is off; its path tells that it turns, and nothing is named."""
     found = []
     for turns in (False, True):
-        monitor = RelativePanMonitor(STATIONS)
+        monitor = RelativePanMonitor(STATIONS, _FITTED_M)
         place = np.array([0.0, 450.0])
         for epoch in range(_PAIRS):
             share = epoch / _PAIRS
@@ -86,3 +90,13 @@ def test_what_cannot_tell_says_nothing() -> None:
     assert _found(2.0, scatter=0.2) is None
     third = STATIONS | {"third": make_station("third", 20.0).geometry()}
     assert _found(2.0, stations=third) is None
+    assert _found(2.0, given_m=None) is None
+    assert _found(2.0, given_m=3.0) is None
+
+
+@pytest.mark.parametrize("given_m", [None, _SPAN_M])
+def test_wing_tips_that_fade_are_no_wrong_pan(given_m: float | None) -> None:
+    """Expected: a constant loss of angle is of the form of a pan, and a loss that grows with range is near to it."""
+    for share in (0.1, 0.25, 0.35):
+        assert _found(0.0, given_m=given_m, loss=lambda _, s=share: s * _SPAN_M / 280.0) is None
+        assert _found(0.0, given_m=given_m, loss=lambda r, s=share: s * _SPAN_M / 280.0 * r / 450.0) is None
