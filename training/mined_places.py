@@ -12,6 +12,8 @@ _TRIES = 24
 _WIDTHS_PX = (10.0, 300.0)
 # log odds from which a place is worth learning: more than one in nine, as the channel states them
 _LEAST_ODDS = -2.1
+# levels: windows that vary less are an even sky, in which the search does not look either
+_FLAT = 1.0
 # a window shows neither aircraft nor bird if there is none within this share of its size around its middle
 _APART = 0.6
 
@@ -30,7 +32,7 @@ def false_place(
         width = float(np.exp(generator.uniform(*np.log(_WIDTHS_PX))))
         centre = generator.uniform(0.0, 1.0, 2) * (size - 1.0)
         window = channel_window(picture, centre, width)
-        if window is None or _covered(cover, centre, width):
+        if window is None or float(window.image.std()) < _FLAT or _covered(cover, centre, width):
             continue
         odds = channel.maps(window.image).aircraft
         row, column = np.unravel_index(int(np.argmax(odds)), odds.shape)

@@ -52,6 +52,8 @@ _WIDEST = 0.5
 # once more, in a wider or a narrower window in turns; and so many frames that do not show it are waited for. On 40
 # train worlds not trained on that follows 92 % of 1,536 looks instead of 86 %, with 1.07 windows instead of 0.88
 _GAIN, _FALL, _RESCALED, _WAITED = 0.5, 1.0, 1.6, 2
+# where the window has become narrower by more within so many frames, that one is looked into as well
+_SHRUNK, _RECENT = 1.25, 3
 # widths at which something of a known size is looked at, as shares of it: what outlines show may be a part or a rim
 _WIDTHS = (1.0, 1.5, 0.7)
 # a region that is narrower by more is a part of it, such as a letter on a sign
@@ -80,12 +82,14 @@ class _Kept:
     span_px : width for which the next window is made.
     odds : its log odds, smoothed; they fall with each frame that does not show it.
     missed : number of these since it was seen.
+    recent_px : widths for which the last windows were made.
     """
 
     centre_px: FloatArray
     span_px: float
     odds: float
     missed: int = 0
+    recent_px: tuple[float, ...] = ()
 
     @property
     def look(self) -> _Look:
@@ -228,6 +232,13 @@ class LearnedFinder:
     def _seen_again(self, picture: Picture, kept: _Kept, brightest: float) -> tuple[_Kept, Candidate | None]:
         """Return the aircraft of the last frame in this one, and the width of the window that shows it best."""
         found = next(iter(self._seen_at(picture, kept.look, brightest)), None)
+        widest = max(kept.recent_px, default=0.0)
+        if widest > _SHRUNK * kept.span_px:
+            # what hid the wings may have passed
+            whole = replace(kept, span_px=widest)
+            seen = next(iter(self._seen_at(picture, whole.look, brightest)), None)
+            if seen is not None and (found is None or _odds(seen) >= _odds(found)):
+                return whole, seen
         if found is not None and _odds(found) >= kept.odds - _FALL:
             return kept, found
         self._is_wider = not self._is_wider
@@ -337,10 +348,12 @@ def _kept_of(likely: Sequence[Candidate], before: Sequence[_Kept]) -> list[_Kept
         known = [k for k, b in enumerate(before) if math.dist(centre, b.centre_px) <= 0.5 * max(width, b.span_px)]
         shown.update(known)
         span, odds = width, _odds(c)
+        recent: tuple[float, ...] = ()
         if known:
             last = before[min(known, key=lambda k: abs(math.log(before[k].span_px / width)))]
             span, odds = last.span_px * (width / last.span_px) ** _GAIN, 0.5 * (last.odds + odds)
-        kept.append(_Kept(centre_px=centre, span_px=span, odds=odds))
+            recent = last.recent_px
+        kept.append(_Kept(centre_px=centre, span_px=span, odds=odds, recent_px=(*recent, span)[-_RECENT:]))
     for k, b in enumerate(before):
         if k not in shown and b.missed < _WAITED and b.odds > _FALL:
             unseen = replace(b, odds=b.odds - _FALL, missed=b.missed + 1)
