@@ -13,7 +13,7 @@ a track, but not against something that is known.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -24,6 +24,16 @@ from groundstation.detection.candidate_finder import AcquisitionConfig, Candidat
 from groundstation.detection.channel_candidate import ChannelCandidate, candidates_of
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX, channel_window
 from groundstation.detection.config import DetectionConfig
+from groundstation.detection.kept_place import (
+    FALL,
+    RESCALED,
+    KeptPlace,
+    Look,
+    kept_places,
+    likeliest_places,
+    middle_of,
+    odds_of,
+)
 from groundstation.detection.learned_channel import LearnedChannel
 from groundstation.detection.nose_hypotheses import nose_in
 from groundstation.detection.proposal_finder import ProposalFinder
@@ -37,7 +47,7 @@ _LEAST_SHARE = 0.05
 _REACH = 1.0
 # windows of a frame: where an aircraft was, the first proposals, others in turns, the grid in turns. On twenty train
 # worlds the first 12 proposals had 80 % of the aircraft in them and the first 24 86 %, the channel knows 93 % of them
-_KEPT, _FIRST, _OTHERS, _GRID = 3, 4, 1, 4
+_FIRST, _OTHERS, _GRID = 4, 1, 4
 # of the proposal network: its parts of a frame are gone through in this time, but at most so many of one frame; of each
 # so many proposals are looked at
 _WHOLE_S, _PARTS, _OF_PART = 0.25, 2, 3
@@ -47,13 +57,8 @@ _STEP = 0.54
 # target widths of the grid, px, up to this share of the frame's width
 _GRID_SPANS_PX = tuple(TARGET_PX * 2.0**k for k in range(6))
 _WIDEST = 0.5
-# the width of a window in which an aircraft is looked at again follows the one it shows by this power: a region may be
-# a part of the aircraft, and in a window made for that part another one. Where the odds fall by more, it is looked at
-# once more, in a wider or a narrower window in turns; and so many frames that do not show it are waited for. On 40
-# train worlds not trained on that follows 92 % of 1,536 looks instead of 86 %, with 1.07 windows instead of 0.88
-_GAIN, _FALL, _RESCALED, _WAITED = 0.5, 1.0, 1.6, 2
-# where the window has become narrower by more within so many frames, that one is looked into as well
-_SHRUNK, _RECENT = 1.25, 3
+# where the window has become narrower by more within a few frames, the wider one is looked into as well
+_SHRUNK = 1.25
 # widths at which something of a known size is looked at, as shares of it: what outlines show may be a part or a rim
 _WIDTHS = (1.0, 1.5, 0.7)
 # a region that is narrower by more is a part of it, such as a letter on a sign
@@ -63,38 +68,6 @@ _FLAT = 1.0
 # candidates nearer to each other than this share of their width are one, unless one is so much wider: a window that is
 # too narrow for an aircraft shows its fuselage, and another camera may show all of it
 _SAME, _WIDER = 0.3, 1.6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Look:
-    """A place (2,) of a frame to look at for a target ``span_px`` wide."""
-
-    centre_px: FloatArray
-    span_px: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Kept:
-    """An aircraft of the last frames: its middle (2,) in the last one, and how it is looked at again.
-
-    Attributes
-    ----------
-    span_px : width for which the next window is made.
-    odds : its log odds, smoothed; they fall with each frame that does not show it.
-    missed : number of these since it was seen.
-    recent_px : widths for which the last windows were made.
-    """
-
-    centre_px: FloatArray
-    span_px: float
-    odds: float
-    missed: int = 0
-    recent_px: tuple[float, ...] = ()
-
-    @property
-    def look(self) -> _Look:
-        """The window in which it is looked at again."""
-        return _Look(centre_px=self.centre_px, span_px=self.span_px)
 
 
 class LearnedFinder:
@@ -122,7 +95,7 @@ class LearnedFinder:
         self._proposer = ProposalFinder(proposal_weights(), image_size_px)
         self._next = self._next_other = self._next_part = 0
         self._last_s = -math.inf
-        self._kept: list[_Kept] = []
+        self._kept: list[KeptPlace] = []
         self._is_wider = False
         self._camera_from_runway: FloatArray | None = None
 
@@ -152,25 +125,25 @@ class LearnedFinder:
         seen = [c for _, c in again if c is not None]
         chosen, others = self._chosen(proposals)
         weighed = [self._weighed(picture, p) for p in chosen]
-        proposed = self._proposed(picture, t_s, [c for c in seen if _odds(c) > 0.0])
+        proposed = self._proposed(picture, t_s, [c for c in seen if odds_of(c) > 0.0])
         for look in proposed:
             seen += self._seen_at(picture, look, brightest)
-        guided = [_Look(centre_px=centre, span_px=width) for centre, width in places]
+        guided = [Look(centre_px=centre, span_px=width) for centre, width in places]
         left = max(_GRID - len(guided) - len(proposed), 1 if proposed else 2)
         for look in (*guided, *self._turn_of_grid(left)):
             seen += self._seen_at(picture, look, brightest, _FLAT)
         unknown = [replace(p, score=_LEAST_SHARE * p.score) for p in others]
         found = distinct([*weighed, *seen, *unknown])
-        self._kept = _kept_of(likeliest_places([c for c in found if _odds(c) > 0.0]), [k for k, _ in again])
+        self._kept = kept_places(likeliest_places([c for c in found if odds_of(c) > 0.0]), [k for k, _ in again])
         self._camera_from_runway = camera_from_runway
         return tuple(sorted(found, key=lambda c: -c.score)[: self._most])
 
     def aircraft_odds(self, image: ImageArray | Picture, box: Box[float]) -> float:
         """Return the log odds of an aircraft that is about as wide as a box of a frame; minus infinity without one."""
         picture, length = as_picture(image), max(box.w, box.h)
-        looks = (_Look(centre_px=_middle(box), span_px=share * length) for share in _WIDTHS)
+        looks = (Look(centre_px=middle_of(box), span_px=share * length) for share in _WIDTHS)
         seen = [c for look in looks for c in self._seen_at(picture, look, 1.0)]
-        return max((_odds(c) for c in seen if length <= _ALIKE * max(c.box.w, c.box.h)), default=-math.inf)
+        return max((odds_of(c) for c in seen if length <= _ALIKE * max(c.box.w, c.box.h)), default=-math.inf)
 
     # --------------------------------------------------------------------------------------- where to look
     def places_kept(self, camera_from_runway: FloatArray | None = None) -> list[FloatArray]:
@@ -194,7 +167,7 @@ class LearnedFinder:
         others = [*others[start:], *others[:start]]
         return [*first, *others[:count]], others[count:]
 
-    def _proposed(self, picture: Picture, t_s: float, seen: Sequence[Candidate]) -> list[_Look]:
+    def _proposed(self, picture: Picture, t_s: float, seen: Sequence[Candidate]) -> list[Look]:
         """Return what the proposal network gives of the next part of a frame, but what has been ``seen`` there."""
         count, elapsed_s = self._proposer.count, t_s - self._last_s
         due = math.ceil(count * elapsed_s / _WHOLE_S) if 0.0 < elapsed_s < _WHOLE_S else count
@@ -202,23 +175,23 @@ class LearnedFinder:
         self._next_part, self._last_s = parts.stop % count, t_s
         proposals = self._proposer.proposals(picture.whole(), parts, _OF_PART * len(parts))
         return [
-            _Look(centre_px=p.centre_px, span_px=p.width_px)
+            Look(centre_px=p.centre_px, span_px=p.width_px)
             for p in proposals
             if not any(
-                math.dist(p.centre_px, _middle(c.box)) <= _SAME * p.width_px
+                math.dist(p.centre_px, middle_of(c.box)) <= _SAME * p.width_px
                 and max(p.width_px, c.box.w) <= _WIDER * min(p.width_px, c.box.w)
                 for c in seen
             )
         ]
 
-    def _turn_of_grid(self, count: int) -> Iterator[_Look]:
+    def _turn_of_grid(self, count: int) -> Iterator[Look]:
         """Yield the next places of the grid."""
         for _ in range(min(count, len(self._grid))):
             yield self._grid[self._next % len(self._grid)]
             self._next += 1
 
     # ------------------------------------------------------------------------------------- what is there
-    def _seen_at(self, picture: Picture, look: _Look, brightest: float, flat: float = 0.0) -> list[Candidate]:
+    def _seen_at(self, picture: Picture, look: Look, brightest: float, flat: float = 0.0) -> list[Candidate]:
         """Return the likeliest aircraft in a window, if there is one.
 
         ``brightest`` is the proposals' best score; a window whose levels vary by less than ``flat`` is left out.
@@ -227,9 +200,9 @@ class LearnedFinder:
         whole = Box(0.0, 0.0, *(float(n) for n in picture.size_px))
         at = replace(_NOTHING, u_px=float(look.centre_px[0]), v_px=float(look.centre_px[1]), score=brightest, box=whole)
         found = self._in_window(picture, look.centre_px, span, at, flat)
-        return [] if found is None or _odds(found) <= 0.0 else [found]
+        return [] if found is None or odds_of(found) <= 0.0 else [found]
 
-    def _seen_again(self, picture: Picture, kept: _Kept, brightest: float) -> tuple[_Kept, Candidate | None]:
+    def _seen_again(self, picture: Picture, kept: KeptPlace, brightest: float) -> tuple[KeptPlace, Candidate | None]:
         """Return the aircraft of the last frame in this one, and the width of the window that shows it best."""
         found = next(iter(self._seen_at(picture, kept.look, brightest)), None)
         widest = max(kept.recent_px, default=0.0)
@@ -237,14 +210,14 @@ class LearnedFinder:
             # what hid the wings may have passed
             whole = replace(kept, span_px=widest)
             seen = next(iter(self._seen_at(picture, whole.look, brightest)), None)
-            if seen is not None and (found is None or _odds(seen) >= _odds(found)):
+            if seen is not None and (found is None or odds_of(seen) >= odds_of(found)):
                 return whole, seen
-        if found is not None and _odds(found) >= kept.odds - _FALL:
+        if found is not None and odds_of(found) >= kept.odds - FALL:
             return kept, found
         self._is_wider = not self._is_wider
-        other = replace(kept, span_px=kept.span_px * (_RESCALED if self._is_wider else 1.0 / _RESCALED))
+        other = replace(kept, span_px=kept.span_px * (RESCALED if self._is_wider else 1.0 / RESCALED))
         better = next(iter(self._seen_at(picture, other.look, brightest)), None)
-        if better is None or (found is not None and _odds(found) >= _odds(better)):
+        if better is None or (found is not None and odds_of(found) >= odds_of(better)):
             return kept, found
         return other, better
 
@@ -291,7 +264,7 @@ class LearnedFinder:
 _NOTHING = Candidate(u_px=0.0, v_px=0.0, box=Box(0.0, 0.0, 0.0, 0.0), score=0.0, moving=False, motion_px_s=None)
 
 
-def grid_of(image_size_px: tuple[int, int]) -> list[_Look]:
+def grid_of(image_size_px: tuple[int, int]) -> list[Look]:
     """Return places all over a frame (w, h), for targets of several widths, from the middle outwards."""
     size = np.array(image_size_px, np.float64)
     looks = []
@@ -301,7 +274,7 @@ def grid_of(image_size_px: tuple[int, int]) -> list[_Look]:
         step = _STEP * np.array(WINDOW_PX) * span / TARGET_PX
         counts = np.maximum(np.ceil(size / step), 1).astype(int)
         columns, rows = ((np.arange(n) + 0.5) * length / n for n, length in zip(counts, size, strict=True))
-        looks += [_Look(centre_px=np.array([u, v]) - 0.5, span_px=span) for v in rows for u in columns]
+        looks += [Look(centre_px=np.array([u, v]) - 0.5, span_px=span) for v in rows for u in columns]
     return sorted(looks, key=lambda look: float(np.hypot(*((look.centre_px - 0.5 * size) / size))))
 
 
@@ -310,55 +283,13 @@ def _spread(image: ImageArray) -> float:
     return float(cv2.meanStdDev(image)[1].max())
 
 
-def _middle(box: Box[float]) -> FloatArray:
-    """Return the middle (2,) of a candidate's box as a pixel."""
-    return np.array([0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1)]) - 0.5
-
-
-def _odds(candidate: Candidate) -> float:
-    return -math.inf if candidate.odds is None else candidate.odds
-
-
 def distinct(found: list[Candidate]) -> list[Candidate]:
     """Return candidates without those that are the same aircraft, of about the same width, as a likelier one."""
     chosen: list[Candidate] = []
-    for c in sorted(found, key=_odds, reverse=True):
-        if _odds(c) <= 0.0 or not any(_is_same(c, d) for d in chosen):
+    for c in sorted(found, key=odds_of, reverse=True):
+        if odds_of(c) <= 0.0 or not any(_is_same(c, d) for d in chosen):
             chosen.append(c)
     return chosen
-
-
-def likeliest_places(found: list[Candidate]) -> list[Candidate]:
-    """Return candidates, the likeliest first; a second width at a place comes after all first ones."""
-    first: list[Candidate] = []
-    second: list[Candidate] = []
-    for c in sorted(found, key=_odds, reverse=True):
-        again = any(math.hypot(c.u_px - d.u_px, c.v_px - d.v_px) <= 0.5 * max(c.box.w, d.box.w) for d in first)
-        (second if again else first).append(c)
-    return [*first, *second]
-
-
-def _kept_of(likely: Sequence[Candidate], before: Sequence[_Kept]) -> list[_Kept]:
-    """Return what is looked at again in the next frame: of the ``likely`` places of this one, the likeliest first, and
-    of those ``before`` that it does not show.
-    """
-    kept, shown = [], set()
-    for c in likely:
-        centre, width = _middle(c.box), c.box.w
-        known = [k for k, b in enumerate(before) if math.dist(centre, b.centre_px) <= 0.5 * max(width, b.span_px)]
-        shown.update(known)
-        span, odds = width, _odds(c)
-        recent: tuple[float, ...] = ()
-        if known:
-            last = before[min(known, key=lambda k: abs(math.log(before[k].span_px / width)))]
-            span, odds = last.span_px * (width / last.span_px) ** _GAIN, 0.5 * (last.odds + odds)
-            recent = last.recent_px
-        kept.append(_Kept(centre_px=centre, span_px=span, odds=odds, recent_px=(*recent, span)[-_RECENT:]))
-    for k, b in enumerate(before):
-        if k not in shown and b.missed < _WAITED and b.odds > _FALL:
-            unseen = replace(b, odds=b.odds - _FALL, missed=b.missed + 1)
-            kept.insert(next((i for i, each in enumerate(kept) if each.odds < unseen.odds), len(kept)), unseen)
-    return kept[:_KEPT]
 
 
 def _is_same(c: Candidate, likelier: Candidate) -> bool:

@@ -12,8 +12,9 @@ from groundstation.arrays import ImageArray
 from groundstation.box import Box
 from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate, CandidateFinder
 from groundstation.detection.config import DetectionConfig, DetectorKind
+from groundstation.detection.kept_place import likeliest_places
 from groundstation.detection.learned_channel import ChannelMaps, LearnedChannel
-from groundstation.detection.learned_finder import LearnedFinder, distinct, grid_of, likeliest_places
+from groundstation.detection.learned_finder import LearnedFinder, distinct, grid_of
 from groundstation.detection.proposal_finder import ProposalFinder
 from groundstation.geometry.camera import Lens
 from tests.detection.test_learned_detector import SIZE_PX, drawn, picture, sky
