@@ -26,8 +26,9 @@ _MARGIN, _LEAST_SHARE, UNSEEN_NOSE = 0.2, 0.05, 0.2
 # silhouette's centre: the most likely one for 1,193 windows of thirty train worlds that were not trained on
 _OTHER_END = 0.05
 # where the direction of flight is known: probability that a map is wrong, and the power of it that is a probability of
-# the nose. With others the noses of 6,000 windows of 46 train worlds not trained on are less likely
-_WRONG_MAP, _EXPONENT = 0.08, 0.67
+# the nose. The most likely ones for the noses of 6,000 windows of 46 train worlds not trained on, and the power again
+# for these weights (docs/notes/detection.md)
+_WRONG_MAP, _EXPONENT = 0.08, 0.9
 # the nose is so far ahead of the silhouette's middle, in spans, one sigma, and one sigma across, there as well
 _AHEAD, _AHEAD_SIGMA, _ACROSS_SIGMA = 0.4, 0.15, 0.07
 # probability that a target does not fly with its nose ahead

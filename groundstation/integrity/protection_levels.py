@@ -56,7 +56,7 @@ class ProtectionConfig:
     ----------
     faults : priors, sizes and risk.
     window_s : time over which residuals are summed; the time to alert.
-    inflation : factor of the filter's sigma: ANEES is 0.42 and 0.81 on the two recordings that no part of the detector
+    inflation : factor of the filter's sigma: ANEES is 0.48 and 0.81 on the two recordings that no part of the detector
         was made with (docs/results.md); earlier detectors had up to 1.45, whose root the factor is.
     following : by how much more than one fix the filter follows a fault at most: measured in
         benchmarks/integrity_study.py.

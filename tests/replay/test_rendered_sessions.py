@@ -214,7 +214,7 @@ def sights(run: Replayed, session: Path) -> list[Sight]:
     return found
 
 
-@pytest.mark.parametrize(("detector", "least_square"), [("landing", 0.04), ("classic_landing", 0.2)])
+@pytest.mark.parametrize(("detector", "least_square"), [("landing", 0.05), ("classic_landing", 0.2)])
 def test_landing_target_point_on_sky(
     detector: str, least_square: float, landing_1: Path, request: pytest.FixtureRequest
 ) -> None:
