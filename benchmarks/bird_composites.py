@@ -1,7 +1,7 @@
 """Fly real birds across real clips of aircraft, in front of the aircraft, and print whether they capture the track.
 
 usage: GROUNDSTATION_DATA=… python benchmarks/bird_composites.py [--each N] [--seed N] [--save DIR] [--only N]
-       [--workers N] [CLIP …]
+       [--detector classic] [--workers N] [CLIP …]
 
 Birds are cut out of bird-clips by their contrast against the local sky, with soft edges, as films of consecutive
 frames, and composited over the `aircraft` segments of aircraft-clips: scaled to 0.3–2 times the length of the
@@ -39,7 +39,7 @@ from groundstation.arrays import ImageArray
 from groundstation.box import box_of_size
 from groundstation.detection.config import DetectorKind
 from groundstation.messages import Detection
-from groundstation.single_camera.pixel_tracker import PixelTracker
+from groundstation.single_camera.make_tracker import make_tracker
 from groundstation.tracking.warm_up import warm_up
 
 SPEEDS_PX = ((3.0, 8.0), (8.0, 15.0), (15.0, 25.0))
@@ -103,13 +103,19 @@ def read_clip(path: Path, wanted: set[int]) -> dict[int, ImageArray]:
     return frames
 
 
-def run(flight: Flight, frames: dict[int, ImageArray], boxes: dict[int, Box], picture_of: set[int]) -> "FlightOutcome":
+def run(
+    flight: Flight,
+    frames: dict[int, ImageArray],
+    boxes: dict[int, Box],
+    picture_of: set[int],
+    detector: DetectorKind = DetectorKind.LEARNED,
+) -> "FlightOutcome":
     """Composite and track one flight; keep the pictures of some frames, counted from the flight's first."""
     at = flight.crossing
     length = flight.size_ratio * length_in(frames[at], boxes[at])
     painter = Painter(flight=flight, length_px=length, sky=local_sky(frames[at], boxes[at]))
     height, width = frames[at].shape[:2]
-    tracker, watched = PixelTracker((width, height)), FlightOutcome()
+    tracker, watched = make_tracker(detector, (width, height)), FlightOutcome()
     for index in range(flight.first, flight.last + 1):
         image, bird = painter.paint(frames[index], index)
         began = time.perf_counter()
@@ -156,7 +162,6 @@ class PlannedFlights:
 @cache
 def planned(folder: str, each: int, seed: int, clips: tuple[str, ...]) -> PlannedFlights:
     """Return the flights of a plan by number."""
-    warm_up(DetectorKind.CLASSIC)
     cv2.setNumThreads(1)
     flights = plan(Path(folder), each, seed, list(clips))
     boxes = read_boxes(Path(folder) / "aircraft-clips")
@@ -165,14 +170,15 @@ def planned(folder: str, each: int, seed: int, clips: tuple[str, ...]) -> Planne
 
 def tracked(job: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the results of some composites over one clip, as JSON has them; pictures of what failed go to `save`."""
-    folder = job["plan"][0]
+    folder, detector = job["plan"][0], DetectorKind(job["detector"])
+    warm_up(detector)
     whole = planned(*job["plan"][:3], tuple(job["plan"][3]))
     here = {number: whole.flights[number] for number in job["numbers"]}
     wanted = {k for _, f in here.values() for k in range(f.first, f.last + 1)}
     frames = read_clip(Path(folder) / "aircraft-clips" / f"{job['clip']}.mp4", wanted)
     found = []
     for number, (cell, flight) in here.items():
-        watched = run(flight, frames, whole.boxes[flight.clip], set())
+        watched = run(flight, frames, whole.boxes[flight.clip], set(), detector)
         score = watched.score
         result = CompositeResult(
             number=number,
@@ -190,7 +196,7 @@ def tracked(job: dict[str, Any]) -> list[dict[str, Any]]:
         if job["save"] and (result.failed or job["only"]):
             middle = score.clear_from
             near = set(range(middle - 16, middle)) | set(range(middle, middle + 32, 2))
-            save(Path(job["save"]), number, run(flight, frames, whole.boxes[flight.clip], near).pictures)
+            save(Path(job["save"]), number, run(flight, frames, whole.boxes[flight.clip], near, detector).pictures)
     return found
 
 
@@ -203,6 +209,7 @@ def jobs_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
             numbers.setdefault(flight.clip, []).append(number)
     same = {
         "plan": drawn,
+        "detector": options.detector.value,
         "only": options.only is not None,
         "save": None if options.save is None else str(options.save.absolute()),
     }
@@ -219,6 +226,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the random draws")
     parser.add_argument("--save", type=Path, metavar="DIR", help="write pictures of the failures there")
     parser.add_argument("--only", type=int, metavar="N", help="one composite only, with pictures if --save")
+    parser.add_argument("--detector", type=DetectorKind, choices=tuple(DetectorKind), default=DetectorKind.LEARNED)
     parser.add_argument("clips", nargs="*", metavar="CLIP", help="parts of clip names")
     add_study_arguments(parser, "bird-composites")
     options = parser.parse_args()

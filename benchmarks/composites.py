@@ -1,6 +1,7 @@
 """Drawn aircraft over real clips, tracked with one camera: a table of hits by condition, and a sheet to look at.
 
     GROUNDSTATION_DATA=… python benchmarks/composites.py [--set validate] [--number N] [--first INDEX] [--out DIR]
+        [--detector classic]
 
 Each composite is tracked from the true box in its first visible frame on. A hit is a point inside the silhouette or
 within 4 px of it, wrong any other point; both are shares of the visible frames. DIR/composites-SET.png has
@@ -117,6 +118,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, metavar="INDEX")
     parser.add_argument("--out", type=Path, default=Path("out"))
     parser.add_argument("--columns", type=int, default=2)
+    parser.add_argument("--detector", type=DetectorKind, choices=tuple(DetectorKind), default=DetectorKind.LEARNED)
     parser.add_argument("--measures", action="store_true")
     options = parser.parse_args()
     cv2.setNumThreads(1)
@@ -124,7 +126,7 @@ def main() -> None:
     if options.measures:
         print_measures(clips, options.set)
         return
-    warm_up(DetectorKind.CLASSIC)
+    warm_up(options.detector)
     specs = [
         draw_composite(seed_of(options.set, k), clips) for k in range(options.first, options.first + options.number)
     ]
@@ -132,7 +134,7 @@ def main() -> None:
     # one clip after the other, so that each is decoded once
     for spec in sorted(specs, key=lambda spec: (spec.clip, spec.first)):
         footage = clips.footage(options.set, spec.clip, spec.first)
-        judged = list(track_composite(render_composite(spec, footage)))
+        judged = list(track_composite(render_composite(spec, footage), options.detector))
         row = row_of(spec, judged)
         rows.append(row)
         print(json.dumps(row), flush=True)

@@ -1,7 +1,7 @@
 """Track the aircraft of real clips with one camera and print the share of frames in which it was hit.
 
 usage: GROUNDSTATION_DATA=… python benchmarks/detector_clips.py [--acquire] [--every N] [--half] [--noise SIGMA]
-       [--kind contrail] [--csrt] [CLIP …]
+       [--grey] [--detector classic] [--kind contrail] [--csrt] [CLIP …]
 
 Each segment is tracked on its own: started on its first box or, with --acquire, found by searching; then frames are
 scored from 0.5 s on. A hit is a target point inside the labelled box or within 10 px of its centre (5 px at half
@@ -31,6 +31,8 @@ from groundstation.bank.csrt_process import CsrtProcess
 from groundstation.box import box_of_size
 from groundstation.detection.config import DetectorKind
 from groundstation.messages import Detection
+from groundstation.single_camera.learned_tracker import LearnedPixelTracker
+from groundstation.single_camera.make_tracker import make_tracker
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.tracking.warm_up import warm_up
 
@@ -54,12 +56,14 @@ class Segment:
 
 @dataclass(frozen=True, kw_only=True)
 class Mode:
-    """Degradation of the frames, and whether the tracker gets a start."""
+    """Degradation of the frames, the tracker, and whether it gets a start."""
 
     acquire: bool
     every: int
     half: bool
     noise: float
+    grey: bool
+    detector: DetectorKind
 
 
 @dataclass(kw_only=True)
@@ -140,6 +144,8 @@ def read_frames(path: Path, first: int, last: int, mode: Mode) -> Iterator[tuple
         if mode.half:
             half = (image.shape[1] // 2, image.shape[0] // 2)
             image = np.asarray(cv2.resize(image, half, interpolation=cv2.INTER_AREA), np.uint8)
+        if mode.grey:
+            image = np.asarray(cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR), np.uint8)
         if mode.noise > 0:
             noisy = image + generator.normal(0.0, mode.noise, image.shape)
             image = np.clip(np.round(noisy), 0, 255).astype(np.uint8)
@@ -160,12 +166,12 @@ def run_segment(
     labels = {f: (b[0] * scale, b[1] * scale, b[2] * scale, b[3] * scale) for f, b in boxes.items()}
     inside = [f for f in sorted(labels) if segment.first <= f <= segment.last]
     tally = TrackingCounts()
-    tracker: PixelTracker | None = None
+    tracker: PixelTracker | LearnedPixelTracker | None = None
     frames = read_frames(folder / f"{segment.clip}.mp4", inside[0], segment.last, mode) if inside else iter(())
     for index, image in frames:
         label, first = labels.get(index), tracker is None
         if tracker is None:
-            tracker = PixelTracker((image.shape[1], image.shape[0]))
+            tracker = make_tracker(mode.detector, (image.shape[1], image.shape[0]))
         began = time.process_time()
         if first and not mode.acquire and label is not None:
             track = tracker.start(image, index / RATE_HZ, box_of_size(*label))
@@ -198,14 +204,23 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, metavar="N", help="every N-th frame only")
     parser.add_argument("--half", action="store_true", help="at half resolution")
     parser.add_argument("--noise", type=float, default=0.0, metavar="SIGMA", help="with added noise, grey levels")
+    parser.add_argument("--grey", action="store_true", help="without colour")
+    parser.add_argument("--detector", type=DetectorKind, choices=tuple(DetectorKind), default=DetectorKind.LEARNED)
     parser.add_argument("--kind", choices=("aircraft", "contrail"), help="one kind of segment only")
     parser.add_argument("--csrt", action="store_true", help="also run OpenCV's CSRT")
     parser.add_argument("clips", nargs="*", metavar="CLIP", help="parts of clip names")
     options = parser.parse_args()
-    mode = Mode(acquire=options.acquire, every=options.every, half=options.half, noise=options.noise)
+    mode = Mode(
+        acquire=options.acquire,
+        every=options.every,
+        half=options.half,
+        noise=options.noise,
+        grey=options.grey,
+        detector=options.detector,
+    )
     folder = Path(os.environ["GROUNDSTATION_DATA"]) / "aircraft-clips"
     csrt = CsrtProcess(csrt_python()) if options.csrt else None
-    warm_up(DetectorKind.CLASSIC)
+    warm_up(options.detector)
     cv2.setNumThreads(1)
     boxes, segments = read_boxes(folder), read_segments(folder)
     for kind in ("aircraft", "contrail") if options.kind is None else (options.kind,):

@@ -5,6 +5,7 @@ successive frames, moves smoothly, keeps its size and has more contrast than all
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from groundstation.arrays import ImageArray
@@ -107,9 +108,14 @@ class TargetConfirmation:
         """
         if self._newest_s is not None and t_s <= self._newest_s:
             self.reset()
+        return self.confirm(self._finder.find(image, t_s), t_s, known_size_px)
+
+    def confirm(
+        self, found: Sequence[Candidate], t_s: float, known_size_px: float | None = None
+    ) -> ConfirmedTarget | None:
+        """Process the candidates of one frame as `update` does those that it finds."""
         self._newest_s = t_s
-        candidates = [c for c in self._finder.find(image, t_s) if c.score >= self._config.least_score]
-        self._follow(candidates, t_s, known_size_px)
+        self._follow([c for c in found if c.score >= self._config.least_score], t_s, known_size_px)
         return self._decide(t_s)
 
     def drop(self, box: Box[float]) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box, box_of_size, overlap
+from groundstation.detection.candidate_finder import Candidate
 from groundstation.detection.image_conditioning import ImageConditioner
 from groundstation.detection.picture_shift import is_cut, small_copy
 from groundstation.detection.pixel_track import PixelTrack, in_full
@@ -40,6 +41,7 @@ class PixelTracker:
     Attributes
     ----------
     start_confirmed : whether what a start was given has shown itself; True without a start.
+    replaced : how many targets the review has replaced by others.
     """
 
     def __init__(self, image_size_px: tuple[int, int], config: PixelTrackerConfig | None = None) -> None:
@@ -52,6 +54,7 @@ class PixelTracker:
         self._target: PixelTarget | None = None
         self._given: Box[float] | None = None  # where a start that is on trial was last seen
         self.start_confirmed = True
+        self.replaced = 0
 
     def reset(self) -> None:
         """Forget the target and everything that might become one."""
@@ -67,8 +70,11 @@ class PixelTracker:
         trial, acquiring without a point, until as many frames have shown it as searching would ask for; where they do
         not, the box holds nothing and the whole picture is searched.
         """
+        return in_full(self.start_prepared(self._picture.prepare(image), t_s, box), self._picture.scale)
+
+    def start_prepared(self, working: ImageArray, t_s: float, box: Box[float]) -> PixelTrack:
+        """Do as `start` with a working picture of `picture`; return the track in its pixels."""
         self.reset()
-        working = self._picture.prepare(image)
         scale = self._picture.scale
         x, y, w, h = box.x0 * scale, box.y0 * scale, box.w * scale, box.h * scale
         given = box_of_size(x, y, w, h)
@@ -82,27 +88,50 @@ class PixelTracker:
         target.whole_px = None if sight is None else sight.size_px
         self._given, self.start_confirmed = given, False
         self._review.reset(given=True)
-        return in_full(self._on_trial(target, given, working, t_s), scale)
+        return self._on_trial(target, given, working, t_s)
 
     def step(self, image: ImageArray, t_s: float) -> PixelTrack:
         """Look at the next frame, (h, w, 3) BGR, taken at ``t_s``, later than the last one."""
+        return in_full(self.step_prepared(self._picture.prepare(image), t_s), self._picture.scale)
+
+    def step_prepared(self, working: ImageArray, t_s: float) -> PixelTrack:
+        """Do as `step` with a working picture of `picture`; return the track in its pixels."""
         target = self._target
-        working = self._picture.prepare(image)
         if target is None:
-            track = self._find(working, t_s)
-        else:
-            target.motion.predict(t_s - target.newest_s)
-            if self._given is None:
-                track = self._reviewed(self._follow(target, working, t_s), working, t_s)
-            else:
-                track = self._on_trial(target, self._given, working, t_s)
-        return in_full(track, self._picture.scale)
+            return self._find(working, t_s)
+        target.motion.predict(t_s - target.newest_s)
+        if self._given is None:
+            return self.reviewed(self._follow(target, working, t_s), working, t_s)
+        return self._on_trial(target, self._given, working, t_s)
+
+    @property
+    def picture(self) -> ImageConditioner:
+        """What prepares the working pictures."""
+        return self._picture
+
+    @property
+    def has_target(self) -> bool:
+        """Whether there is a target, seen or predicted."""
+        return self._target is not None
+
+    def release(self) -> None:
+        """Forget the target, but not what the review knows of it: something else follows it."""
+        self._target = self._given = None
+        self._view.detector.reset()
+        self._confirmation.reset()
+
+    def take(
+        self, working: ImageArray, t_s: float, box: Box[float], velocity_px_s: tuple[float, float]
+    ) -> PixelTrack | None:
+        """Begin with what something else has followed into ``box`` of a working picture; None if it is not seen."""
+        return self._take(working, t_s, _in_middle(box, velocity_px_s))
 
     # ------------------------------------------------------------------------------------ without a target
     def _find(self, image: ImageArray, t_s: float) -> PixelTrack:
         """Search the whole frame; a target that is sure is looked at at once."""
         track = self._take(image, t_s, self._confirmation.update(image, t_s))
         if track is not None:
+            self._review.reset(given=False)
             return track
         status = TrackStatus.ACQUIRING if self._confirmation.promising else TrackStatus.SEARCHING
         miss = Miss(reason=MissReason.NOT_ACQUIRED)
@@ -128,8 +157,6 @@ class PixelTracker:
             and (another or self._may_be(held, image, result, t_s))
         ):
             self._confirmation.reset()
-            if another or held is None:
-                self._review.reset(given=False)
             self._saw(target, result, t_s)
             target.small = small_copy(image)
             place = target.motion.place()
@@ -165,17 +192,19 @@ class PixelTracker:
         return self._target
 
     # --------------------------------------------------------------------------------------- with a target
-    def _reviewed(self, track: PixelTrack, image: ImageArray, t_s: float) -> PixelTrack:
+    def reviewed(self, track: PixelTrack, image: ImageArray, t_s: float) -> PixelTrack:
         """Return the track of a frame, of another target where the review replaces the one that is held."""
-        if self._target is None or not isinstance(track.result, Detection):
+        if not isinstance(track.result, Detection):
             return track
         rival = self._review.rival(image, t_s, track.result.box)
         if rival is None:
             return track
-        middle = (0.5 * (rival.box.x0 + rival.box.x1), 0.5 * (rival.box.y0 + rival.box.y1))
-        found = ConfirmedTarget(candidate=replace(rival, u_px=middle[0], v_px=middle[1]), velocity_px_s=(0.0, 0.0))
-        taken = self._take(image, t_s, found, another=True)
-        return track if taken is None else taken
+        taken = self._take(image, t_s, _in_middle(rival.box, (0.0, 0.0)), another=True)
+        if taken is None:
+            return track
+        self._review.reset(given=False)
+        self.replaced += 1
+        return taken
 
     def _on_trial(self, target: PixelTarget, given: Box[float], image: ImageArray, t_s: float) -> PixelTrack:
         """Follow what a start was given until it is sure, or until it is sure that there is nothing."""
@@ -317,3 +346,10 @@ class PixelTracker:
             return True
         target.proven = True
         return False
+
+
+def _in_middle(box: Box[float], velocity_px_s: tuple[float, float]) -> ConfirmedTarget:
+    """Return a target whose point is the middle of its box."""
+    u, v = 0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1)
+    candidate = Candidate(u_px=u, v_px=v, box=box, score=0.0, moving=False, motion_px_s=None)
+    return ConfirmedTarget(candidate=candidate, velocity_px_s=velocity_px_s)

@@ -16,7 +16,8 @@ from groundstation.box import Box, overlap
 from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate
 from groundstation.detection.config import DetectionConfig, DetectorKind
 from groundstation.detection.learned_finder import LearnedFinder
-from groundstation.detection.picture_shift import picture_shift, small_copy
+from groundstation.detection.picture_shift import small_copy
+from groundstation.single_camera.rest_check import rests_between
 
 _REVIEW_S, _RIVAL_S = 0.4, 0.1
 # reviews running without recognition; earlier ones with it, for a target that was given; sights of a rival
@@ -28,8 +29,8 @@ _RIVAL_ODDS = 2.0
 _RECOGNISED_ODDS, _LEAD = 2.5, 2.5
 # how far a rival may be from where it was seen last: in widths, and per second in widths
 _GATE, _SPEED = 0.7, 6.0
-# what is cut by the border lies so near to it; what rests moves by at most such a share of its length between reviews
-_BORDER_PX, _RESTING = 3.0, 0.15
+# what is cut by the border lies so near to it
+_BORDER_PX = 3.0
 
 
 class TargetReview:
@@ -78,10 +79,7 @@ class TargetReview:
         cut = min(box.x0, box.y0, w - box.x1, h - box.y1) <= _BORDER_PX
         if before is None or not cut or before[0].shape != small.shape:
             return False
-        shift = picture_shift(before[0], small, before[1])
-        du, dv = (0.0, 0.0) if shift is None else (float(shift[0]), float(shift[1]))
-        moved = math.hypot(_middle(box)[0] - _middle(before[1])[0] - du, _middle(box)[1] - _middle(before[1])[1] - dv)
-        return moved <= _RESTING * max(box.w, box.h)
+        return rests_between(before[0], before[1], small, box)
 
     def _likeliest(
         self, finder: LearnedFinder, image: ImageArray, t_s: float, box: Box[float], odds: float
@@ -105,7 +103,3 @@ class TargetReview:
         self._rival = (t_s, found)
         self._sights += 1
         return found if self._sights >= _SIGHTS else None
-
-
-def _middle(box: Box[float]) -> tuple[float, float]:
-    return 0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1)

@@ -13,8 +13,8 @@ from groundstation.detection.config import DetectorKind
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError, UsageError, ending_noted
 from groundstation.messages import Miss, MissReason, TrackStatus
+from groundstation.single_camera.make_tracker import make_tracker
 from groundstation.single_camera.pixel_track_file import PixelTrackFile
-from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.sinks.overlay_video import OverlayVideo, draw_track
 from groundstation.sources.video_file import VideoFile, VideoFrame
 from groundstation.tracking.warm_up import warm_up
@@ -31,6 +31,7 @@ class TrackRequest:
     from_frame, to_frame : first and last frame, both included; None for the end of the video.
     save_video : an MP4 file to write the drawn pictures to, None for none.
     view : show them live in Rerun's viewer.
+    detector : the classic one alone, or with the learned channel.
     """
 
     video: Path
@@ -40,6 +41,7 @@ class TrackRequest:
     to_frame: int | None = None
     save_video: Path | None = None
     view: bool = False
+    detector: DetectorKind = DetectorKind.LEARNED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,8 +82,8 @@ def track_video(
     with ExitStack() as opened:
         table, sinks = _open_sinks(request, video, environment, opened)
         rows = _TableRows(table, tally, video)
-        warm_up(DetectorKind.CLASSIC)
-        tracker = PixelTracker(video.size_px)
+        warm_up(request.detector)
+        tracker = make_tracker(request.detector, video.size_px)
         begun = False
         opened.enter_context(ending_noted(lambda: f"{request.out.name} ends after {tally.frames} frames"))
         try:

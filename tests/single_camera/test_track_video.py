@@ -18,8 +18,8 @@ from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError
 from groundstation.messages import TrackStatus
 from groundstation.single_camera import track_video as track_video_module
+from groundstation.single_camera.learned_tracker import LearnedPixelTracker
 from groundstation.single_camera.pixel_track_file import PIXEL_TRACK_COLUMNS
-from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.single_camera.track_video import TrackRequest, track_video
 from groundstation.sources import video_file
 from groundstation.sources.video_file import VideoFile
@@ -349,14 +349,14 @@ def test_an_interrupt_keeps_the_finished_rows(
     film: Film, video: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Expected: exit code 130, the rows until then, and an overlay video that opens."""
-    whole_step = PixelTracker.step
+    whole_step = LearnedPixelTracker.step
 
-    def step(self: PixelTracker, image: np.ndarray, t_s: float) -> PixelTrack:
+    def step(self: LearnedPixelTracker, image: np.ndarray, t_s: float) -> PixelTrack:
         if t_s > 9.5 / RATE_HZ:
             raise KeyboardInterrupt
         return whole_step(self, image, t_s)
 
-    monkeypatch.setattr(PixelTracker, "step", step)
+    monkeypatch.setattr(LearnedPixelTracker, "step", step)
     seen = video.with_name("seen.mp4")
     rows = track(video, "--init", init(film), "--save-video", str(seen), code=130)
     assert len(rows) == 10

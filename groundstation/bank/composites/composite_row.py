@@ -14,8 +14,11 @@ from groundstation.bank.composites.segment_view import CompositeClips
 from groundstation.bank.frame_outcomes import HIT_MARGIN_PX
 from groundstation.bank.session_truth import distance_outside_px
 from groundstation.box import box_of_size
+from groundstation.detection.config import DetectorKind
 from groundstation.messages import Detection
 from groundstation.simulation.world.world_sets import set_of
+from groundstation.single_camera.learned_tracker import LearnedPixelTracker
+from groundstation.single_camera.make_tracker import make_tracker
 from groundstation.single_camera.pixel_tracker import PixelTracker
 
 # borders between the classes of the median width, px
@@ -48,14 +51,16 @@ class JudgedFrame:
     verdict: FrameVerdict
 
 
-def track_composite(frames: Iterable[CompositeFrame]) -> Iterable[JudgedFrame]:
+def track_composite(
+    frames: Iterable[CompositeFrame], detector: DetectorKind = DetectorKind.LEARNED
+) -> Iterable[JudgedFrame]:
     """Yield the judged frames of a composite from its first visible one on."""
-    tracker: PixelTracker | None = None
+    tracker: PixelTracker | LearnedPixelTracker | None = None
     for frame in frames:
         if tracker is None:
             if not frame.visible or frame.silhouette is None:
                 continue
-            tracker = PixelTracker((frame.image.shape[1], frame.image.shape[0]))
+            tracker = make_tracker(detector, (frame.image.shape[1], frame.image.shape[0]))
             own = silhouette_box(frame.silhouette)
             track = tracker.start(
                 frame.image, frame.t_s, box_of_size(float(own.x0), float(own.y0), *map(float, own.size))
