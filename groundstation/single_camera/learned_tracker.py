@@ -26,9 +26,11 @@ from groundstation.single_camera.recognised_search import RecognisedSearch
 from groundstation.single_camera.rest_check import RestCheck
 
 # of two objects, the channel's is the target where its log odds are larger by so much
-_LEAD = 1.0
+_LEAD = 2.0
 # so long both agree before the channel looks less often, and how often it then does
 _AGREED_S, _LOOK_S = 1.0, 0.1
+# so long the classic detector may see several things without a choice
+_AMBIGUOUS_S = 0.5
 # how often the classic detector is shown what the channel follows alone
 _RETAKE_S = 0.2
 
@@ -87,11 +89,12 @@ class LearnedPixelTracker:
         working, target = self._picture.prepare(image), self._target
         if target is None:
             return in_full(self._find(working, t_s), self._picture.scale)
-        dt_s, target.newest_s = t_s - target.newest_s, t_s
+        before, before_s = target.small, target.newest_s
+        if target.misses == 0 and before is not None:
+            self._rest.update(before, target.box, before_s)
+        dt_s, target.newest_s = t_s - before_s, t_s
         target.motion.predict(dt_s)
-        before, target.small = target.small, small_copy(working)
-        if target.misses == 0:
-            self._rest.update(target.small, target.box, t_s)
+        target.small = small_copy(working)
         step = self._follow_alone if self._alone else self._follow
         return in_full(step(target, working, before, dt_s), self._picture.scale)
 
@@ -175,8 +178,11 @@ class LearnedPixelTracker:
         )
         there = self._view.odds_at(image, classic) if elsewhere and isinstance(classic, Detection) else odds
         target.weigh(odds)
-        lost = isinstance(classic, Miss) or (elsewhere and there < odds - _LEAD)
-        lost = lost and target.recognised and odds > 0.0 and (self._given or self._rest.rests is False)
+        # two things in one place, an aircraft and a bird: the classic detector waits until they part
+        waits = isinstance(classic, Miss) and classic.reason is MissReason.AMBIGUOUS
+        waits = waits and target.newest_s - target.seen_s <= _AMBIGUOUS_S
+        lost = (isinstance(classic, Miss) and not waits) or (elsewhere and there < odds - _LEAD)
+        lost = lost and target.recognised and odds > 0.0 and self._is_proven
         if lost or isinstance(classic, Miss):
             self._disagreed_s = target.newest_s
         elif elsewhere:
@@ -189,6 +195,7 @@ class LearnedPixelTracker:
         if away > 0.5 * classic.box.length + 3.0 * target.motion.sigma_px:
             again = begin_target(self._config, classic.centroid_px, classic.box, target.odds, t_s)
             target.motion, target.span_px = again.motion, again.span_px
+            self._rest = RestCheck()
         target.saw(classic, t_s)
 
     # --------------------------------------------------------------------------------- with the channel alone
@@ -205,9 +212,14 @@ class LearnedPixelTracker:
         track = PixelTrack(t_s=t_s, status=status, result=look[1], roi=look[0], predicted_px=predicted)
         return self._proven(track)
 
+    @property
+    def _is_proven(self) -> bool:
+        """Whether the target was given, or is known not to rest."""
+        return self._given or self._rest.rests is False
+
     def _proven(self, track: PixelTrack) -> PixelTrack:
         """Return the track, without a point until what was found by searching is known not to rest."""
-        if self._given or self._rest.rests is not None:
+        if self._is_proven:
             return track
         return replace(track, status=TrackStatus.ACQUIRING, result=Miss(reason=MissReason.NOT_ACQUIRED))
 
@@ -234,13 +246,13 @@ class LearnedPixelTracker:
         target.saw(look[1], t_s)
         status = TrackStatus.TRACKING
         track = PixelTrack(t_s=t_s, status=status, result=look[1], roi=look[0], predicted_px=predicted)
-        return self._proven(self._shown_to_classic(target, image, track))
+        return self._shown_to_classic(target, image, track)
 
     def _coast_alone(self, target: ChannelTarget, image: ImageArray, look: Look, dt_s: float) -> PixelTrack:
         """Predict a target that is not seen; after some frames of that, search for it."""
         t_s, predicted = target.newest_s, target.motion.place()
         target.miss(dt_s)
-        status = TrackStatus.COASTING
+        status = TrackStatus.COASTING if self._is_proven else TrackStatus.ACQUIRING
         if target.misses >= self._config.search_after:
             found = self._search.update(image, t_s)
             taken = None if found is None else self._take(found, image, t_s)
@@ -259,11 +271,11 @@ class LearnedPixelTracker:
         if self._classic.replaced > replaced and isinstance(reviewed.result, Detection):
             self._join(reviewed.result, image, t_s)
             return reviewed
-        if t_s >= self._retake_s and isinstance(seen, Detection):
+        if t_s >= self._retake_s and self._is_proven and target.recognised and isinstance(seen, Detection):
             self._retake_s = t_s + _RETAKE_S
             taken = self._classic.take(image, t_s, seen.box, (motion.du_px_s, motion.dv_px_s))
             if taken is not None and isinstance(taken.result, Detection) and overlap(taken.result.box, seen.box):
                 self._alone, self._disagreed_s, self._look_s = False, t_s, t_s
             else:
                 self._classic.release()
-        return track
+        return self._proven(track)

@@ -1,20 +1,29 @@
 """Both detectors of one camera: what either loses the other keeps, and what rests is no aircraft."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from groundstation.box import Box, shift
+from groundstation.detection.candidate_finder import Candidate
 from groundstation.detection.picture_shift import small_copy
 from groundstation.detection.pixel_track import PixelTrack
+from groundstation.detection.target_confirmation import ConfirmedTarget
 from groundstation.messages import Detection, Miss, MissReason, TrackStatus
 from groundstation.single_camera.channel_view import ChannelView
 from groundstation.single_camera.learned_tracker import LearnedPixelTracker
 from groundstation.single_camera.pixel_tracker import PixelTracker
+from groundstation.single_camera.recognised_search import RecognisedSearch
 from groundstation.single_camera.rest_check import RestCheck
 from tests.detection.flying import RATE_HZ, SIZE, Film, panorama
 from tests.detection.test_birds import PASSING, with_bird
 from tests.single_camera.test_target_review import CUT, H, W, scene
 from tests.single_camera.test_target_review import RATE_HZ as SCENE_RATE_HZ
+
+_NOTHING = PixelTrack(
+    t_s=0.0, status=TrackStatus.LOST, result=Miss(reason=MissReason.NO_REGION), roi=None, predicted_px=None
+)
 
 
 @pytest.fixture
@@ -49,10 +58,7 @@ def test_the_channel_keeps_what_the_classic_detector_loses(film: Film, monkeypat
     tracker = LearnedPixelTracker(SIZE)
     for k in range(20):
         step(tracker, film, k)
-    nothing = PixelTrack(
-        t_s=0.0, status=TrackStatus.LOST, result=Miss(reason=MissReason.NO_REGION), roi=None, predicted_px=None
-    )
-    monkeypatch.setattr(PixelTracker, "step_prepared", lambda *_: nothing)
+    monkeypatch.setattr(PixelTracker, "step_prepared", lambda *_: _NOTHING)
     monkeypatch.setattr(PixelTracker, "take", lambda *_: None)
     tracks = [step(tracker, film, k) for k in range(20, 40)]
     assert all(t.status is TrackStatus.TRACKING for t in tracks)
@@ -111,6 +117,102 @@ def test_a_start_on_an_empty_place_is_not_confirmed(film: Film, corner: tuple[fl
         tracks += [tracker.step(film.frame(k), k / RATE_HZ) for k in range(1, 12)]
         assert all(isinstance(t.result, Miss) for t in tracks)
         assert not tracker.start_confirmed
+
+
+class _Sequence:
+    """A tracker whose channel finds one thing by searching, and sees it in frames that are not in ``unseen``."""
+
+    def __init__(self, film: Film, monkeypatch: pytest.MonkeyPatch, unseen: range = range(0)) -> None:
+        self.film, self.k, self.unseen, self.handed_over = film, 0, unseen, 0
+        monkeypatch.setattr(PixelTracker, "step_prepared", lambda *_: _NOTHING)
+        monkeypatch.setattr(PixelTracker, "reviewed", lambda _, track, *__: track)
+        monkeypatch.setattr(PixelTracker, "take", self._hand_over)
+        monkeypatch.setattr(RecognisedSearch, "update", self._find)
+        monkeypatch.setattr(ChannelView, "look", self._look)
+        self.tracker = LearnedPixelTracker(SIZE)
+
+    def tracks(self, frames: range) -> list[PixelTrack]:
+        found = []
+        for self.k in frames:
+            found.append(self.tracker.step(self.film.frame(self.k), self.k / RATE_HZ))
+        return found
+
+    def _hand_over(self, *_: object) -> None:
+        self.handed_over += 1
+
+    def _find(self, *_: object) -> ConfirmedTarget:
+        (u, v), box = self.film.place(self.k), self.film.box(self.k)
+        candidate = Candidate(u_px=u, v_px=v, box=box, score=9.0, moving=False, motion_px_s=None)
+        return ConfirmedTarget(candidate=candidate, velocity_px_s=(0.0, 0.0))
+
+    def _look(self, *_: object) -> tuple[None, Detection | Miss]:
+        if self.k in self.unseen:
+            return None, Miss(reason=MissReason.LOW_CONTRAST)
+        (u, v), box = self.film.place(self.k), self.film.box(self.k)
+        return None, Detection(
+            u_px=u,
+            v_px=v,
+            covariance_px2=np.eye(2),
+            noise_px2=np.eye(2),
+            centroid_px=np.array([u, v]),
+            box=box,
+            area_px=50.0,
+            contour_px=np.empty((0, 2), np.float32),
+            contrast_to_noise=6.0,
+            channel="learned",
+            log_odds=6.0,
+        )
+
+
+def on_hills(film: Film, speed_px: float) -> Film:
+    film.corner, film.start, film.pan_px, film.speed_px = (300.0, 250.0), (420.0, 480.0), (1.5, 0.0), (speed_px, 0.0)
+    return film
+
+
+def test_what_rests_is_neither_reported_nor_handed_over(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: found by searching and at rest on the hills, no point, and no start of the classic detector."""
+    sequence = _Sequence(on_hills(film, 0.0), monkeypatch)
+    tracks = sequence.tracks(range(75))
+    assert {t.status for t in tracks} <= {TrackStatus.ACQUIRING, TrackStatus.LOST}
+    assert not any(isinstance(t.result, Detection) for t in tracks)
+    assert sequence.handed_over == 0
+
+
+def test_what_moves_is_reported_once_that_is_known(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: acquiring while its motion is unknown, seen or not; then tracking, given to the classic detector."""
+    sequence = _Sequence(on_hills(film, 4.0), monkeypatch, unseen=range(36, 39))
+    tracks = sequence.tracks(range(75))
+    status = [t.status for t in tracks]
+    reported = status.index(TrackStatus.TRACKING)
+    assert set(status[31:reported]) == {TrackStatus.ACQUIRING}
+    assert 40 <= reported <= 50
+    assert set(status[reported:]) == {TrackStatus.TRACKING}
+    assert not any(isinstance(t.result, Detection) for t in tracks[:reported])
+    assert sequence.handed_over >= 2
+
+
+def test_two_things_in_one_place_are_left_to_the_classic_tracker(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: half a second without a choice is no loss, and what the channel sees then is not taken; later it is."""
+    film.speed_px = (2.5, 0.4)
+    tracker = LearnedPixelTracker(SIZE)
+    for k in range(30):
+        step(tracker, film, k)
+    choice = replace(_NOTHING, status=TrackStatus.COASTING, result=Miss(reason=MissReason.AMBIGUOUS))
+    monkeypatch.setattr(PixelTracker, "step_prepared", lambda *_: choice)
+    monkeypatch.setattr(PixelTracker, "take", lambda *_: None)
+    tracks = [step(tracker, film, k) for k in range(30, 60)]
+    taken = [t.status is TrackStatus.TRACKING for t in tracks]
+    assert not any(taken[:15])
+    assert all(taken[16:])
+
+
+def test_the_background_is_that_of_the_box_s_frame(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: a camera that turns back and forth, by more than a box at a time, does not make what rests move."""
+    film = on_hills(film, 0.0)
+    film.pan_px, film.jumps = (0.0, 0.0), {k: (30.0 * (-1.0) ** (k // 6), 0.0) for k in range(6, 200, 6)}
+    sequence = _Sequence(film, monkeypatch)
+    assert not any(isinstance(t.result, Detection) for t in sequence.tracks(range(90)))
+    assert sequence.handed_over == 0
 
 
 @pytest.mark.parametrize(("pan_px", "speed_px", "rests"), [(0.0, 0.0, True), (1.5, 1.5, False), (1.5, 0.0, True)])
