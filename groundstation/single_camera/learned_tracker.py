@@ -26,11 +26,11 @@ from groundstation.single_camera.recognised_search import RecognisedSearch
 from groundstation.single_camera.rest_check import RestCheck
 
 # of two objects, the channel's is the target where its log odds are larger by so much
-_LEAD = 2.0
+_LEAD = 1.0
 # so long both agree before the channel looks less often, and how often it then does
 _AGREED_S, _LOOK_S = 1.0, 0.1
-# so long the classic detector may see several things without a choice
-_AMBIGUOUS_S = 0.5
+# so long the classic detector may see nothing, or several things without a choice
+_PASSING_S = 0.5
 # how often the classic detector is shown what the channel follows alone
 _RETAKE_S = 0.2
 
@@ -45,7 +45,7 @@ class LearnedPixelTracker:
         self._view = ChannelView(self._config.detection, self._picture.size_px)
         self._search = RecognisedSearch(self._config, self._picture.size_px)
         self._given_seen = self._given = False
-        self._rest = RestCheck()
+        self._rest, self._held_rest = RestCheck(), RestCheck()  # of the target, of what the classic detector sees
         self._without_s: float | None = None  # since when there has been no target
         self._target: ChannelTarget | None = None
         self._alone = False  # the channel follows what the classic detector does not see
@@ -60,6 +60,7 @@ class LearnedPixelTracker:
         """Forget the target and everything that might become one."""
         self._classic.reset()
         self._clear()
+        self._given_seen = False
 
     def start(self, image: ImageArray, t_s: float, box: Box[float]) -> PixelTrack:
         """Begin with the target inside ``box`` (px) of a frame (h, w, 3) BGR; return what is there.
@@ -82,6 +83,7 @@ class LearnedPixelTracker:
             track = self._go_on_alone(self._target, working, (None, seen), t_s)
         elif isinstance(classic, Detection):
             self._join(classic, working, t_s)
+            self._given = True
         return in_full(track, scale)
 
     def step(self, image: ImageArray, t_s: float) -> PixelTrack:
@@ -100,15 +102,17 @@ class LearnedPixelTracker:
 
     def _clear(self) -> None:
         self._target, self._alone, self._given = None, False, False
-        self._without_s, self._rest = None, RestCheck()
+        self._without_s, self._rest, self._held_rest = None, RestCheck(), RestCheck()
         self._search.reset()
 
     # ------------------------------------------------------------------------------------ without a target
     def _find(self, image: ImageArray, t_s: float) -> PixelTrack:
         """Let the classic tracker search, and where it has found nothing for a second the channel as well."""
+        on_trial = not self._classic.start_confirmed
         track = self._classic.step_prepared(image, t_s)
         if isinstance(track.result, Detection):
             self._join(track.result, image, t_s)
+            self._given = on_trial and self._classic.start_confirmed
         if self._classic.has_target:
             self._without_s = None
             return track
@@ -152,11 +156,13 @@ class LearnedPixelTracker:
             # the review has weighed both
             self._join(classic, image, t_s)
             return track
+        if isinstance(classic, Detection) and target.small is not None:
+            self._held_rest.update(target.small, classic.box, t_s)
         if isinstance(classic, Detection) and t_s < self._look_s and overlap(classic.box, target.box):
             target.saw(classic, t_s)
             return track
         look = self._view.look(target, image)
-        if self._lost_by_classic(target, classic, look[1], image):
+        if self._lost_by_classic(target, track, look[1], image):
             if target.small is None or before is None or not is_cut(before, target.small):
                 return self._go_on_alone(target, image, look, t_s)
         elif isinstance(classic, Detection):
@@ -169,19 +175,19 @@ class LearnedPixelTracker:
         return track
 
     def _lost_by_classic(
-        self, target: ChannelTarget, classic: Detection | Miss, seen: Detection | Miss, image: ImageArray
+        self, target: ChannelTarget, track: PixelTrack, seen: Detection | Miss, image: ImageArray
     ) -> bool:
         """Return whether the channel sees an aircraft where the classic tracker has nothing, or something else."""
-        odds = odds_of(seen)
+        odds, classic = odds_of(seen), track.result
         elsewhere = isinstance(classic, Detection) and not (
             isinstance(seen, Detection) and overlap(classic.box, seen.box)
         )
         there = self._view.odds_at(image, classic) if elsewhere and isinstance(classic, Detection) else odds
         target.weigh(odds)
-        # two things in one place, an aircraft and a bird: the classic detector waits until they part
-        waits = isinstance(classic, Miss) and classic.reason is MissReason.AMBIGUOUS
-        waits = waits and target.newest_s - target.seen_s <= _AMBIGUOUS_S
-        lost = (isinstance(classic, Miss) and not waits) or (elsewhere and there < odds - _LEAD)
+        # a bird in front is often the likelier aircraft of the two: it passes, and it does not rest
+        passed = target.newest_s - target.seen_s > _PASSING_S or track.status is not TrackStatus.COASTING
+        unseen = isinstance(classic, Miss) and passed
+        lost = unseen or (elsewhere and there < odds - _LEAD and self._held_rest.rests is True)
         lost = lost and target.recognised and odds > 0.0 and self._is_proven
         if lost or isinstance(classic, Miss):
             self._disagreed_s = target.newest_s
@@ -195,7 +201,7 @@ class LearnedPixelTracker:
         if away > 0.5 * classic.box.length + 3.0 * target.motion.sigma_px:
             again = begin_target(self._config, classic.centroid_px, classic.box, target.odds, t_s)
             target.motion, target.span_px = again.motion, again.span_px
-            self._rest = RestCheck()
+            self._rest, self._given = RestCheck(), False
         target.saw(classic, t_s)
 
     # --------------------------------------------------------------------------------- with the channel alone

@@ -6,7 +6,7 @@ but for a target on which the camera is kept before an even sky, where contrast 
 
 import math
 
-from groundstation.arrays import ImageArray
+from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
 from groundstation.detection.picture_shift import picture_shift
 
@@ -26,19 +26,30 @@ class RestCheck:
     def __init__(self) -> None:
         self.rests: bool | None = None
         self._before: tuple[float, ImageArray, Box[float]] | None = None
+        self._has_background = False
 
     def update(self, small: ImageArray, box: Box[float], t_s: float) -> None:
-        """Take a frame's small copy, and the box (px) in which the target was seen at ``t_s``."""
+        """Take a frame's small copy, and the box (px) in which the target was seen at ``t_s``.
+
+        Where the background's motion has been measured before and is not now, in a blurred picture, there is no answer.
+        """
         if self._before is not None:
             if t_s - self._before[0] < _EVERY_S:
                 return
-            self.rests = rests_between(self._before[1], self._before[2], small, box)
+            shift = picture_shift(self._before[1], small, self._before[2])
+            if shift is not None or not self._has_background:
+                self.rests = _rests(self._before[2], box, shift)
+            self._has_background |= shift is not None
         self._before = (t_s, small, box)
 
 
 def rests_between(before: ImageArray, box_before: Box[float], small: ImageArray, box: Box[float]) -> bool:
     """Return whether a target has moved as the background has, between two small copies of frames and its boxes."""
-    shift = picture_shift(before, small, box_before)
+    return _rests(box_before, box, picture_shift(before, small, box_before))
+
+
+def _rests(box_before: Box[float], box: Box[float], shift: FloatArray | None) -> bool:
+    """Return whether a target has moved by a background's ``shift`` (2,) px, by nothing where there is none."""
     du, dv = (0.0, 0.0) if shift is None else (float(shift[0]), float(shift[1]))
     u, v = (box.x0 + box.x1 - box_before.x0 - box_before.x1), (box.y0 + box.y1 - box_before.y0 - box_before.y1)
     return math.hypot(0.5 * u - du, 0.5 * v - dv) <= RESTING * max(box.w, box.h)

@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from groundstation.arrays import ImageArray
 from groundstation.box import Box, shift
 from groundstation.detection.candidate_finder import Candidate
 from groundstation.detection.picture_shift import small_copy
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.detection.target_confirmation import ConfirmedTarget
 from groundstation.messages import Detection, Miss, MissReason, TrackStatus
-from groundstation.single_camera.channel_view import ChannelView
+from groundstation.single_camera.channel_target import ChannelTarget
+from groundstation.single_camera.channel_view import ChannelView, Look
 from groundstation.single_camera.learned_tracker import LearnedPixelTracker
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.single_camera.recognised_search import RecognisedSearch
@@ -191,6 +193,31 @@ def test_what_moves_is_reported_once_that_is_known(film: Film, monkeypatch: pyte
     assert sequence.handed_over >= 2
 
 
+@pytest.mark.parametrize("given", [True, False])
+def test_a_given_target_may_rest(film: Film, monkeypatch: pytest.MonkeyPatch, given: bool) -> None:
+    """Expected: at rest on the sky's edge and lost by the classic detector, it is kept if it was given, not else."""
+    film.speed_px, film.pan_px, film.corner = (0.0, 0.0), (1.0, 0.0), (300.0, 220.0)
+    tracker = LearnedPixelTracker(SIZE)
+    for k in range(40):
+        step(tracker, film, k) if given else tracker.step(film.frame(k), k / RATE_HZ)
+    monkeypatch.setattr(PixelTracker, "step_prepared", lambda *_: _NOTHING)
+    monkeypatch.setattr(PixelTracker, "take", lambda *_: None)
+    tracks = [step(tracker, film, k) for k in range(40, 70)]
+    assert all(t.status is TrackStatus.TRACKING for t in tracks[16:]) == given
+    assert any(isinstance(t.result, Detection) for t in tracks) == given
+
+
+def test_a_blurred_picture_does_not_make_things_move(film: Film) -> None:
+    """Expected: no new answer where the background cannot be measured and could before."""
+    film.hidden, film.corner, film.pan_px = range(1000), (300.0, 250.0), (1.5, 0.0)
+    check = RestCheck()
+    for k in range(0, 40, 2):
+        picture = film.frame(k)
+        picture = picture if k < 20 else np.full_like(picture, 128)
+        check.update(small_copy(picture), shift(Box(220.0, 180.0, 250.0, 190.0), -1.5 * k, 0.0), k / RATE_HZ)
+    assert check.rests is True
+
+
 def test_two_things_in_one_place_are_left_to_the_classic_tracker(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: half a second without a choice is no loss, and what the channel sees then is not taken; later it is."""
     film.speed_px = (2.5, 0.4)
@@ -204,6 +231,24 @@ def test_two_things_in_one_place_are_left_to_the_classic_tracker(film: Film, mon
     taken = [t.status is TrackStatus.TRACKING for t in tracks]
     assert not any(taken[:15])
     assert all(taken[16:])
+
+
+def test_a_bird_s_odds_alone_do_not_take_the_target(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: what the classic detector sees move stays the target, however likely an aircraft is elsewhere."""
+    film.speed_px = (2.5, 0.4)
+    tracker = LearnedPixelTracker(SIZE)
+    for k in range(30):
+        step(tracker, film, k)
+    look, known = ChannelView.look, ChannelView.odds_at
+
+    def beside(view: ChannelView, target: ChannelTarget, image: ImageArray) -> Look:
+        roi, seen = look(view, target, image)
+        assert isinstance(seen, Detection)
+        return roi, replace(seen, box=shift(seen.box, 80.0, 0.0), centroid_px=seen.centroid_px + (80.0, 0.0))
+
+    monkeypatch.setattr(ChannelView, "look", beside)
+    monkeypatch.setattr(ChannelView, "odds_at", lambda *a: known(*a) - 6.0)
+    assert max(off_px(film, k, step(tracker, film, k)) for k in range(30, 60)) < 0.4 * film.span_px
 
 
 def test_the_background_is_that_of_the_box_s_frame(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
