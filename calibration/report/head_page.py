@@ -6,15 +6,17 @@ from html import escape
 from pathlib import Path
 
 from calibration.report.picture import ReportPicture, shown, write_page
-from groundstation.files.html_page import bullet_list, html_page, page_header, preformatted, verdict_line
+from groundstation.files.html_page import bullet_list, html_page, page_header, preformatted, text_table, verdict_line
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PagePart:
-    """One part of the page: its heading, the lines of a verdict, pictures, and text in columns."""
+    """One part of the page: its heading, the lines of a verdict, a list, a table (head first), pictures, and text."""
 
     heading: str
     verdict: Sequence[str] = ()
+    items: Sequence[str] = ()
+    table: Sequence[Sequence[str]] = ()
     pictures: Sequence[ReportPicture] = ()
     text: str = ""
 
@@ -38,6 +40,8 @@ def write_head_page(
 
 def _part(part: PagePart) -> str:
     pieces = [f"<h2>{escape(part.heading)}</h2>", _verdict(part.verdict)]
+    pieces += [bullet_list(part.items)] if part.items else []
+    pieces += [text_table(part.table[0], part.table[1:])] if part.table else []
     pieces += [shown(part.pictures)] if part.pictures else []
     pieces += [preformatted(part.text)] if part.text else []
     return "\n".join(piece for piece in pieces if piece)

@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from groundstation.cli.command_arguments import Commands, add_command
+from groundstation.cli.command_arguments import Commands, add_command, add_report, print_files
 from groundstation.cli.number_arguments import positive_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
@@ -14,7 +14,7 @@ of ADS-B notes, and of the Moon tell where the heads look against each other."""
 _MORE = """examples:
   groundstation calibrate sky --receive localhost:30003 --keep day/adsb.jsonl
   groundstation calibrate sky --rig rig.toml --site field.toml --from day/ \\
-      --out sky.toml
+      --out sky.toml --report out/sky
 
 how: DIR has pictures.csv with file, station, pan_deg, tilt_deg, t_utc_s (Unix
 time of the mid-exposure) and, where known, pan_from and tilt_from, as for
@@ -38,6 +38,7 @@ def add_sky(kinds: Commands) -> None:
     parser.add_argument("--rig", type=READ, metavar="FILE", help="the rig file")
     parser.add_argument("--site", type=READ, metavar="FILE", help="a file with [origin], as the station file is")
     parser.add_argument("--out", type=WRITTEN_FILE, metavar="FILE", help="the rig file to write")
+    add_report(parser)
     parser.add_argument(
         "--clock-sigma", type=positive_number, metavar="S", help="1 sigma of the pictures' stamps, s (0.1)"
     )
@@ -56,6 +57,7 @@ def run_calibrate_sky(options: argparse.Namespace) -> int:
     from calibration.rig_output import require_toml_name, require_writable
     from calibration.sky.calibrate import calibrate_sky
     from calibration.sky.day import find_adsb, read_day
+    from calibration.sky.html_report import write_sky_page
     from calibration.sky.text_report import format_sky
     from calibration.stars.calibrate import CLOCK_SIGMA_S, sky_uncertainty, write_noted_rig
     from calibration.stars.site_file import read_site
@@ -63,7 +65,7 @@ def run_calibrate_sky(options: argparse.Namespace) -> int:
     from groundstation.rig.rig import load_rig
 
     require_toml_name(options.out)
-    require_writable(options.out)
+    require_writable(options.out, options.report)
     rig, site = load_rig(options.rig), read_site(options.site)
     reports = find_adsb(options.taken, options.adsb)
     with ProgressLine(sys.stderr, "sky", "picture") as line:
@@ -77,6 +79,8 @@ def run_calibrate_sky(options: argparse.Namespace) -> int:
     ]
     write_noted_rig(options.out, found.night.rig, notes)
     print(f"\nwrote {options.out}")
+    if options.report is not None:
+        print_files(write_sky_page(options.report, found))
     return 0
 
 
@@ -84,7 +88,8 @@ def _receive(options: argparse.Namespace) -> int:
     """Keep a receiver's positions until it ends, or Ctrl-C."""
     from groundstation.cli.adsb_receiver import keep_lines
 
-    others = (options.taken, options.rig, options.site, options.out, options.adsb, options.clock_sigma)
+    names = ("taken", "rig", "site", "out", "report", "adsb", "clock_sigma")
+    others = [getattr(options, name) for name in names]
     if options.keep is None or any(value is not None for value in others):
         raise UsageError("--receive", got="no --keep, or more than it", wanted="--receive HOST:PORT --keep FILE")
     host, _, number = options.receive.rpartition(":")
