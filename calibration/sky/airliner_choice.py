@@ -29,6 +29,9 @@ _STALE_S = 12.0
 # an airliner may drift through so much of the picture's smaller side while pictures are taken, its latency unknown
 _FIELD_SHARE = 0.35
 _STEP_S = 5.0
+# the Moon is put so far off the middle, a share of the picture: its place in the picture tells the lens
+_MOON_ASIDE = 0.2
+_FAR_M = 1e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,10 +79,30 @@ class SkyReach:
         drifts_rad = float(np.linalg.norm(across)) / distance * (0.5 * self.pictures_s + LIKELY_LATENCY_S)
         if drifts_rad > _FIELD_SHARE * field_rad:
             return None
-        aim = aim_at(station.geometry(), course.at(t_s))
+        return self._reading_deg(station, course.at(t_s))
+
+    def moon_reading_deg(self, station: Station, moon: FloatArray, aside: tuple[int, int]) -> FloatArray | None:
+        """Return the readings (2,), degrees, that put the Moon (3,) beside the picture's middle, if they may be.
+
+        ``aside`` says to which side of it, 1 or −1 each.
+        """
+        if moon[2] < np.sin(np.radians(LEAST_HEIGHT_DEG)):
+            return None
+        if self.sun is not None and float(moon @ self.sun) > np.cos(self.sun_rad):
+            return None
+        field_deg = np.degrees(np.array(station.lens.image_size_px) / station.lens.focal_px)
+        off_deg = _MOON_ASIDE * field_deg * np.array(aside)
+        return self._reading_deg(station, station.ptu_position_m + _FAR_M * moon, off_deg)
+
+    def _reading_deg(
+        self, station: Station, place_m: FloatArray, off_deg: FloatArray | None = None
+    ) -> FloatArray | None:
+        """Return the readings at which a place is in the middle of the picture, or so far off it, if in range."""
+        aim = aim_at(station.geometry(), place_m)
         if aim is None:
             return None
         reading = np.degrees(station.ptu_axes.readings(aim.pan_rad, aim.tilt_rad, 0.0, 0.0))
+        reading = reading if off_deg is None else reading + off_deg
         low = np.array([self.within.pan_deg[0], self.within.tilt_deg[0]]) + APPROACH_DEG
         high = np.array([self.within.pan_deg[1], self.within.tilt_deg[1]]) - APPROACH_DEG
         return reading if np.all((reading >= low) & (reading <= high)) else None

@@ -19,7 +19,9 @@ from ptu_drivers.errors import LimitError
 # an airliner is followed only where so many stops of each head are likely
 _LEAST_STOPS = 4
 # with each head's last stop, how long the next takes is learnt; at first, besides the way itself
-_FIRST_OVERHEAD_S = 1.5
+_FIRST_OVERHEAD_S, _LEAST_OVERHEAD_S = 1.5, 0.5
+# while no airliner is in reach
+_MOON_EACH_S, _MOON_STOPS = 600.0, 4
 _LOOK_EACH_S = 1.0
 _TELL_EACH_S = 30.0
 _MOST_FAILURES = 3
@@ -93,7 +95,7 @@ class AirlinerRecorder:
 
     def run(self) -> tuple[str, ...]:
         """Follow airliners until there are enough, the time is over, or no positions come; returns which were."""
-        end_s, told_s = self._clock.now() + self._orders.most_s, -np.inf
+        end_s, told_s, moon_s = self._clock.now() + self._orders.most_s, -np.inf, -np.inf
         least = min(_LEAST_STOPS, self._orders.stops)
         followed: dict[str, int] = {}
         while sum(n >= least for n in followed.values()) < self._orders.airliners:
@@ -106,6 +108,10 @@ class AirlinerRecorder:
             least_s = least * len(self._heads) * self._stop_s()
             course = choose_airliner(courses, self._reach_at(now), now + self._stop_s(), least_s, followed)
             if course is None:
+                if now - moon_s > _MOON_EACH_S:
+                    moon_s = now
+                    self._look_at_moon()
+                    continue
                 if now - told_s > _TELL_EACH_S:
                     told_s = now
                     self._tell(f"{len(courses)} aircraft with a course, none in reach for {least_s:.0f} s")
@@ -137,22 +143,38 @@ class AirlinerRecorder:
         course = course_of(self._receiver.newest().get(aircraft, ()), begin_s, self._sky.site)
         if course is None:
             return False
-        pan_from, tilt_from = ways_of(self._stops[head.name])
         meeting = self._meeting(head, course, begin_s)
         if meeting is None:
             return False
-        pointing = Pointing(
-            pan_deg=round(float(meeting.reading_deg[0]), 3),
-            tilt_deg=round(float(meeting.reading_deg[1]), 3),
-            pan_from=pan_from,
-            tilt_from=tilt_from,
-        )
+        pointing = self._pointing(head, meeting.reading_deg)
+        early_s = self._take(head, pointing, meeting.middle_s, f"airliner {aircraft}")
+        if early_s is not None:
+            # later than planned: the next is planned so
+            self._overhead_s[head.name] = max(_LEAST_OVERHEAD_S, self._overhead_s[head.name] - 0.5 * early_s)
+        return True
+
+    def _look_at_moon(self) -> None:
+        """Take pictures of the Moon with each head from all sides, where it may look there."""
+        for number in range(_MOON_STOPS):
+            aside = ways_of(number)
+            for head, station in self._heads:
+                now = self._clock.now()
+                reading = self._reach_at(now).moon_reading_deg(station, self._sky.body("moon", now), aside)
+                if reading is not None:
+                    self._take(head, self._pointing(head, reading), now, "the Moon")
+
+    def _pointing(self, head: TurningCamera, reading_deg: FloatArray) -> Pointing:
+        """Return a pointing that is come to from another side than the head's last."""
+        pan_from, tilt_from = ways_of(self._stops[head.name])
         self._stops[head.name] += 1
+        pan, tilt = (round(float(angle), 3) for angle in reading_deg)
+        return Pointing(pan_deg=pan, tilt_deg=tilt, pan_from=pan_from, tilt_from=tilt_from)
+
+    def _take(self, head: TurningCamera, pointing: Pointing, middle_s: float, what: str) -> float | None:
+        """Turn a head and take the pictures of a stop about a time; returns how early it was, None where it failed."""
         try:
             turn_from_side(head, pointing, self._tell)
-            early_s = meeting.middle_s - 0.5 * self._reach.pictures_s - self._clock.now()
-            # later than planned: the next is planned so
-            self._overhead_s[head.name] = max(0.5, self._overhead_s[head.name] - 0.5 * early_s)
+            early_s = middle_s - 0.5 * self._reach.pictures_s - self._clock.now()
             if early_s > 0.0:
                 self._clock.wait(early_s)
             for taken in head.pictures(self._orders.pictures, _READINGS):
@@ -163,11 +185,11 @@ class AirlinerRecorder:
             if self._failures >= _MOST_FAILURES:
                 raise
             self._tell(f"{head.name}: no picture: {fault}")
-            return True
+            return None
         self._failures = 0
         at = f"pan {pointing.pan_deg:.1f}, tilt {pointing.tilt_deg:.1f}"
-        self._tell(f"{head.name}: airliner {aircraft}, {at}: {self._orders.pictures} pictures")
-        return True
+        self._tell(f"{head.name}: {what}, {at}: {self._orders.pictures} pictures")
+        return early_s
 
     def _meeting(self, head: TurningCamera, course: Course, begin_s: float) -> "_Meeting | None":
         """Return where and when a head meets an airliner; None where it may not look there."""

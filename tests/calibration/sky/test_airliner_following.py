@@ -198,6 +198,41 @@ def test_airliners_near_the_sun_are_let_go(tmp_path: Path) -> None:
     assert off.min() > 19.0
 
 
+def test_the_moon_is_looked_at_while_no_airliner_is_in_reach(tmp_path: Path) -> None:
+    """Expected: four stops of each head from all sides, the Moon in each picture and aside of its middle."""
+    # the Moon stands in the south at this latitude
+    site = replace(SITE, y_axis_azimuth_deg=180.0)
+    sky = SkyOverSite(site)
+    hours = NOON + 3600.0 * np.arange(700.0)
+    utc_s = next(t for t in hours.tolist() if _is_in_front(sky.body("moon", t), sky.body("sun", t)))
+    scene = Scene({})
+    scene.now_s = utc_s
+    made, _, said = recorder(tmp_path, scene, replace(ORDERS, most_s=120.0), site)
+    assert made.run() == ()
+    rows = rows_of(tmp_path)
+    assert len(rows) == 2 * 4 * 3
+    off = []
+    for row in rows:
+        station = next(s for s in STATIONS if s.name == row["station"])
+        pan, tilt = np.radians([float(row["pan_deg"]), float(row["tilt_deg"])]).tolist()
+        place = station.ptu_position_m + 1e8 * sky.body("moon", float(row["t_utc_s"]))
+        projected = station.geometry().project(place, pan, tilt)
+        assert projected is not None
+        off.append((projected.pixel - station.lens.principal_point_px) / np.array(station.lens.image_size_px))
+    assert np.abs(off).min() > 0.1
+    assert np.abs(off).max() < 0.35
+    assert {(row["pan_from"], row["tilt_from"]) for row in rows} == {
+        ("1", "1"), ("-1", "1"), ("1", "-1"), ("-1", "-1"),
+    }  # fmt: skip
+    assert any(line.startswith("left: the Moon, pan") for line in said)
+
+
+def _is_in_front(moon: FloatArray, sun: FloatArray) -> bool:
+    return bool(
+        moon[1] > 0.7 * np.hypot(moon[0], moon[1]) and 0.3 < moon[2] < 0.6 and sun[2] > 0.1 and moon @ sun < 0.9
+    )
+
+
 def test_what_is_out_of_reach_is_not_chosen() -> None:
     now = NOON - 10.0
     flights = {
