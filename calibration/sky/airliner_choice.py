@@ -82,7 +82,7 @@ class SkyReach:
         return self._reading_deg(station, course.at(t_s))
 
     def moon_reading_deg(self, station: Station, moon: FloatArray, aside: tuple[int, int]) -> FloatArray | None:
-        """Return the readings (2,), degrees, that put the Moon (3,) beside the picture's middle, if they may be.
+        """Return the readings (2,), degrees, that put the Moon (3,) off the picture's middle, if they may be.
 
         ``aside`` says to which side of it, 1 or −1 each.
         """
