@@ -25,6 +25,7 @@ from groundstation.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from calibration.stars.sky import ObservingSite
+    from groundstation.live.station_file import StationFile
     from groundstation.rig.rig import Rig
 
 _SKY = """By day, in place of the stars: pictures of airliners, whose positions a receiver
@@ -108,6 +109,10 @@ def run_calibrate_sky(options: argparse.Namespace) -> int:
     file = None if options.station_file is None else load_station(options.station_file)
     rig = file.load_rig() if options.rig is None and file is not None else load_rig(options.rig)
     site, names = site_of(options, file), stations_of(options, rig)
+    if options.taken is None and file is not None:
+        _require_sun_avoided(file)
+        # to a few degrees: where heads turn, and where the Sun is, hang on it
+        rig.require_known(("orientation", "lens"))
     folder = options.taken if options.taken is not None else _take(options, rig, site)
     reports = find_adsb(folder, options.adsb)
     with ProgressLine(sys.stderr, "sky", "picture") as line:
@@ -146,6 +151,13 @@ def _require_inputs(options: argparse.Namespace) -> None:
         raise UsageError(
             "STATION.toml", got="no --receive", wanted="--receive SOURCE to follow airliners by, or --from"
         )
+
+
+def _require_sun_avoided(file: "StationFile") -> None:
+    """Raise `InputError` where heads that turn by day would not be kept off the Sun on their ways."""
+    if file.origin is None and file.sun_angle_rad != 0.0:
+        wanted = "[origin], so that lenses are kept off the Sun; or [safety] sun_angle_deg = 0"
+        raise InputError(str(file.path), got="no [origin]", wanted=wanted)
 
 
 def _take(options: argparse.Namespace, rig: "Rig", site: "ObservingSite") -> Path:

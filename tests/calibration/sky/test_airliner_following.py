@@ -368,6 +368,22 @@ def test_heads_stand_after_ctrl_c(tmp_path: Path) -> None:
         assert until(lambda: pan_rate_of(left) == 0.0, 2.0)
 
 
+def test_heads_that_would_not_be_kept_off_the_sun_do_not_turn(tmp_path: Path, capsys) -> None:
+    """Expected: refused before any device is opened, unless the station file says that the Sun does not matter."""
+    words = write_field(tmp_path, 90.0)
+    path = tmp_path / "field.toml"
+    path.write_text(path.read_text().replace("[safety]\nsun_angle_deg = 0\n", ""))
+    assert main(words) == 1
+    assert (
+        "field.toml: got no [origin]; wanted [origin], so that lenses are kept off the Sun" in capsys.readouterr().err
+    )
+    assert not (tmp_path / "sky.pictures").exists()
+    lost = [replace(station, known=("position", "lens")) for station in true_rig().stations]
+    write_station(tmp_path, replace(true_rig(), stations=tuple(lost)))
+    assert main(words) == 1
+    assert "wanted a calibrated orientation" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
