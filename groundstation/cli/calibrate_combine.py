@@ -3,9 +3,9 @@
 import argparse
 import math
 
-from groundstation.cli.command_arguments import Commands, add_command
+from groundstation.cli.command_arguments import Commands, add_calibrated_rig, add_command, print_files
 from groundstation.cli.number_arguments import positive_number
-from groundstation.cli.path_arguments import READ, WRITTEN_FILE
+from groundstation.cli.path_arguments import READ
 
 _COMBINE = """Make one rig with one covariance of several that calibrate the same heads: by
 marks, the stars, airliners, a flight. Each counts by the covariance that it
@@ -43,23 +43,26 @@ def add_combine(kinds: Commands) -> None:
         metavar="DEG",
         help="1 sigma of the frame's turn against --north's, deg (1)",
     )
-    parser.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the rig file to write")
+    add_calibrated_rig(parser)
 
 
 def run_calibrate_combine(options: argparse.Namespace) -> int:
     """Combine, print what each rig says and what is known together, write the rig."""
     from calibration.combination.fusion import RigSource, combine
+    from calibration.combination.html_report import write_combination_page
     from calibration.combination.text_report import format_combination
     from calibration.rig_output import require_toml_name, require_writable
     from calibration.stars.calibrate import write_noted_rig
     from groundstation.rig.rig import load_rig
 
     require_toml_name(options.out)
-    require_writable(options.out)
+    require_writable(options.out, options.report)
     sources = [RigSource(name=path.name, rig=load_rig(path)) for path in options.rigs]
     sources += [RigSource(name=path.name, rig=load_rig(path), from_north=True) for path in options.north]
     found = combine(sources, math.radians(options.heading))
     print(format_combination(found))
     write_noted_rig(options.out, found.rig, ["# combined: " + ", ".join(source.name for source in sources)])
     print(f"\nwrote {options.out}")
+    if options.report is not None:
+        print_files(write_combination_page(options.report, found))
     return 0

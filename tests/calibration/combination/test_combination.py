@@ -224,11 +224,14 @@ def test_the_command_writes_one_rig(tmp_path: Path, capsys: pytest.CaptureFixtur
         (tmp_path / f"{one.name}.toml").write_text(rig_to_toml(one.rig))
     words = [str(tmp_path / "marks.toml"), "--north", str(tmp_path / "stars.toml"), "--heading", "2"]
     out = tmp_path / "rig.toml"
-    assert main(["calibrate", "combine", *words, "--out", str(out)]) == 0
+    assert main(["calibrate", "combine", *words, "--out", str(out), "--report", str(tmp_path / "report")]) == 0
     said = capsys.readouterr().out
     assert "the frame is turned by" in said
     assert "together" in said
     assert said.count("left against right:") == 3
+    assert "marks.toml, stars.toml agree" in (tmp_path / "report" / "report.html").read_text()
+    drawn = {path.name for path in (tmp_path / "report").glob("*.png")}
+    assert drawn == {"left-right-sigma.png", "left-directions.png", "right-directions.png"}
     rig = load_rig(out)
     assert f"left.{BORESIGHT[0]}" in rig.calibration_covariance().names
     assert f"left.{PLACE[0]}" in rig.calibration_covariance().names
