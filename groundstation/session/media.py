@@ -10,6 +10,7 @@ import numpy as np
 from groundstation.errors import SessionError
 from groundstation.files.image_header import IMAGE_SUFFIXES, MAX_PICTURE_PX, is_decodable
 from groundstation.files.matroska_tables import repeats_tables
+from groundstation.files.text_file import absence, is_other_kind
 from groundstation.rig.rig import Rig
 
 # two of these for one station are ambiguous, which is an error
@@ -46,6 +47,8 @@ def find_media(folder: Path, rig: Rig) -> dict[str, Medium]:
     if has_labels and not (has_frames and found):
         return {}
     if not has_frames:
+        if is_other_kind(folder / "frames.csv"):
+            raise SessionError(str(folder / "frames.csv"), got=absence(folder / "frames.csv"), wanted="a table")
         got = "pictures without frames.csv" if found else "neither of them"
         raise SessionError(str(folder), got=got, wanted="frames.csv with videos, or detections.csv")
     for name in rig.names:
