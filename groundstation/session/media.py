@@ -15,8 +15,11 @@ from groundstation.rig.rig import Rig
 
 # two of these for one station are ambiguous, which is an error
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".webm", ".wmv")
-# files of a station's name that FFmpeg might open as pictures, but that are not pictures
-_OTHER_SUFFIXES = (".csv", ".toml", ".txt", ".json", ".npz", ".md", ".srt", ".xml", ".html", ".log")
+# files that are no videos, but that FFmpeg may open: it draws text, and whatever is called .bin, as a terminal would
+TEXT_SUFFIXES = (
+    *(".csv", ".toml", ".txt", ".json", ".npz", ".md", ".srt", ".xml", ".html", ".log"),
+    *(".bin", ".ans", ".nfo"),
+)
 # a day at 100 Hz, and far from filling the memory with names
 _MAX_FILES = 10_000_000
 
@@ -70,7 +73,7 @@ def _medium(folder: Path, name: str) -> Medium | None:
     if (folder / name).is_dir():
         return Medium(kind=MediumKind.IMAGES, path=folder / name)
     # any other extension, if OpenCV can read it
-    others = (f for f in files if f.suffix.lower() not in _OTHER_SUFFIXES and open_video(f).isOpened())
+    others = (f for f in files if f.suffix.lower() not in TEXT_SUFFIXES and open_video(f).isOpened())
     path = next(others, None)
     return None if path is None else Medium(kind=MediumKind.VIDEO, path=path)
 
