@@ -1,5 +1,7 @@
 """The pictures of a session: which medium each station has, and whether it fits the rig."""
 
+import errno
+import os
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -7,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from groundstation.errors import SessionError
+from groundstation.errors import InputError, SessionError
 from groundstation.files.image_header import IMAGE_SUFFIXES, MAX_PICTURE_PX, is_decodable
 from groundstation.files.matroska_tables import repeats_tables
 from groundstation.files.text_file import absence, is_other_kind
@@ -76,6 +78,12 @@ def _medium(folder: Path, name: str) -> Medium | None:
     others = (f for f in files if f.suffix.lower() not in TEXT_SUFFIXES and open_video(f).isOpened())
     path = next(others, None)
     return None if path is None else Medium(kind=MediumKind.VIDEO, path=path)
+
+
+def require_readable(path: Path, where: str, error: type[InputError]) -> None:
+    """Raise ``error`` for a file that the user may not read, of which OpenCV says nothing."""
+    if path.exists() and not os.access(path, os.R_OK):
+        raise error(where, got=os.strerror(errno.EACCES), wanted="a file that can be read")
 
 
 def open_video(path: Path) -> cv2.VideoCapture:
@@ -149,6 +157,7 @@ def size_fault(where: str, size: tuple[int, int], wanted: tuple[int, int]) -> Se
 
 
 def _video_size(path: Path) -> tuple[int, int]:
+    require_readable(path, path.name, SessionError)
     capture = open_video(path)
     try:
         if not capture.isOpened():
