@@ -233,10 +233,12 @@ def _head(table: TomlTable) -> HeadDevice:
         return pan, tilt
 
     lows, highs = limits("low", -math.inf), limits("high", math.inf)
-    for axis, low, high in zip(("pan", "tilt"), lows, highs, strict=True):
+    for axis, at, low, high in zip(("pan", "tilt"), map(math.radians, park), lows, highs, strict=True):
+        ends = f"{math.degrees(low):g} and {axis}_high_deg {math.degrees(high):g}"
         if not low < high:
-            got = f"{math.degrees(low):g} and {axis}_high_deg {math.degrees(high):g}"
-            raise settings.fail(f"{axis}_low_deg", got, "low below high")
+            raise settings.fail(f"{axis}_low_deg", ends, "low below high")
+        if "park_deg" in table and not low <= at <= high:
+            raise table.fail("park_deg", f"{axis} {math.degrees(at):g}", f"between {axis}_low_deg {ends}")
     return HeadDevice(
         url=table.text("ptu"),
         protocol=table.text("ptu_protocol", "flir"),
