@@ -34,7 +34,8 @@ def _can_be_written(folder: Path) -> bool:
 
 def _temporary() -> Path:
     """Return a folder of this user alone, which later runs find again; what is in it is executed."""
-    folder = Path(tempfile.gettempdir()) / f"groundstation-kernels-{os.getuid()}"
+    name = f"groundstation-kernels-{os.getuid()}"
+    folder = Path(tempfile.gettempdir()) / name
     try:
         folder.mkdir(mode=_PRIVATE)
     except FileExistsError:

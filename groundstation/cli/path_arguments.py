@@ -87,7 +87,7 @@ def check_paths(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
                 read.append(Path(str(value).removeprefix(_FILE_ADDRESS)))
             elif isinstance(action.type, WrittenFile):
                 written.append(Output(path=Path(value), option=option))
-                places.append((Path(value), "a file that can be written"))
+                places.append((Path(value), "a file in a folder that can be written"))
             elif isinstance(action.type, WrittenFolder):
                 written.append(Output(path=Path(value), option=option, names=action.type.names))
                 places.append((Path(value), "a folder that can be written"))

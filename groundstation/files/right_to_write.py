@@ -28,9 +28,7 @@ def require_right_to_write(path: Path, wanted: str) -> None:
 
 def _require_folder(folder: Path, path: Path, wanted: str) -> None:
     """Raise `InputError` where no file of ``path`` can be made in a folder that is there."""
-    if not stat.S_ISDIR(_mode(folder) or 0):
-        raise InputError(str(path), got=f"{folder}, which is no folder", wanted=wanted)
-    if not _is_open(folder):
+    if stat.S_ISDIR(_mode(folder) or 0) and not _is_open(folder):
         raise InputError(str(path), got=f"{_words(folder)} in {folder}", wanted=wanted)
 
 

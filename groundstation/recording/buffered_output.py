@@ -23,7 +23,6 @@ class RawOutput(Protocol):
 def new_file(path: Path) -> RawOutput:
     """Open a file that does not exist yet, unbuffered; raises `InputError` if there is one, or it cannot be made."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         raw = path.open("xb", buffering=0)
         _sync_folder(path.parent)
     except FileExistsError as fault:

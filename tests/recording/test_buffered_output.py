@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.errors import InputError
-from groundstation.recording.buffered_output import BufferedOutput, new_file
+from groundstation.recording.buffered_output import BufferedOutput
 
 
 def test_the_disk_gets_one_request_for_the_written_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,10 +26,3 @@ def test_the_disk_gets_one_request_for_the_written_data(tmp_path: Path, monkeypa
         output.commit()
         output.sync()
         assert synced == [3, 5]
-
-
-def test_the_folder_of_a_new_file_is_made(tmp_path: Path) -> None:
-    """Expected: as other outputs have it; one that is there is kept."""
-    new_file(tmp_path / "deep" / "er" / "flight.mcap").close()
-    with pytest.raises(InputError, match="got a file that exists"):
-        new_file(tmp_path / "deep" / "er" / "flight.mcap")
