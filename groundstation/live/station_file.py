@@ -21,6 +21,7 @@ from groundstation.session.folder import GeoOrigin, parse_origin
 from groundstation.sources.panorama_file import read_panoramas
 from groundstation.tracking.config import config_from_mapping
 from groundstation.tracking.registered_heads import RegisteredHeads
+from ptu_drivers.settings import SLOWEST_BAUD
 
 STATION_FORMAT = "groundstation-station/1"
 MAX_STATIONS = 16
@@ -244,21 +245,36 @@ def _head(table: TomlTable) -> HeadDevice:
         )
         return pan, tilt
 
+    lows, highs = limits("low", -math.inf), limits("high", math.inf)
+    for axis, at, low, high in zip(("pan", "tilt"), map(math.radians, park), lows, highs, strict=True):
+        ends = f"{math.degrees(low):g} and {axis}_high_deg {math.degrees(high):g}"
+        if not low < high:
+            raise settings.fail(f"{axis}_low_deg", ends, "low below high")
+        if "park_deg" in table and not low <= at <= high:
+            raise table.fail("park_deg", f"{axis} {math.degrees(at):g}", f"between {axis}_low_deg {ends}")
     return HeadDevice(
         url=table.text("ptu"),
         protocol=table.text("ptu_protocol", "flir"),
         options=dict(table.table("ptu_options").values),
         signs=(_sign(settings, "pan_sign"), _sign(settings, "tilt_sign")),
         zeros_rad=both("zero_deg", 0.0),
-        lows_rad=limits("low", -math.inf),
-        highs_rad=limits("high", math.inf),
+        lows_rad=lows,
+        highs_rad=highs,
         rates_rad_s=_rates(settings),
-        baud=int(settings.number("baud", 0.0, minimum=0.0, maximum=4e6)),
+        baud=_baud(settings),
         latency_s=settings.number("latency_s", minimum=0.0, maximum=1.0) if "latency_s" in settings else None,
         poll_s=1.0 / settings.number("poll_hz", 100.0, above=0.0, maximum=1000.0),
         park_rad=(math.radians(park[0]), math.radians(park[1])),
         sectors=_sectors(table),
     )
+
+
+def _baud(settings: TomlTable) -> int:
+    """Return a line's speed, bit/s; 0 keeps the present one."""
+    baud = int(settings.number("baud", 0.0, minimum=0.0, maximum=4e6))
+    if 0 < baud < SLOWEST_BAUD:
+        raise settings.fail("baud", f"{baud}", f"0, or {SLOWEST_BAUD} and more")
+    return baud
 
 
 def _sectors(table: TomlTable) -> tuple[Sector, ...]:
