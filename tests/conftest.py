@@ -17,7 +17,7 @@ from hypothesis import settings
 
 from tests.compile_once import compile_once
 from tests.kept_memory import keep_freed_memory
-from tests.seekable_landing import seekable_landing
+from tests.seekable_landing import lossless_copy, seekable_landing
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -130,6 +130,12 @@ def landing_1() -> Path:
 def landing_from_20_s(landing_1: Path) -> Path:
     """The bundled landing for tests that use it from 20 s on, and not its videos' own coding."""
     return seekable_landing(landing_1, ROOT / "build" / "seekable")
+
+
+@pytest.fixture(scope="session")
+def lossless_landing(landing_1: Path) -> Path:
+    """The bundled landing for tests that use much of it, and not its videos' own coding."""
+    return lossless_copy(landing_1, ROOT / "build" / "seekable")
 
 
 @pytest.fixture(scope="module")
