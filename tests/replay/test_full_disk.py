@@ -74,6 +74,7 @@ def test_a_result_takes_the_room_of_the_recording(tmp_path: Path, monkeypatch: p
     assert tmp_path / "summary.json" in result.files
 
 
+@pytest.mark.usefixtures("unrendered_figures")
 @pytest.mark.parametrize("measurements_with_room", [0, 3])
 def test_a_recording_without_room_ends_and_the_replay_does_not(
     landing_from_20_s: Path,
