@@ -43,7 +43,7 @@ from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.registered_heads import RegisteredHeads
 from groundstation.tracking.warm_up import warm_up
-from groundstation.viewer.recording_file import remove_draft
+from groundstation.viewer.recording_draft import remove_draft
 
 # a run that tracked less of its epochs has not tracked its aircraft
 _TRACKED_SHARE = 0.2

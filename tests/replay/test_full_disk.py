@@ -114,16 +114,16 @@ def test_an_interrupt_right_after_the_recordings_draft_leaves_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Expected: before anything has been told of the draft that was just made."""
-    import groundstation.replay.replay_outputs as outputs
+    import groundstation.viewer.session_view as opening
 
-    made, found = outputs.session_view, []
+    made, found = opening.session_view, []
 
     def interrupted(*arguments: object) -> None:
         made(*arguments)  # type: ignore[arg-type]
         found.extend(_names(tmp_path))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(outputs, "session_view", interrupted)
+    monkeypatch.setattr(opening, "session_view", interrupted)
     with pytest.raises(KeyboardInterrupt):
         replay(_request(tmp_path))
     assert any(".part.session.rrd" in name for name in found)
