@@ -140,8 +140,19 @@ class CarriedError:
     estimated: bool
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameAngles:
+    """Pan and tilt of a station's frame of ``t_s``, with one sigma, as its picture had them where it was processed."""
+
+    t_s: float
+    station: str
+    pan_rad: float
+    tilt_rad: float
+    sigma_rad: float
+
+
 Arrival = PtuSample | Frame | PixelMeasurement | ReferenceFix | Epoch
-Event = Arrival | Heartbeat | FilterReset
+Event = Arrival | FrameAngles | Heartbeat | FilterReset
 
 
 # ------------------------------------------------------------------------------------------ reports out

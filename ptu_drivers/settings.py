@@ -4,14 +4,14 @@ from dataclasses import dataclass, field
 
 from ptu_drivers.errors import ProtocolError
 
-_SLOWEST_BAUD = 50
+SLOWEST_BAUD = 50
 _FASTEST_BAUD = 10_000_000
 
 
 def check_baud(where: str, baud: int) -> None:
     """Return if a serial line may have this speed, bit/s. Raises ProtocolError."""
-    if not _SLOWEST_BAUD <= baud <= _FASTEST_BAUD:
-        wanted = f"a serial line's speed, {_SLOWEST_BAUD} to {_FASTEST_BAUD} bit/s"
+    if not SLOWEST_BAUD <= baud <= _FASTEST_BAUD:
+        wanted = f"a serial line's speed, {SLOWEST_BAUD} to {_FASTEST_BAUD} bit/s"
         raise ProtocolError(where, got=str(baud), wanted=wanted)
 
 

@@ -17,7 +17,7 @@ from hypothesis import settings
 
 from tests.compile_once import compile_once
 from tests.kept_memory import keep_freed_memory
-from tests.seekable_landing import seekable_landing
+from tests.seekable_landing import lossless_copy, seekable_landing
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -34,62 +34,75 @@ gc.set_threshold(100_000, 50, 50)
 # The files that take longest start first: a worker takes whole files, and all others would wait for one started last.
 LONGEST_FILES = (
     "replay/test_rendered_sessions.py",
-    "docs/test_commands.py",
-    "live/test_ending_bound.py",
-    "experiments/test_reproduce.py",
-    "mutants/test_run.py",
     "sources/cameras/test_gige_fakes.py",
-    "hostile/test_bombs.py",
-    "api/test_examples.py",
-    "calibration/flight/test_real_flight.py",
+    "experiments/test_reproduce.py",
+    "docs/test_commands.py",
+    "calibration/stars/test_stars_command.py",
     "live/test_head_process_lost.py",
     "ptu_drivers/test_rfc2217.py",
-    "calibration/stars/test_stars_command.py",
-    "training/test_windows.py",
     "live/test_operation.py",
+    "api/test_examples.py",
+    "training/test_windows.py",
     "live/test_interrupted.py",
-    "calibration/mount/test_mount.py",
+    "live/test_ending_bound.py",
+    "calibration/stars/test_night_fit.py",
+    "hostile/test_bombs.py",
     "estimation/test_against_bounds.py",
+    "calibration/flight/test_real_flight.py",
     "onboard/edges/test_nose_approaches.py",
+    "evaluation/test_reference_edits.py",
+    "onboard/test_fly_command.py",
+    "calibration/mount/test_mount.py",
     "cli/test_ptu.py",
     "calibration/landmarks/test_sightings_command.py",
     "ptu_drivers/alpaca/test_alpaca_independent.py",
     "live/test_check_command.py",
-    "replay/test_input_checks.py",
+    "cli/test_main.py",
+    "docs/test_printed.py",
+    "test_seekable_landing.py",
+    "estimation/test_leaving_the_image.py",
+    "estimation/test_smoother.py",
+    "evaluation/test_comparison_page.py",
     "live/test_words.py",
     "detection/test_birds.py",
-    "calibration/flight/test_lasting_error.py",
-    "calibration/clocks/test_timing.py",
-    "tracking/test_warm_up.py",
-    "replay/test_learning.py",
-    "calibration/stars/test_night_fit.py",
-    "evaluation/test_zoom_plot.py",
-    "approach/test_approach_replay.py",
     "pointing/test_keep_out_pointing.py",
+    "evaluation/test_evaluate.py",
+    "tracking/test_warm_up.py",
+    "evaluation/test_zoom_plot.py",
+    "replay/test_late_data.py",
+    "detection/test_learned_finder.py",
+    "calibration/clocks/test_timing.py",
+    "mutants/test_list.py",
+    "replay/test_input_checks.py",
+    "approach/test_approach_replay.py",
     "ptu_drivers/test_lifecycle.py",
-    "replay/test_recording_identity.py",
-    "calibration/flight/test_flight.py",
+    "onboard/visual_inertial/test_nose_flight.py",
+    "viewer/test_comparison_recording.py",
+    "mutants/test_run.py",
+    "single_camera/test_pixel_tracker.py",
+    "bank/test_map_resumable.py",
+    "evaluation/test_report_page.py",
     "live/test_keep_out_zones.py",
     "docs/test_site.py",
-    "bank/test_map_resumable.py",
-    "simulation/drawn_stations/test_drawn_stations.py",
-    "evaluation/test_report_page.py",
-    "single_camera/test_target_review.py",
-    "viewer/test_comparison_recording.py",
-    "single_camera/test_pixel_tracker.py",
     "onboard/edges/test_tracker.py",
-    "integrity/test_station_exclusion.py",
     "replay/test_learned_replay.py",
+    "simulation/drawn_stations/test_drawn_stations.py",
+    "integrity/test_station_exclusion.py",
     "calibration/stars/test_check_by_stars.py",
-    "simulation/test_closed_loop.py",
+    "replay/test_full_disk.py",
     "detection/test_chan_vese.py",
     "live/test_heads.py",
-    "cli/test_interrupts.py",
     "sources/test_picture_reader.py",
     "cli/test_ptu_other_protocols.py",
     "integrity/test_gnss_watch.py",
     "simulation/world/test_worlds.py",
-    "replay/test_full_disk.py",
+    "replay/test_recording_identity.py",
+    "replay/test_learning.py",
+    "calibration/flight/test_lasting_error.py",
+    "single_camera/test_target_review.py",
+    "simulation/test_closed_loop.py",
+    "cli/test_interrupts.py",
+    "calibration/flight/test_flight.py",
 )
 
 
@@ -130,6 +143,12 @@ def landing_1() -> Path:
 def landing_from_20_s(landing_1: Path) -> Path:
     """The bundled landing for tests that use it from 20 s on, and not its videos' own coding."""
     return seekable_landing(landing_1, ROOT / "build" / "seekable")
+
+
+@pytest.fixture(scope="session")
+def lossless_landing(landing_1: Path) -> Path:
+    """The bundled landing for tests that use much of it, and not its videos' own coding."""
+    return lossless_copy(landing_1, ROOT / "build" / "seekable")
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,7 @@
 """report.html of a calibration of clocks: the pictures' motion against the encoders', as stamped and as found."""
 
-import io
-from html import escape
 from pathlib import Path
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -13,16 +9,15 @@ from calibration.clocks.calibrate import TimingCalibration
 from calibration.clocks.image_motion import StationMotion
 from calibration.clocks.ptu_clock_fit import TimingFit
 from calibration.clocks.text_report import format_timing
-from calibration.report.picture import ReportPicture, write_page
+from calibration.report.drawing import BLUE, ORANGE, png_of
+from calibration.report.head_page import PagePart, station_heading, write_head_page
+from calibration.report.picture import ReportPicture
 from groundstation.arrays import FloatArray
-from groundstation.errors import InputError, os_words
-from groundstation.files.html_page import html_page, page_header, picture_grid, png_figure, preformatted
 
-_BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "#9aa0a6"
+_GREY = "#9aa0a6"
 _AXES = ("pan", "tilt")
 # more than this of a recording is a picture without detail
 _SHOWN_S = 6.0
-_STYLE: dict[Any, Any] = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
 _MOTION = (
     "Dots: how fast the head turns by the pictures, each between two frames. Grey: by the readings as they are "
     "stamped, with the delay that the rig stated. Blue: the same readings {later:+.1f} ms later, as found. "
@@ -36,20 +31,18 @@ _LEFT = (
 
 def write_timing_page(folder: Path, found: TimingCalibration) -> list[Path]:
     """Write report.html and its pictures as PNG into ``folder``, created if missing; returns the written files."""
-    pictures, parts = [], []
-    for name, fit in found.by_pictures.items():
-        own = [_motion(name, fit, found.motions[name]), _residual(name, fit, found.motions[name])]
-        figures = [png_figure(p.title, p.caption, p.png) for p in own]
-        parts.append(f"<h2>Station {escape(name)}</h2>" + picture_grid(figures))
-        pictures += own
-    if not parts:
-        parts.append("<p>The flight alone was asked for: no pictures were compared with the readings.</p>")
-    head = page_header("clocks", found.session.name)
-    text = "<h2>In words</h2>" + preformatted(format_timing(found))
-    try:
-        return write_page(folder, html_page(f"{found.session.name} – clocks", head + "".join(parts) + text), pictures)
-    except OSError as error:
-        raise InputError(str(folder), got=os_words(error), wanted="a folder that can be written") from error
+    stations = [
+        PagePart(
+            heading=station_heading(name),
+            pictures=[_motion(name, fit, found.motions[name]), _residual(name, fit, found.motions[name])],
+        )
+        for name, fit in found.by_pictures.items()
+    ]
+    if not stations:
+        line = "The flight alone was asked for: no pictures were compared with the readings."
+        stations = [PagePart(heading="Stations", verdict=[line])]
+    parts = [*stations, PagePart(heading="In words", text=format_timing(found))]
+    return write_head_page(folder, "clocks", found.session.name, parts)
 
 
 def turned_by_readings(one: StationMotion, later_s: float) -> FloatArray:
@@ -69,20 +62,20 @@ def _motion(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
     middle, gap = 0.5 * (motion.from_s + motion.to_s), motion.to_s - motion.from_s
     centre = _quickest(middle, np.linalg.norm(motion.turn_rad, axis=1) / gap)
     inside = np.abs(middle - centre) <= 0.5 * _SHOWN_S
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(6.4, 5.4), layout="constrained")
+
+    def draw(figure: Figure) -> None:
         for k, plot in enumerate(figure.subplots(2, 1, sharex=True)):
-            for later, colour in ((0.0, _GREY), (fit.offset_s, _BLUE)):
+            for later, colour in ((0.0, _GREY), (fit.offset_s, BLUE)):
                 rate = np.degrees(turned_by_readings(one, later)[:, k] / gap)
                 plot.plot(middle[inside], rate[inside], "-", lw=1.6, color=colour)
             seen = np.degrees(motion.turn_rad[:, k] / gap)
             plot.plot(middle[inside & fit.kept], seen[inside & fit.kept], ".", ms=5, color="#1b1f24")
-            plot.plot(middle[inside & ~fit.kept], seen[inside & ~fit.kept], "x", color=_ORANGE)
+            plot.plot(middle[inside & ~fit.kept], seen[inside & ~fit.kept], "x", color=ORANGE)
             plot.set_ylabel(f"{_AXES[k]}, deg/s")
         plot.set_xlabel("session time, s")
-        png = _png(figure)
+
     caption = _MOTION.format(later=1e3 * fit.offset_s, shown=min(_SHOWN_S, float(np.ptp(middle))))
-    return ReportPicture(name=f"{name}-motion", title="Pictures against encoder", caption=caption, png=png)
+    return ReportPicture(name=f"{name}-motion", title="Pictures against encoder", caption=caption, png=png_of(draw))
 
 
 def _residual(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
@@ -92,26 +85,20 @@ def _residual(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
     found = turned_by_readings(one, fit.offset_s)
     ahead, behind = turned_by_readings(one, fit.offset_s - 0.01), turned_by_readings(one, fit.offset_s + 0.01)
     speeding = np.degrees((ahead - behind) / 0.02 / gap[:, None])
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(6.4, 5.4), layout="constrained")
+
+    def draw(figure: Figure) -> None:
         for k, plot in enumerate(figure.subplots(2, 1)):
-            for turned, colour in ((turned_by_readings(one, 0.0), _GREY), (found, _BLUE)):
+            for turned, colour in ((turned_by_readings(one, 0.0), _GREY), (found, BLUE)):
                 off = np.degrees(motion.turn_rad - turned)[:, k]
                 plot.plot(speeding[fit.kept, k], off[fit.kept], ".", ms=5, color=colour)
-            plot.plot(speeding[~fit.kept, k], np.degrees(motion.turn_rad - found)[~fit.kept, k], "x", color=_ORANGE)
+            plot.plot(speeding[~fit.kept, k], np.degrees(motion.turn_rad - found)[~fit.kept, k], "x", color=ORANGE)
             limit = 1.3 * float(np.abs(np.degrees(motion.turn_rad - turned_by_readings(one, 0.0))[fit.kept]).max())
             plot.set(ylim=(-limit, limit), xlabel=f"{_AXES[k]} speeds up, deg/s²", ylabel=f"{_AXES[k]} left over, deg")
-        png = _png(figure)
-    return ReportPicture(name=f"{name}-left-over", title="What is left over", caption=_LEFT, png=png)
+
+    return ReportPicture(name=f"{name}-left-over", title="What is left over", caption=_LEFT, png=png_of(draw))
 
 
 def _quickest(t_s: FloatArray, rate: FloatArray) -> float:
     """Return the middle of the window in which the head turns most."""
     sums = [float(np.sum(rate[np.abs(t_s - at) <= 0.5 * _SHOWN_S] ** 2)) for at in t_s]
     return float(t_s[int(np.argmax(sums))])
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
-    return buffer.getvalue()

@@ -8,14 +8,12 @@ from calibration.flight.fit import FlightFit
 from calibration.flight.report_pictures import flight_pictures
 from calibration.flight.text_report import gross_times, lasting_lines, parameter_row
 from calibration.flight.verdict import FlightVerdict
-from calibration.report.picture import ReportPicture, write_page
+from calibration.report.picture import ReportPicture, shown, write_page
 from groundstation.arrays import FloatArray
 from groundstation.files.html_page import (
     bullet_list,
     html_page,
     page_header,
-    picture_grid,
-    png_figure,
     soft_line,
     text_table,
     verdict_line,
@@ -52,7 +50,6 @@ def write_flight_page(folder: Path, content: FlightPage) -> list[Path]:
 def flight_page(content: FlightPage, pictures: Sequence[ReportPicture]) -> str:
     """Return the page; it loads nothing from anywhere."""
     verdict, fit = content.verdict, content.fit
-    shown = [png_figure(p.title, p.caption, p.png) for p in pictures]
     parts = [
         page_header("calibrated on a flight", content.session),
         verdict_line(verdict.summary),
@@ -63,7 +60,7 @@ def flight_page(content: FlightPage, pictures: Sequence[ReportPicture]) -> str:
         "<h2>What to do next</h2>" + bullet_list(verdict.next_steps),
         _ranges(verdict),
         "<h2>Notes</h2>" + bullet_list([*content.notes, *lasting_lines(fit), *verdict.notes]),
-        "<h2>Pictures</h2>" + picture_grid(shown),
+        "<h2>Pictures</h2>" + shown(pictures),
         "<h2>What was found</h2>" + _parameters(content),
         "<h2>How the pixels fit</h2>" + _stations(fit),
         "<h2>What was left out</h2>" + bullet_list(content.excluded or ["nothing of the DGPS"]),

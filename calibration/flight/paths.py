@@ -18,6 +18,7 @@ from scipy.sparse import block_diag, csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
 from calibration.flight.lasting_error import joined, mean_sigma
+from calibration.flight.path_design import PathDesign, path_design
 from calibration.flight.path_parts import MILLI, PathPart, path_parts
 from calibration.flight.problem import AngleCurve, FlightProblem, PixelPredictions
 from calibration.flight.windowed_inverse import WindowedInverse
@@ -82,6 +83,8 @@ class PathResiduals:
     _normal: csr_matrix = None
     _alone: FloatArray = field(default_factory=lambda: np.zeros(0))
     _white: dict[str, FloatArray] = field(default_factory=dict)
+    _pull: FloatArray = field(default_factory=lambda: np.zeros(0))
+    _designs: dict[str, PathDesign] = field(default_factory=dict)
     _done: bytes = b""
     _last: _Solved | None = None
 
@@ -92,7 +95,8 @@ class PathResiduals:
         self._known = vstack([block_diag([design for design, _ in pieces]), *joins], format="csr")
         self._data = np.concatenate([*(data for _, data in pieces), *(np.zeros(j.shape[0]) for j in joins)])
         self._normal = (self._known.T @ self._known).tocsc()
-        self._alone = np.asarray(_factors(self._normal).solve(self._known.T @ self._data))
+        self._pull = self._known.T @ self._data
+        self._alone = np.asarray(_factors(self._normal).solve(self._pull))
         along = self._along(self._alone)
         for name in along.observations:
             own = along.predict(name, self.at).own_px2[self.kept[name]] * self.factors[name] ** 2
@@ -280,7 +284,7 @@ class PathResiduals:
         for _ in range(_FAR_ROUNDS if self.has_lasting_error else _ROUNDS):
             linear = self._linearised(theta, change)
             root = _factors(self._normal_at(linear))
-            aim = linear.by_path.T @ (linear.by_path @ theta - linear.residual) + self._known.T @ self._data
+            aim = linear.by_path.T @ (linear.by_path @ theta - linear.residual) + self._pull
             theta = np.asarray(root.solve(aim))
         linear = self._linearised(theta, change)
         self._last, self._done = (
@@ -317,27 +321,12 @@ class PathResiduals:
 
         A fixes' lasting error has none: it is the fixes', not the aircraft's.
         """
-        rows, columns = ([np.zeros(0, dtype=np.int64)] for _ in range(2))
-        values = [np.zeros(0)]
-        for part in self.parts:
-            if part.station is None:
-                times, by = seen.reference_s[kept], white @ seen.by_point_px_m[kept]
-            elif part.station == name:
-                times, by = seen.reading_s[kept], white @ seen.by_angle_px_rad[kept] / MILLI
-            else:
-                continue
-            inside = np.flatnonzero((times >= part.basis.from_s) & (times <= part.basis.to_s))
-            if not len(inside):
-                continue
-            basis = part.basis.at(times[inside]).tocsr()
-            pixel, place = np.repeat(inside, np.diff(basis.indptr)), part.first + basis.indices.astype(np.int64)
-            for axis in range(part.samples.shape[1]):
-                for component in range(2):
-                    rows.append(2 * pixel + component)
-                    columns.append(place + axis * part.basis.count)
-                    values.append(basis.data * by[pixel, component, axis])
-        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        return csr_matrix(entries, shape=(2 * int(kept.sum()), len(self._alone)))
+        reference_s, reading_s = seen.reference_s[kept], seen.reading_s[kept]
+        design = self._designs.get(name)
+        if design is None or not design.is_for(reference_s, reading_s):
+            design = path_design(self.parts, name, reference_s, reading_s, len(self._alone))
+            self._designs[name] = design
+        return design.matrix(white @ seen.by_point_px_m[kept], white @ seen.by_angle_px_rad[kept] / MILLI)
 
 
 def _factors(normal: csc_matrix) -> SuperLU:

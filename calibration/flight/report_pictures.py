@@ -1,11 +1,9 @@
 """The pictures of a flight's calibration: flown path, residuals, correlations, quality."""
 
-import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,6 +11,7 @@ from matplotlib.figure import Figure
 from calibration.flight.fit import FlightFit
 from calibration.flight.problem import DGPS_OFFSET
 from calibration.flight.verdict import FlightVerdict
+from calibration.report.drawing import TITLED, png_of
 from calibration.report.picture import ReportPicture
 from groundstation.arrays import FloatArray
 from groundstation.rig.rig import Rig
@@ -20,15 +19,7 @@ from groundstation.rig.rig import Rig
 _DPI = 130
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _SOFT = "#c8cdd2"
-_STYLE: dict[Any, Any] = {
-    "font.family": ["sans-serif"],
-    "font.size": 11,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": 11,
-    "axes.titlelocation": "left",
-    "legend.frameon": False,
-}
+_STYLE: dict[Any, Any] = {**TITLED, "font.size": 11, "axes.titlesize": 11, "legend.frameon": False}
 _CELLS = 12
 _LEAST_IN_CELL = 3
 _MOST_LABELS = 24
@@ -55,7 +46,9 @@ def flight_pictures(after: Rig, fit: FlightFit, verdict: FlightVerdict) -> list[
     if not np.isfinite(fit.problem.prior_sigma).any():
         wanted = [w for w in wanted if w[0] != "learnt"]
     return [
-        ReportPicture(name=name, title=title, caption=caption, png=_png(content, size, draw))
+        ReportPicture(
+            name=name, title=title, caption=caption, png=png_of(draw, content, style=_STYLE, size_in=size, dpi=_DPI)
+        )
         for name, title, caption, size, draw in wanted
     ]
 
@@ -112,15 +105,6 @@ def _pictures_of(content: _Content) -> list[_WantedPicture]:
             _ranges,
         ),
     ]
-
-
-def _png(content: _Content, size: tuple[float, float], draw: Callable[[Figure, _Content], None]) -> bytes:
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=size, layout="constrained")
-        draw(figure, content)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def _geometry(figure: Figure, content: _Content) -> None:

@@ -1,17 +1,16 @@
 """Earlier checks of a rig, from its record: how far each station had turned at each, as a picture."""
 
-import io
 import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.dates import date2num
 from matplotlib.figure import Figure
 
 from calibration.landmarks.check_record import RECORD_FORMAT
+from calibration.report.drawing import png_of
 from calibration.report.picture import ReportPicture
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
@@ -68,29 +67,30 @@ def history_picture(history: tuple[PastCheck, ...]) -> ReportPicture | None:
     if len(history) < 2:
         return None
     names = list(dict.fromkeys(name for check in history for name in check.turned_deg))
-    with mpl.rc_context({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}):
-        figure = Figure(figsize=(6.4, 5.4), layout="constrained")
-        for axis, word in enumerate(("pan", "tilt")):
-            plot = figure.add_subplot(2, 1, axis + 1)
-            plot.axhline(0.0, color="0.7", lw=1)
-            for colour, name in zip(_COLOURS * 11, names, strict=False):
-                own = [check for check in history if name in check.turned_deg]
-                plot.errorbar(
-                    date2num([datetime.fromtimestamp(check.utc_s, UTC) for check in own]),
-                    [check.turned_deg[name][axis] for check in own],
-                    [check.sigma_deg[name][axis] for check in own],
-                    fmt="o-",
-                    ms=5,
-                    lw=1,
-                    capsize=3,
-                    color=colour,
-                    label=name,
-                )
-            plot.xaxis_date()
-            plot.set_ylabel(f"{word}, deg")
-            plot.tick_params(axis="x", rotation=20)
-            if axis == 0:
-                plot.legend(frameon=False, ncols=3)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
-    return ReportPicture(name="drift", title="Since the calibration", caption=_CAPTION, png=buffer.getvalue())
+    return ReportPicture(
+        name="drift", title="Since the calibration", caption=_CAPTION, png=png_of(_draw, history, names)
+    )
+
+
+def _draw(figure: Figure, history: tuple[PastCheck, ...], names: list[str]) -> None:
+    for axis, word in enumerate(("pan", "tilt")):
+        plot = figure.add_subplot(2, 1, axis + 1)
+        plot.axhline(0.0, color="0.7", lw=1)
+        for colour, name in zip(_COLOURS * 11, names, strict=False):
+            own = [check for check in history if name in check.turned_deg]
+            plot.errorbar(
+                date2num([datetime.fromtimestamp(check.utc_s, UTC) for check in own]),
+                [check.turned_deg[name][axis] for check in own],
+                [check.sigma_deg[name][axis] for check in own],
+                fmt="o-",
+                ms=5,
+                lw=1,
+                capsize=3,
+                color=colour,
+                label=name,
+            )
+        plot.xaxis_date()
+        plot.set_ylabel(f"{word}, deg")
+        plot.tick_params(axis="x", rotation=20)
+        if axis == 0:
+            plot.legend(frameon=False, ncols=3)

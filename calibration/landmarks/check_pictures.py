@@ -1,21 +1,16 @@
 """The pictures of a check: where each landmark was expected by the rig, and where it was seen."""
 
-import io
-from typing import Any
-
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from calibration.landmarks.angles import LandmarkObservations
 from calibration.landmarks.check import Check
+from calibration.report.drawing import png_of
 from calibration.report.picture import ReportPicture
 from groundstation.arrays import FloatArray, MaskArray
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-_STYLE: dict[Any, Any] = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
 _LEAST_SPAN_DEG = 0.015
 _CAPTION = (
     "The cross is where the rig expects every landmark; small dots are the sightings, large ones each landmark's mean, "
@@ -33,17 +28,13 @@ def check_pictures(check: Check, alarm_deg: float) -> list[ReportPicture]:
         if not observed.today:
             continue
         off = _off_deg(check, observed, expected[rows])
-        with mpl.rc_context(_STYLE):
-            figure = Figure(figsize=(6.4, 5.4), layout="constrained")
-            _draw(figure.subplots(), check, observed.landmark, off, check.fit.kept[rows], alarm_deg)
-            buffer = io.BytesIO()
-            figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
+        png = png_of(_draw, check, observed.landmark, off, check.fit.kept[rows], alarm_deg)
         pictures.append(
             ReportPicture(
                 name=f"{observed.station}-landmarks",
                 title=f"{observed.station}: expected and seen",
                 caption=_CAPTION.format(alarm=alarm_deg),
-                png=buffer.getvalue(),
+                png=png,
             )
         )
     return pictures
@@ -65,8 +56,9 @@ def _off_deg(check: Check, observed: LandmarkObservations, expected: FloatArray)
 
 
 def _draw(
-    ax: Axes, check: Check, landmark: NDArray[np.int64], off: FloatArray, kept: MaskArray, alarm_deg: float
+    figure: Figure, check: Check, landmark: NDArray[np.int64], off: FloatArray, kept: MaskArray, alarm_deg: float
 ) -> None:
+    ax = figure.subplots()
     names = [mark.name for mark in check.fit.problem.landmarks]
     for colour, k in zip(_COLOURS * 11, np.unique(landmark), strict=False):
         own = landmark == k

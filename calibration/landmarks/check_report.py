@@ -8,14 +8,11 @@ from calibration.landmarks.check import EFFECT_RANGE_M, Check, StationMovement
 from calibration.landmarks.check_history import PastCheck, history_picture
 from calibration.landmarks.check_pictures import check_pictures
 from calibration.landmarks.survey_report import rejected
-from calibration.report.picture import write_page
-from groundstation.errors import InputError, os_words
+from calibration.report.picture import shown, write_page
 from groundstation.files.html_page import (
     bullet_list,
     html_page,
     page_header,
-    picture_grid,
-    png_figure,
     text_table,
     verdict_line,
 )
@@ -98,18 +95,14 @@ def write_check_report(
     pictures = check_pictures(check, alarm_deg)
     drift = history_picture(history)
     pictures += [] if drift is None else [drift]
-    figures = [png_figure(p.title, p.caption, p.png) for p in pictures]
     body = "\n".join(
         [
             page_header("check before a session", name),
             verdict_line(decision),
             bullet_list([station_line(check, m) for m in check.movements]),
-            "<h2>Where landmarks were seen</h2>" + picture_grid(figures),
+            "<h2>Where landmarks were seen</h2>" + shown(pictures),
             "<h2>Figures</h2>" + text_table(TABLE_HEAD, table_rows(check)),
             "<h2>Notes</h2>" + bullet_list([*notes(check, alarm_deg), *rejected(check.fit)] or ["none"]),
         ]
     )
-    try:
-        return write_page(folder, html_page(f"{name} – check", body), pictures)
-    except OSError as error:
-        raise InputError(str(folder), got=os_words(error), wanted="a folder that can be written") from error
+    return write_page(folder, html_page(f"{name} – check", body), pictures)

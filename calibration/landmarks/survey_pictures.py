@@ -1,46 +1,26 @@
 """The pictures of a survey: observations, residuals, quality."""
 
-import io
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from calibration.landmarks.survey import Survey, inlier_landmarks, station_observations
+from calibration.report.drawing import TITLED, png_of
+from calibration.report.picture import ReportPicture
 from calibration.rig_reach import reach_at
 
-_SIZE_IN = (6.4, 5.4)
-_DPI = 150
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-_STYLE: dict[Any, Any] = {
-    "font.family": ["sans-serif"],
-    "font.size": 13,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": 13,
-    "axes.titlelocation": "left",
-}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SurveyPicture:
-    """One picture: file ``name`` without suffix, ``title``, ``caption``, and the PNG file's bytes."""
-
-    name: str
-    title: str
-    caption: str
-    png: bytes
-
-
-def survey_pictures(survey: Survey) -> list[SurveyPicture]:
+def survey_pictures(survey: Survey) -> list[ReportPicture]:
     """Draw all pictures; needs no window system."""
     return [
-        SurveyPicture(name=name, title=title, caption=caption, png=_png(survey, draw))
+        ReportPicture(
+            name=name,
+            title=title,
+            caption=caption,
+            png=png_of(draw, survey, style=TITLED),
+        )
         for name, title, caption, draw in (
             (
                 "map",
@@ -66,16 +46,8 @@ def survey_pictures(survey: Survey) -> list[SurveyPicture]:
     ]
 
 
-def _png(survey: Survey, draw: Callable[[Axes, Survey], None]) -> bytes:
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=_SIZE_IN, layout="constrained")
-        draw(figure.subplots(), survey)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return buffer.getvalue()
-
-
-def _map(ax: Axes, survey: Survey) -> None:
+def _map(figure: Figure, survey: Survey) -> None:
+    ax = figure.subplots()
     points = [m for m in survey.fit.problem.landmarks if m.kind == "point" and m.place is not None]
     for colour, (name, _) in zip(_cycle(), _seen(survey), strict=False):
         x, y = survey.rig[name].ptu_position_m[:2]
@@ -103,7 +75,8 @@ def _map(ax: Axes, survey: Survey) -> None:
     ax.legend(frameon=False, loc="best")
 
 
-def _residuals(ax: Axes, survey: Survey) -> None:
+def _residuals(figure: Figure, survey: Survey) -> None:
+    ax = figure.subplots()
     names = [m.name for m in survey.fit.problem.landmarks]
     seen = list(_seen(survey))
     for place, (colour, (name, _)) in enumerate(zip(_cycle(), seen, strict=False)):
@@ -123,7 +96,8 @@ def _residuals(ax: Axes, survey: Survey) -> None:
     ax.legend(frameon=False, loc="upper right", ncols=min(len(seen), 4), borderaxespad=0.0)
 
 
-def _reach(ax: Axes, survey: Survey) -> None:
+def _reach(figure: Figure, survey: Survey) -> None:
+    ax = figure.subplots()
     ranges = np.geomspace(50.0, 800.0, 30)
     reached = [value for value in (reach_at(survey.rig, float(r)) for r in ranges) if value is not None]
     at = [value.range_m for value in reached]

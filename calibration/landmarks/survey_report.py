@@ -9,19 +9,15 @@ from calibration.landmarks.fit import LandmarkFit
 from calibration.landmarks.survey import Survey, inlier_landmarks, station_observations
 from calibration.landmarks.survey_advice import TABLE_HEAD, SurveyAdvice, advise_survey
 from calibration.landmarks.survey_pictures import survey_pictures
+from calibration.report.picture import ReportPicture, shown, write_page
 from calibration.robust_fit import OUTLIER_SIGMA
-from groundstation.errors import InputError, os_words
 from groundstation.files.html_page import (
     bullet_list,
     html_page,
     page_header,
-    picture_grid,
-    png_figure,
     text_table,
     verdict_line,
 )
-from groundstation.files.output_names import below
-from groundstation.files.whole_file import write_whole
 
 _MOST_REJECTED = 12
 
@@ -127,20 +123,10 @@ def rig_header(survey: Survey, sightings: str, landmarks: str) -> str:
 def write_survey_report(folder: Path, survey: Survey, name: str) -> list[Path]:
     """Write report.html and its pictures as PNG into ``folder``, created if missing; returns the written files."""
     pictures = survey_pictures(survey)
-    page = survey_page(survey, advise_survey(survey), [png_figure(p.title, p.caption, p.png) for p in pictures], name)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        written = [folder / "report.html"]
-        write_whole(written[0], page)
-        for picture in pictures:
-            written.append(below(folder, f"{picture.name}.png"))
-            write_whole(written[-1], picture.png)
-    except OSError as error:
-        raise InputError(str(folder), got=os_words(error), wanted="a folder that can be written") from error
-    return written
+    return write_page(folder, survey_page(survey, advise_survey(survey), pictures, name), pictures)
 
 
-def survey_page(survey: Survey, advice: SurveyAdvice, figures: Sequence[str], name: str) -> str:
+def survey_page(survey: Survey, advice: SurveyAdvice, pictures: Sequence[ReportPicture], name: str) -> str:
     """Return the page; it loads nothing from anywhere."""
     left_out = rejected(survey.fit)
     body = "\n".join(
@@ -151,7 +137,7 @@ def survey_page(survey: Survey, advice: SurveyAdvice, figures: Sequence[str], na
             "<h2>What that is in the air</h2>" + text_table(TABLE_HEAD, advice.table) if advice.table else "",
             "<h2>How it fits</h2>" + bullet_list([*fit_lines(survey), *survey.notes]),
             "<h2>What was left out</h2>" + bullet_list(left_out) if left_out else "",
-            "<h2>Pictures</h2>" + picture_grid(figures),
+            "<h2>Pictures</h2>" + shown(pictures),
             "<h2>Parameters</h2>" + text_table(("", "value", "1 σ", "unit"), parameter_rows(survey)),
         ]
     )

@@ -5,35 +5,26 @@ from pathlib import Path
 from calibration.lens.advice import RANGES_M, across_m, advise, along_m, middle_angle_deg
 from calibration.lens.intrinsics import Intrinsics
 from calibration.lens.model import PARAMETERS
-from calibration.lens.report_pictures import LensPicture, lens_pictures
+from calibration.lens.report_pictures import lens_pictures
+from calibration.report.picture import ReportPicture, shown, write_page
 from groundstation.files.html_page import (
     Column,
     bullet_list,
     html_page,
     page_header,
-    picture_grid,
-    png_figure,
     soft_line,
     text_table,
     verdict_line,
 )
-from groundstation.files.output_names import below
-from groundstation.files.whole_file import write_whole
 
 
 def write_lens_report(folder: Path, found: Intrinsics, name: str) -> list[Path]:
     """Write report.html and the pictures as PNG into ``folder``, created if missing; returns the written files."""
-    folder.mkdir(parents=True, exist_ok=True)
     pictures = lens_pictures(found)
-    written = [folder / "report.html"]
-    write_whole(written[0], lens_report(found, pictures, name))
-    for picture in pictures:
-        written.append(below(folder, f"{picture.name}.png"))
-        write_whole(written[-1], picture.png)
-    return written
+    return write_page(folder, lens_report(found, pictures, name), pictures)
 
 
-def lens_report(found: Intrinsics, pictures: list[LensPicture], name: str) -> str:
+def lens_report(found: Intrinsics, pictures: list[ReportPicture], name: str) -> str:
     """Return the page; it loads nothing from anywhere."""
     advice = advise(found)
     w, h = found.fit.lens.image_size_px
@@ -46,7 +37,7 @@ def lens_report(found: Intrinsics, pictures: list[LensPicture], name: str) -> st
             soft_line(f"{w} × {h} px; board {_board(found)}."),
             _parameters(found),
             _ranges(found),
-            "<h2>Pictures</h2>" + picture_grid(png_figure(p.title, p.caption, p.png) for p in pictures),
+            "<h2>Pictures</h2>" + shown(pictures),
             _views(found),
         ]
     )

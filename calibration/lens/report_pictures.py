@@ -1,11 +1,7 @@
 """The pictures of a lens calibration: corners, residuals, uncertainty of the lens."""
 
-import io
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -15,32 +11,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from calibration.lens.advice import tilts_deg
 from calibration.lens.intrinsics import Intrinsics
+from calibration.report.drawing import BLUE, GREEN, ORANGE, TITLED, png_of
+from calibration.report.picture import ReportPicture
 
-_SIZE_IN = (6.4, 5.4)
-_DPI = 150
-_BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
 _EDGED: list[AbstractPathEffect] = [withStroke(linewidth=3.0, foreground="#00204C")]
-_STYLE: dict[Any, Any] = {
-    "font.family": ["sans-serif"],
-    "font.size": 13,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": 13,
-    "axes.titlelocation": "left",
-}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LensPicture:
-    """One picture: file ``name`` without suffix, ``title``, ``caption``, and the PNG file's bytes."""
-
-    name: str
-    title: str
-    caption: str
-    png: bytes
-
-
-def lens_pictures(found: Intrinsics) -> list[LensPicture]:
+def lens_pictures(found: Intrinsics) -> list[ReportPicture]:
     """Draw all pictures of a calibration; needs no window system."""
     pictures = []
     for name, title, caption, draw in (
@@ -70,17 +47,9 @@ def lens_pictures(found: Intrinsics) -> list[LensPicture]:
             _uncertainty,
         ),
     ):
-        pictures.append(LensPicture(name=name, title=title, caption=caption, png=_png(found, draw)))
+        png = png_of(draw, found, style=TITLED)
+        pictures.append(ReportPicture(name=name, title=title, caption=caption, png=png))
     return pictures
-
-
-def _png(found: Intrinsics, draw: Callable[[Figure, Axes, Intrinsics], None]) -> bytes:
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=_SIZE_IN, layout="constrained")
-        draw(figure, figure.subplots(), found)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def _image_axes(ax: Axes, found: Intrinsics) -> None:
@@ -94,12 +63,13 @@ def _image_axes(ax: Axes, found: Intrinsics) -> None:
         ax.spines[side].set_visible(True)
 
 
-def _coverage(_: Figure, ax: Axes, found: Intrinsics) -> None:
+def _coverage(figure: Figure, found: Intrinsics) -> None:
+    ax = figure.subplots()
     for view in found.views:
         hull = _hull(view.pixel)
-        ax.fill(hull[:, 0], hull[:, 1], facecolor=_BLUE, alpha=0.06, edgecolor=_BLUE, lw=0.8)
+        ax.fill(hull[:, 0], hull[:, 1], facecolor=BLUE, alpha=0.06, edgecolor=BLUE, lw=0.8)
     pixel = np.vstack([view.pixel for view in found.views])
-    ax.plot(pixel[:, 0], pixel[:, 1], ".", ms=3.5, color=_ORANGE)
+    ax.plot(pixel[:, 0], pixel[:, 1], ".", ms=3.5, color=ORANGE)
     _image_axes(ax, found)
     ax.set_title(f"{len(found.views)} views, {len(pixel)} corners")
 
@@ -111,11 +81,12 @@ def _hull(pixel: Any) -> Any:
     return pixel[ConvexHull(pixel).vertices]
 
 
-def _poses(_: Figure, ax: Axes, found: Intrinsics) -> None:
+def _poses(figure: Figure, found: Intrinsics) -> None:
+    ax = figure.subplots()
     distances = [float(np.linalg.norm(t)) for t in found.fit.translation_m]
-    ax.axvspan(20, 50, color=_GREEN, alpha=0.10, lw=0)
+    ax.axvspan(20, 50, color=GREEN, alpha=0.10, lw=0)
     ax.text(35, 0.02, "most telling", transform=ax.get_xaxis_transform(), color="#00654a", ha="center", va="bottom")
-    ax.plot(tilts_deg(found), distances, "o", ms=8, color=_BLUE, mec="white")
+    ax.plot(tilts_deg(found), distances, "o", ms=8, color=BLUE, mec="white")
     ax.set_xlim(0, 70)
     ax.set_ylim(0, 1.15 * max(distances))
     ax.grid(color="#dddddd", lw=0.7)
@@ -124,7 +95,8 @@ def _poses(_: Figure, ax: Axes, found: Intrinsics) -> None:
     ax.set_title(f"focal length and distance correlate by {found.fit.focal_distance_correlation:+.3f}")
 
 
-def _residuals(_: Figure, ax: Axes, found: Intrinsics) -> None:
+def _residuals(figure: Figure, found: Intrinsics) -> None:
+    ax = figure.subplots()
     pixel = np.vstack([view.pixel for view in found.views])
     residual = np.vstack(found.fit.residual)
     w, h = found.fit.lens.image_size_px
@@ -139,7 +111,7 @@ def _residuals(_: Figure, ax: Axes, found: Intrinsics) -> None:
         at = np.array([pixel[c].mean(axis=0) for c in cells])
         mean = np.array([residual[c].mean(axis=0) for c in cells])
         scale = _round_scale(float(np.percentile(np.linalg.norm(mean, axis=1), 90)))
-        arrows = ax.quiver(*at.T, *mean.T, angles="xy", scale_units="xy", scale=scale / cell, color=_BLUE, width=0.006)
+        arrows = ax.quiver(*at.T, *mean.T, angles="xy", scale_units="xy", scale=scale / cell, color=BLUE, width=0.006)
         ax.quiverkey(arrows, 0.86, 1.035, scale, f"{scale:g} px", labelpos="E")
     _image_axes(ax, found)
     ax.set_title(f"rms {found.fit.rms_px:.3f} px, held out {found.held_out.rms_px:.3f} px")
@@ -153,7 +125,8 @@ def _round_scale(value: float) -> float:
     return float(min((1.0, 2.0, 5.0, 10.0), key=lambda m: abs(m * power - value)) * power)
 
 
-def _uncertainty(figure: Figure, ax: Axes, found: Intrinsics) -> None:
+def _uncertainty(figure: Figure, found: Intrinsics) -> None:
+    ax = figure.subplots()
     shown = found.map.aligned_px
     mesh = ax.pcolormesh(found.map.u_px, found.map.v_px, shown, cmap="cividis", shading="gouraud", norm=LogNorm())
     bar = figure.colorbar(mesh, ax=ax, location="bottom", aspect=40, pad=0.02)

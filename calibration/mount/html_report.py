@@ -1,95 +1,82 @@
 """report.html of a mount: one self-contained page with the residuals drawn."""
 
-import io
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
 from calibration.mount.calibrate import StationMount
 from calibration.mount.text_report import format_mount, verdict
-from groundstation.files.html_page import (
-    bullet_list,
-    html_page,
-    page_header,
-    picture_grid,
-    png_figure,
-    preformatted,
-    verdict_line,
-)
-from groundstation.files.output_names import below
-from groundstation.files.whole_file import write_whole
-
-_BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
-_TITLES = {
-    "residuals": "What is left over",
-    "coverage": "Where marks were seen",
-    "over-angle": "Left over against angle",
-}
-_CAPTIONS = {
-    "residuals": "Each dot is a sighting: how far it was from where the result puts it. Orange: left out.",
-    "coverage": "At which angles marks were seen, what is left over drawn 300 times too large.",
-    "over-angle": "What is left over against the reading. A slope or a bow is an error that the model does not have.",
-}
+from calibration.report.drawing import BLUE, GREEN, ORANGE, png_of
+from calibration.report.head_page import PagePart, station_heading, write_head_page
+from calibration.report.picture import ReportPicture
 
 
 def write_mount_page(folder: Path, found: Sequence[StationMount]) -> list[Path]:
     """Write report.html and its pictures as PNG into ``folder``, created if missing; returns the written files."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written, parts = [folder / "report.html"], []
-    for one in found:
-        name = one.before.name
-        parts.append(f"<h2>Station {escape(name)}</h2>" + verdict_line(verdict(one)[0]))
-        parts.append(bullet_list(verdict(one)[1:]))
-        figures = []
-        for kind, png in _pictures(one).items():
-            written.append(below(folder, f"{name}-{kind}.png"))
-            write_whole(written[-1], png)
-            figures.append(png_figure(_TITLES[kind], _CAPTIONS[kind], png))
-        parts += [picture_grid(figures), preformatted(format_mount(one))]
-    body = page_header("camera on its head", "Mount") + "\n".join(parts)
-    write_whole(written[0], html_page("Mount", body))
-    return written
-
-
-def _pictures(one: StationMount) -> dict[str, bytes]:
-    fit, seen = one.fit, one.fit.problem.sightings
-    residual, kept = fit.residual_px, fit.kept
-    degrees = np.degrees(seen.reading_rad)
-    with mpl.rc_context({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}):
-        dots = Figure(figsize=(6.4, 5.4), layout="constrained")
-        axes = dots.subplots()
-        axes.plot(*residual[kept].T, ".", color=_BLUE, ms=4)
-        limit = 1.2 * float(np.abs(residual[kept]).max(initial=0.1))
-        shown = np.clip(residual[~kept], -limit, limit)
-        axes.plot(*shown.T, "x", color=_ORANGE)
-        axes.set(xlim=(-limit, limit), ylim=(-limit, limit), xlabel="u left over, px", ylabel="v left over, px")
-        axes.set_aspect("equal")
-
-        where = Figure(figsize=(6.4, 5.4), layout="constrained")
-        axes = where.subplots()
-        focal = one.after.lens.focal_px
-        drawn = np.degrees(residual[kept] / focal) * (1, -1)
-        axes.plot(*degrees[kept].T, ".", color=_BLUE, ms=3)
-        axes.quiver(
-            *degrees[kept].T, *drawn.T, angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.002, color=_GREEN
+    parts = [
+        PagePart(
+            heading=station_heading(one.before.name),
+            verdict=verdict(one),
+            pictures=_pictures(one),
+            text=format_mount(one),
         )
-        axes.plot(*degrees[~kept].T, "x", color=_ORANGE)
-        axes.set(xlabel="pan, deg", ylabel="tilt, deg")
-
-        over = Figure(figsize=(6.4, 5.4), layout="constrained")
-        for row, (axis, word) in enumerate((("pan", "u"), ("tilt", "v"))):
-            plot = over.add_subplot(2, 1, row + 1)
-            plot.axhline(0.0, color="0.7", lw=1)
-            plot.plot(degrees[kept, row], residual[kept, row], ".", color=_BLUE, ms=4)
-            plot.set(xlabel=f"{axis}, deg", ylabel=f"{word} left over, px")
-    return {"residuals": _png(dots), "coverage": _png(where), "over-angle": _png(over)}
+        for one in found
+    ]
+    return write_head_page(folder, "camera on its head", "Mount", parts)
 
 
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=150)
-    return buffer.getvalue()
+def _pictures(one: StationMount) -> list[ReportPicture]:
+    name = one.before.name
+    return [
+        ReportPicture(
+            name=f"{name}-residuals",
+            title="What is left over",
+            caption="Each dot is a sighting: how far it was from where the result puts it. Orange: left out.",
+            png=png_of(_draw_residuals, one),
+        ),
+        ReportPicture(
+            name=f"{name}-coverage",
+            title="Where marks were seen",
+            caption="At which angles marks were seen, what is left over drawn 300 times too large.",
+            png=png_of(_draw_coverage, one),
+        ),
+        ReportPicture(
+            name=f"{name}-over-angle",
+            title="Left over against angle",
+            caption="What is left over against the reading. A slope or a bow is an error that the model does not have.",
+            png=png_of(_draw_over_angle, one),
+        ),
+    ]
+
+
+def _draw_residuals(figure: Figure, one: StationMount) -> None:
+    residual, kept = one.fit.residual_px, one.fit.kept
+    axes = figure.subplots()
+    axes.plot(*residual[kept].T, ".", color=BLUE, ms=4)
+    limit = 1.2 * float(np.abs(residual[kept]).max(initial=0.1))
+    axes.plot(*np.clip(residual[~kept], -limit, limit).T, "x", color=ORANGE)
+    axes.set(xlim=(-limit, limit), ylim=(-limit, limit), xlabel="u left over, px", ylabel="v left over, px")
+    axes.set_aspect("equal")
+
+
+def _draw_coverage(figure: Figure, one: StationMount) -> None:
+    fit, kept = one.fit, one.fit.kept
+    degrees = np.degrees(fit.problem.sightings.reading_rad)
+    axes = figure.subplots()
+    drawn = np.degrees(fit.residual_px[kept] / one.after.lens.focal_px) * (1, -1)
+    axes.plot(*degrees[kept].T, ".", color=BLUE, ms=3)
+    axes.quiver(*degrees[kept].T, *drawn.T, angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.002, color=GREEN)
+    axes.plot(*degrees[~kept].T, "x", color=ORANGE)
+    axes.set(xlabel="pan, deg", ylabel="tilt, deg")
+
+
+def _draw_over_angle(figure: Figure, one: StationMount) -> None:
+    residual, kept = one.fit.residual_px, one.fit.kept
+    degrees = np.degrees(one.fit.problem.sightings.reading_rad)
+    for row, (axis, word) in enumerate((("pan", "u"), ("tilt", "v"))):
+        plot = figure.add_subplot(2, 1, row + 1)
+        plot.axhline(0.0, color="0.7", lw=1)
+        plot.plot(degrees[kept, row], residual[kept, row], ".", color=BLUE, ms=4)
+        plot.set(xlabel=f"{axis}, deg", ylabel=f"{word} left over, px")

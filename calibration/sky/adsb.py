@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TextIO
 
 from groundstation.errors import InputError, os_words
 
@@ -55,10 +56,11 @@ def read_adsb(path: Path) -> dict[str, tuple[AdsbReport, ...]]:
     return found
 
 
-def _lines(file: Iterable[str], path: Path) -> Iterator[str]:
-    for line in file:
+def _lines(file: TextIO, path: Path) -> Iterator[str]:
+    # no more of a line is read than it may have: a file may have no line end
+    for line in iter(lambda: file.readline(_MOST_LINE + 1), ""):
         if len(line) > _MOST_LINE:
-            raise InputError(str(path), got=f"a line of {len(line)} characters", wanted="a receiver's lines")
+            raise InputError(str(path), got=f"a line of more than {_MOST_LINE} characters", wanted="a receiver's lines")
         yield line
 
 

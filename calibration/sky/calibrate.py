@@ -1,5 +1,6 @@
 """The whole job of `groundstation calibrate sky`: a day's pictures and a receiver's lines in, a better rig out."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -50,6 +51,7 @@ class SkyCalibration:
     ----------
     night : joint solution, rig, site and times, as of a calibration by stars.
     flights : the airliners' passes; ``pictures`` how many of each, by station's name; ``moon`` those of the Moon.
+    taken : how many pictures each station has, by its name.
     latency_s, latency_sigma_s : by how much the receiver's stamps are late; None without airliners.
     passed_over : airliners whose positions tell too little, with the reason.
     """
@@ -58,6 +60,7 @@ class SkyCalibration:
     flights: tuple[FlightPath, ...]
     pictures: tuple[Mapping[str, int], ...]
     moon: Mapping[str, int]
+    taken: Mapping[str, int]
     latency_s: float | None
     latency_sigma_s: float | None
     passed_over: tuple[str, ...]
@@ -86,7 +89,9 @@ def calibrate_sky(
     if isinstance(found, str):
         wanted = "pictures of airliners with their ADS-B positions, or of the Moon, and a rig oriented to 5 deg"
         raise StarFitError(f"got {found}; wanted {wanted}")
-    airliners = [aircraft_mark(_name(k, f), f, LATENCY_SIGMA_S, uncertain.refraction) for k, f in enumerate(flights)]
+    airliners = [
+        aircraft_mark(pass_name(k, f), f, LATENCY_SIGMA_S, uncertain.refraction) for k, f in enumerate(flights)
+    ]
     marks: tuple[Mark, ...] = (*airliners, _moon_mark(sky, uncertain))
     solved = _solved([rig[name] for name in names], pictures, marks, found, sky)
     after = {night.before.name: with_change(night, c) for night, c in zip(solved.nights, solved.change, strict=True)}
@@ -101,7 +106,7 @@ def calibrate_sky(
         site=site,
         span_utc_s=(pictures[0].utc_s, pictures[-1].utc_s),
     )
-    return _result(night, flights, passed_over)
+    return _result(night, flights, passed_over, Counter(p.station for p in pictures))
 
 
 def _solved(
@@ -165,7 +170,9 @@ def _in_the_sky(picture: SkyPicture, marks: tuple[Mark, ...]) -> list[int]:
     return own if picture.moon is None else [*own, -1]
 
 
-def _result(night: NightCalibration, flights: tuple[FlightPath, ...], passed_over: tuple[str, ...]) -> SkyCalibration:
+def _result(
+    night: NightCalibration, flights: tuple[FlightPath, ...], passed_over: tuple[str, ...], taken: Mapping[str, int]
+) -> SkyCalibration:
     joint = night.joint
     counts: list[dict[str, int]] = [{} for _ in range(len(flights) + 1)]
     for one in joint.nights:
@@ -179,6 +186,7 @@ def _result(night: NightCalibration, flights: tuple[FlightPath, ...], passed_ove
         flights=flights,
         pictures=tuple(counts[:-1]),
         moon=counts[-1],
+        taken=taken,
         latency_s=float(joint.change[0][place[0]]) if timed else None,
         latency_sigma_s=joint.sigma(LATENCY) if timed else None,
         passed_over=passed_over,
@@ -223,7 +231,8 @@ def _is_near(path: FlightPath) -> bool:
     return bool(np.any((away > _NEAREST_M) & (away < _FARTHEST_M) & (place[:, 2] > _LOWEST * away)))
 
 
-def _name(number: int, path: FlightPath) -> str:
+def pass_name(number: int, path: FlightPath) -> str:
+    """Return the name of a pass's mark."""
     return f"{path.aircraft}-{number}"
 
 

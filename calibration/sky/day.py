@@ -4,14 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
+from calibration.head_picture import HeadPicture, listed_fields
 from calibration.picture_table import read_picture_table
 from calibration.sky.adsb import AdsbReport, read_adsb
 from calibration.sky.sky_objects import SeenMoon, SkyObjects, find_moon, find_objects
 from calibration.stars.night import read_grey, require_one_night
 from calibration.stars.sky import SkyOverSite
-from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.rig.rig import Rig
 
@@ -19,26 +17,11 @@ ADSB_FILES = ("adsb.jsonl", "adsb.json", "adsb.sbs", "adsb.txt")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SkyPicture:
-    """One picture of the sky by day.
+class SkyPicture(HeadPicture):
+    """One picture of the sky by day; ``seen`` is what stands out in it, ``moon`` its disc's centre where it shows."""
 
-    Attributes
-    ----------
-    label : for the user. station : the station's name.
-    reading_rad : (2,) pan and tilt as read; ``sense`` (2,) the last direction of motion of each.
-    utc_s : Unix time of the mid-exposure.
-    seen : what stands out in it; ``moon`` its centre, where its disc is seen.
-    readings : how many readings the angles are the mean of.
-    """
-
-    label: str
-    station: str
-    reading_rad: FloatArray
-    sense: FloatArray
-    utc_s: float
     seen: SkyObjects
     moon: SeenMoon | None = None
-    readings: int = 1
 
 
 def read_day(
@@ -53,18 +36,8 @@ def read_day(
         grey = read_grey(folder, item, rig)
         radius = sky.moon_radius_rad(item.utc_s) * float(rig[item.station].lens.focal_px.mean())
         up = sky.body("moon", item.utc_s)[2] > 0.0
-        found.append(
-            SkyPicture(
-                label=item.file,
-                station=item.station,
-                reading_rad=np.radians(item.reading_deg),
-                sense=np.array(item.sense, dtype=np.float64),
-                utc_s=item.utc_s,
-                seen=find_objects(grey),
-                moon=find_moon(grey, radius) if up else None,
-                readings=item.readings,
-            )
-        )
+        moon = find_moon(grey, radius) if up else None
+        found.append(SkyPicture(**listed_fields(item), seen=find_objects(grey), moon=moon))
     return tuple(sorted(found, key=lambda p: p.utc_s))
 
 

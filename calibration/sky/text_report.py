@@ -1,8 +1,7 @@
 """The result of a calibration by airliners and the Moon, in words."""
 
-import numpy as np
-
 from calibration.sky.calibrate import SkyCalibration
+from calibration.sky.pass_results import pass_place
 from calibration.stars.joint_night import common_sigma
 from calibration.stars.sky import utc_text
 from calibration.stars.station_night import undetermined
@@ -11,6 +10,8 @@ from calibration.stars.text_report import relative_lines
 _MOST_LISTED = 12
 _MISFIT = 1.5
 _LEAST_PASSES = 5
+_LEAST_HEIGHTS_DEG = 15.0
+_MOST_EMPTY_SHARE = 0.3
 
 
 def format_sky(found: SkyCalibration) -> str:
@@ -21,12 +22,10 @@ def format_sky(found: SkyCalibration) -> str:
     for path, counts in zip(found.flights, found.pictures, strict=True):
         if sum(counts.values()):
             seen = ", ".join(f"{name} {count}" for name, count in counts.items())
-            place = path.at(np.linspace(*path.span_s, 9))[0]
-            away = np.linalg.norm(place, axis=1) / 1000.0
-            up = np.degrees(np.arcsin(place[:, 2] / np.linalg.norm(place, axis=1)))
+            place = pass_place(path)
             lines.append(
-                f"airliner {path.aircraft}: pictures {seen}; {away.min():.0f} to {away.max():.0f} km,"
-                f" {max(up.min(), 0.0):.0f} to {up.max():.0f} deg high; {path.reports} positions that scatter by"
+                f"airliner {path.aircraft}: pictures {seen}; {place.away_km[0]:.0f} to {place.away_km[1]:.0f} km,"
+                f" {place.up_deg[0]:.0f} to {place.up_deg[1]:.0f} deg high; {path.reports} positions that scatter by"
                 f" {path.report_m:.0f} m"
             )
     if sum(found.moon.values()):
@@ -48,15 +47,19 @@ def format_sky(found: SkyCalibration) -> str:
 
 
 def sky_verdict(found: SkyCalibration) -> list[str]:
-    """Return the verdict's lines: relative and common direction, the latency, what to do next."""
+    """Return the verdict's lines: what is known now, and what is left open."""
+    return [*what_is_told(found), *what_is_open(found)]
+
+
+def what_is_told(found: SkyCalibration) -> list[str]:
+    """Return the lines of what is known now: relative and common direction, the latency."""
     night = found.night
     names = [one.before.name for one in night.joint.nights]
     lines = [line for k in range(1, len(names)) for line in relative_lines(night, 0, k)]
     if len(names) == 1:
         lines.append(f"one head alone: its range hangs on another, {names[0]} says nothing of it")
     common = common_sigma(night.joint)
-    moon = sum(found.moon.values()) > 0
-    source = "" if moon else "; pictures of the Moon, or the stars, tell it better"
+    source = "" if sum(found.moon.values()) else "; pictures of the Moon, or the stars, tell it better"
     lines.append(
         f"direction from true north, all heads together: {common.pan_deg:.3f} deg in pan, {common.tilt_deg:.3f} deg in"
         f" tilt (1 sigma{source})"
@@ -66,13 +69,29 @@ def sky_verdict(found: SkyCalibration) -> list[str]:
             f"positions are stamped {found.latency_s:.2f} s late (sigma {found.latency_sigma_s:.2f}): the receiver's"
             " latency and what aircraft have on average"
         )
-    used = sum(sum(counts.values()) > 0 for counts in found.pictures)
-    if used < _LEAST_PASSES and not moon:
-        lines.append(f"{used} airliners; wanted {_LEAST_PASSES} or more, near ones high up and far ones low down")
+    return lines
+
+
+def what_is_open(found: SkyCalibration) -> list[str]:
+    """Return the lines of what the pictures say too little of, and what would tell it."""
+    night, lines = found.night, []
+    used = [path for path, counts in zip(found.flights, found.pictures, strict=True) if sum(counts.values())]
+    if len(used) < _LEAST_PASSES and not sum(found.moon.values()):
+        lines.append(f"{len(used)} airliners; wanted {_LEAST_PASSES} or more, near ones high up and far ones low down")
+    heights = [height for path in used for height in pass_place(path).up_deg]
+    if heights and max(heights) - min(heights) < _LEAST_HEIGHTS_DEG:
+        got = f"airliners between {min(heights):.0f} and {max(heights):.0f} deg high"
+        lines.append(f"{got} tell lean and boresight apart poorly; wanted {_LEAST_HEIGHTS_DEG:.0f} deg or more apart")
+    for one in night.joint.nights:
+        name, taken = one.before.name, found.taken[one.before.name]
+        without = taken - len({int(n) for n in one.fit.problem.sightings.pointing})
+        if without > _MOST_EMPTY_SHARE * taken:
+            got = f"{name}: {without} of {taken} pictures show no airliner where one should be"
+            lines.append(f"{got}: haze, cloud, or too far off")
     open_in: dict[str, list[str]] = {}
     for one in night.joint.nights:
-        for name in undetermined(one):
-            open_in.setdefault(name, []).append(one.before.name)
+        for parameter in undetermined(one):
+            open_in.setdefault(parameter, []).append(one.before.name)
     if open_in:
         told = ", ".join(f"{name} ({', '.join(stations)})" for name, stations in open_in.items())
         lines.append(f"hardly better known than before: {told}; a clear night's stars tell them")

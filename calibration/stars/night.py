@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from calibration.head_picture import HeadPicture, listed_fields
 from calibration.picture_table import ListedPicture, read_picture_table
 from calibration.stars.sky import FIRST_UTC_S, LAST_UTC_S
 from calibration.stars.star_images import StarImages, find_stars, hot_pixels
@@ -22,25 +23,10 @@ _LONGEST_NIGHT_S = 40.0 * 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StarPicture:
-    """One picture of the sky.
+class StarPicture(HeadPicture):
+    """One picture of the night sky; ``seen`` are its stars."""
 
-    Attributes
-    ----------
-    label : for the user. station : the station's name.
-    reading_rad : (2,) pan and tilt as read; ``sense`` (2,) the last direction of motion of each.
-    utc_s : Unix time of the mid-exposure.
-    seen : its stars.
-    readings : how many readings the angles are the mean of.
-    """
-
-    label: str
-    station: str
-    reading_rad: FloatArray
-    sense: FloatArray
-    utc_s: float
     seen: StarImages
-    readings: int = 1
 
 
 def read_night(
@@ -58,17 +44,7 @@ def read_night(
     for number, item in enumerate(listed):
         progress(number + 1, len(listed))
         seen = find_stars(read_grey(folder, item, rig), hot[item.station])
-        found.setdefault(item.station, []).append(
-            StarPicture(
-                label=item.file,
-                station=item.station,
-                reading_rad=np.radians(item.reading_deg),
-                sense=np.array(item.sense, dtype=np.float64),
-                utc_s=item.utc_s,
-                seen=seen,
-                readings=item.readings,
-            )
-        )
+        found.setdefault(item.station, []).append(StarPicture(**listed_fields(item), seen=seen))
     return {name: tuple(pictures) for name, pictures in found.items()}
 
 

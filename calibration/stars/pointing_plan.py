@@ -19,6 +19,7 @@ APPROACH_DEG = 1.5
 # the plastic number's powers: successive points fill a rectangle evenly (M. Roberts, 2018)
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 _MOST_TRIED = 4000
+_WAYS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,13 +91,17 @@ def _in_order(readings: Sequence[FloatArray]) -> tuple[Pointing, ...]:
     middle = float(np.median([reading[1] for reading in readings]))
     lower = sorted((r for r in readings if r[1] <= middle), key=lambda r: float(r[0]))
     upper = sorted((r for r in readings if r[1] > middle), key=lambda r: -float(r[0]))
-    ways = ((1, 1), (-1, 1), (1, -1), (-1, -1))
     return tuple(
         Pointing(
             pan_deg=round(float(r[0]), 3),
             tilt_deg=round(float(r[1]), 3),
-            pan_from=ways[k % 4][0],
-            tilt_from=ways[k % 4][1],
+            pan_from=ways_of(k)[0],
+            tilt_from=ways_of(k)[1],
         )
         for k, r in enumerate([*lower, *upper])
     )
+
+
+def ways_of(number: int) -> tuple[int, int]:
+    """Return from which sides of pan and tilt a pointing is come to: the four combinations in turn."""
+    return _WAYS[number % len(_WAYS)]

@@ -156,13 +156,24 @@ def _point_spread(picture: FloatArray, place: FloatArray, noise: float) -> Float
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _StarStep:
-    """One step of a star's fit: the shift (2,), px; flux, and its sigma; the place's sigma; the worst residual."""
+    """One step of a star's fit: the shift (2,), px; flux; what it leaves over (n,), and the derivatives (n, 4)."""
 
     shift_px: FloatArray
     flux: float
-    flux_sigma: float
-    sigma_px: float
-    worst: float
+    left: FloatArray
+    columns: FloatArray
+
+    @property
+    def worst(self) -> float:
+        """The worst residual."""
+        return float(np.abs(self.left).max())
+
+    def sigmas(self, noise: float) -> tuple[float, float]:
+        """Return one sigma of the flux, and one of the place, px."""
+        scatter = max(noise, float(np.sqrt(np.mean(self.left**2))))
+        covariance = np.linalg.pinv(self.columns.T @ self.columns) * scatter**2
+        place = float(np.sqrt(0.5 * (covariance[1, 1] + covariance[2, 2])) / self.flux)
+        return float(np.sqrt(covariance[0, 0])), place
 
 
 def _fit_star(
@@ -174,10 +185,11 @@ def _fit_star(
     """
     half = int(np.clip(np.ceil(_WINDOW_SIGMAS * np.sqrt(np.diag(spread).max())), _LEAST_HALF, _MOST_HALF))
     inverse, centre = np.asarray(np.linalg.inv(spread), dtype=np.float64), start.copy()
+    root = float(np.sqrt(np.linalg.det(inverse)))
     step: _StarStep | None = None
     for _ in range(_ROUNDS):
         window = _window(picture, centre, half)
-        step = None if window is None else _star_step(window, centre, inverse, noise, full)
+        step = None if window is None else _star_step(window, centre, inverse, root, full)
         if step is None:
             return None
         length = float(np.hypot(*step.shift_px))
@@ -187,36 +199,36 @@ def _fit_star(
             break
     if step is None:
         return None
-    peak = step.flux * float(np.sqrt(np.linalg.det(inverse))) / (2.0 * np.pi)
+    peak = step.flux * root / (2.0 * np.pi)
     misfit = max(_WORST_MISFIT * peak + _MISFIT_SIGMAS * noise, 2.0 * _MISFIT_SIGMAS * noise)
-    if step.flux < _LEAST_SNR * step.flux_sigma or float(np.hypot(*(centre - start))) > half or step.worst > misfit:
+    flux_sigma, sigma_px = step.sigmas(noise)
+    if step.flux < _LEAST_SNR * flux_sigma or float(np.hypot(*(centre - start))) > half or step.worst > misfit:
         return None
-    return float(centre[0]), float(centre[1]), float(np.hypot(step.sigma_px, _MODEL_SIGMA_PX)), step.flux
+    return float(centre[0]), float(centre[1]), float(np.hypot(sigma_px, _MODEL_SIGMA_PX)), step.flux
 
 
 def _star_step(
     window: tuple[FloatArray, FloatArray, FloatArray],
     centre: FloatArray,
     inverse: FloatArray,
-    noise: float,
+    root: float,
     full: float,
 ) -> _StarStep | None:
-    """Fit flux, flux times the shift, and a level of background; None where there is no light."""
+    """Fit flux, flux times the shift, and a level of background; None where there is no light.
+
+    ``root`` is that of the determinant of ``inverse``.
+    """
     level, u, v = window
     off = np.column_stack([u, v]) - centre
-    shape = np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)) * np.sqrt(np.linalg.det(inverse)) / (2.0 * np.pi)
+    shape = np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)) * root / (2.0 * np.pi)
     used = level < full if np.count_nonzero(level >= full) > 1 else np.ones(len(level), dtype=np.bool_)
     columns = np.column_stack([shape, shape[:, None] * (off @ inverse), np.ones(len(shape))])[used]
     solved, *_ = np.linalg.lstsq(columns, level[used], rcond=None)
     if solved[0] <= 0.0:
         return None
-    left = level[used] - columns @ solved
-    scatter = max(noise, float(np.sqrt(np.mean(left**2))))
-    covariance = np.linalg.pinv(columns.T @ columns) * scatter**2
     return _StarStep(
         shift_px=solved[1:3] / solved[0],
         flux=float(solved[0]),
-        flux_sigma=float(np.sqrt(covariance[0, 0])),
-        sigma_px=float(np.sqrt(0.5 * (covariance[1, 1] + covariance[2, 2])) / solved[0]),
-        worst=float(np.abs(left).max()),
+        left=level[used] - columns @ solved,
+        columns=columns,
     )

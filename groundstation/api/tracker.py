@@ -15,6 +15,7 @@ from groundstation.messages import (
     Event,
     FilterReset,
     Frame,
+    FrameAngles,
     InitialState,
     Kinematics,
     PixelMeasurement,
@@ -144,6 +145,8 @@ class Tracker:
         numbers = [event.t_s]
         if isinstance(event, PtuSample):
             numbers += [event.pan_rad, event.tilt_rad]
+        elif isinstance(event, FrameAngles):
+            numbers += [event.pan_rad, event.tilt_rad, event.sigma_rad]
         elif isinstance(event, PixelMeasurement):
             if isinstance(event.sigma_px, float | int):
                 raise InputError(f"{where}: sigma_px", got=f"{event.sigma_px:g}", wanted="two numbers, of u and of v")

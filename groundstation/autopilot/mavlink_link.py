@@ -16,6 +16,7 @@ from groundstation.autopilot.link_url import LinkUrl
 from groundstation.autopilot.message import MavlinkMessage
 from groundstation.autopilot.received import answer_time_request
 from groundstation.errors import ConfigError, MissingExtraError, os_words
+from ptu_drivers.errors import os_words as line_words
 
 _DIALECT = "common"
 _READ_S = 0.1
@@ -160,7 +161,7 @@ def _open(url: LinkUrl, source: tuple[int, int], key: bytes | None) -> tuple[Mod
         )
     except Exception as fault:  # pymavlink passes on the errors of its drivers
         wanted = "a line that can be opened"
-        raise ConfigError(f"autopilot URL {url.text}", got=f"{type(fault).__name__}: {fault}", wanted=wanted) from fault
+        raise ConfigError(f"autopilot URL {url.text}", got=line_words(fault), wanted=wanted) from fault
     dialect = mavutil.mavlink
     if key is not None:
         # an unsigned message is taken of a radio alone, one signed with another key never

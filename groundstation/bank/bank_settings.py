@@ -5,6 +5,7 @@ from pathlib import Path
 
 from groundstation.errors import ConfigError
 from groundstation.files.toml_table import TomlTable, load_toml
+from groundstation.simulation.drawn_flights.flight_spec import LONGEST_S, SHORTEST_S
 from groundstation.simulation.parameter_checks import require, require_positive
 from groundstation.simulation.specification_table import read_specification
 from groundstation.simulation.world.draw_world import DURATION_S, FRAME_HZ
@@ -42,6 +43,8 @@ class BankSettings:
         require(self.worst >= 0, "worst", got=self.worst, wanted="a whole number ≥ 0")
         for name in ("duration_s", "frame_hz", "limit_s"):
             require_positive(name, getattr(self, name))
+        within = SHORTEST_S <= self.duration_s <= LONGEST_S
+        require(within, "duration_s", got=self.duration_s, wanted=f"from {SHORTEST_S:g} to {LONGEST_S:g}")
 
     @property
     def seeds(self) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 import queue
 import time
+import uuid
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from groundstation.bank.program_version import program_digest
 from groundstation.bank.watched_job import last_place, run_job, timed_out
+from groundstation.compilation import Compiling, report
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
 
@@ -92,6 +94,11 @@ class Dispatcher:
         self._limit_s = limit_s
         self._traces = traces
         self._served_s = time.monotonic()
+        self._topic = f"compiling-{uuid.uuid4().hex}"
+        self._compiled: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        # of the workers, which compile the same kernels, one is shown
+        self._compiler: str | None = None
+        client.subscribe_topic(self._topic, lambda event: self._compiled.put(event[1]))
 
     def ends(self) -> Iterator[FinishedJob | JobFailure]:
         """Yield each job's end as it comes; raises `InputError` where no worker is left."""
@@ -99,6 +106,7 @@ class Dispatcher:
             addresses = self._addresses()
             self._assign(addresses)
             yield from self._collect()
+            self._show_compilation()
             yield from self._lost(addresses)
 
     def _addresses(self) -> set[str]:
@@ -129,6 +137,7 @@ class Dispatcher:
                 self._limit_s,
                 program_digest(),
                 self._trace(name),
+                self._topic,
                 workers=[address],
                 allow_other_workers=False,
                 pure=False,
@@ -150,6 +159,15 @@ class Dispatcher:
             running = self._running.pop(key, None)
             if running is not None:
                 yield from self._ended(running)
+
+    def _show_compilation(self) -> None:
+        """Tell the display what a worker compiles."""
+        while not self._compiled.empty():
+            told = self._compiled.get()
+            worker = told.pop("worker")
+            self._compiler = self._compiler or worker
+            if worker == self._compiler:
+                report(Compiling(**told))
 
     def _ended(self, running: _Running) -> Iterator[FinishedJob | JobFailure]:
         from distributed import KilledWorker

@@ -3,14 +3,17 @@
 import faulthandler
 import json
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from groundstation.bank.program_version import program_digest
+from groundstation.compilation import Compiling, compilation_sent
 from groundstation.errors import GroundstationError, printable
 
 _SHOWN_CHARACTERS = 300
@@ -22,16 +25,17 @@ class WorkerMismatchError(GroundstationError):
 
 
 def run_job(
-    function: Callable[[Any], Any], item: Any, limit_s: float | None, program: str, trace: Path
+    function: Callable[[Any], Any], item: Any, limit_s: float | None, program: str, trace: Path, topic: str
 ) -> dict[str, Any]:
     """Return ``value`` (JSON text), ``elapsed_s`` and ``cpu_s`` of a job, or its ``fault`` in words.
 
     Runs on a worker. A job that takes longer than ``limit_s`` ends its worker: nothing else ends compiled code. If the
-    coordinator's folder can be reached from here, ``trace`` then has what the job did. Raises `WorkerMismatchError`.
+    coordinator's folder can be reached from here, ``trace`` then has what the job did. What is compiled is told as
+    Dask's events of ``topic``. Raises `WorkerMismatchError`.
     """
     if program_digest() != program:
         raise WorkerMismatchError("the workers have another version of the program than this one; wanted the same")
-    with _watched(limit_s, trace):
+    with _watched(limit_s, trace), _compilation_told(topic):
         began_s, cpu_began_s = time.perf_counter(), time.process_time()
         try:
             text = json.dumps(function(item), ensure_ascii=False)
@@ -74,6 +78,23 @@ def timed_out(trace: Path) -> bool | None:
     except OSError:
         return None
     return "Timeout (" in text
+
+
+@contextmanager
+def _compilation_told(topic: str) -> Iterator[None]:
+    """Tell the coordinator of the kernels that are compiled meanwhile; a job of none has not imported numba."""
+    if "numba" not in sys.modules:
+        yield
+        return
+    from distributed import get_worker
+
+    worker = get_worker()
+
+    def send(what: Compiling) -> None:
+        worker.log_event(topic, {"worker": worker.address, **asdict(what)})
+
+    with compilation_sent(send):
+        yield
 
 
 @contextmanager

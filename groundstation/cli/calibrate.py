@@ -1,5 +1,6 @@
 """`groundstation calibrate WHAT …`: calibration of lenses, mounts, poses and clocks."""
 
+from groundstation.cli.calibrate_combine import add_combine
 from groundstation.cli.calibrate_flight import add_flight
 from groundstation.cli.calibrate_landmarks import add_landmark_kinds
 from groundstation.cli.calibrate_lens import add_convert_lens, add_intrinsics
@@ -24,6 +25,7 @@ def add_calibrate(commands: Commands) -> None:
     add_stars(kinds)
     add_sky(kinds)
     add_panorama(kinds)
+    add_combine(kinds)
     add_sightings(kinds)
     add_landmark_kinds(kinds)
     add_intrinsics(kinds)

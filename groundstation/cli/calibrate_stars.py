@@ -8,15 +8,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from groundstation.cli.command_arguments import Commands, add_calibrated_rig, add_command, print_files
-from groundstation.cli.number_arguments import count, finite_number, positive_number, take_negative_numbers
-from groundstation.cli.path_arguments import READ, WrittenFolder
+from groundstation.cli.head_pictures import (
+    add_inputs,
+    add_taking,
+    range_of,
+    require_inputs,
+    site_of,
+    stations_of,
+    unopened_head,
+)
+from groundstation.cli.number_arguments import count, positive_number, take_negative_numbers
 from groundstation.cli.progress import ProgressLine
-from groundstation.cli.terminal import print_line
 from groundstation.errors import UsageError
 
 if TYPE_CHECKING:
     from calibration.stars.sky import ObservingSite
-    from groundstation.live.station_file import StationFile
     from groundstation.rig.rig import Rig
 
 _STARS = """Ten minutes of night sky in place of a flight: each head is turned over its range
@@ -47,26 +53,10 @@ _TAKING = {"within": (-60.0, 60.0, 5.0, 55.0), "pointings": 24, "exposure": 0.5,
 def add_stars(kinds: Commands) -> None:
     """Add `calibrate stars`."""
     parser = add_command(kinds, "stars", run_calibrate_stars, "heads and lenses by the night sky", _STARS, _MORE)
-    parser.add_argument(
-        "station_file", type=READ, nargs="?", metavar="STATION.toml", help="the station file, as for live"
-    )
-    parser.add_argument("--from", dest="taken", type=READ, metavar="DIR", help="pictures that are there; nothing moves")
-    parser.add_argument("--rig", type=READ, metavar="FILE", help="the rig file, in place of the station file's")
-    parser.add_argument("--site", type=READ, metavar="FILE", help="a file with [origin], for the station file's")
+    add_inputs(parser)
     add_calibrated_rig(parser)
-    parser.add_argument("--pictures", type=WrittenFolder(), metavar="DIR", help="where new pictures go")
-    parser.add_argument("--stations", metavar="NAMES", help="only these, with commas")
+    add_taking(parser, "0.5", "-60,60,5,55")
     parser.add_argument("--pointings", type=count, metavar="N", help="of each head (24)")
-    parser.add_argument("--exposure", type=positive_number, metavar="S", help="of each picture, s (0.5)")
-    parser.add_argument("--gain", type=finite_number, metavar="G", help="the camera's, in its own unit")
-    parser.add_argument(
-        "--range",
-        dest="within",
-        type=_head_range,
-        metavar="PAN,PAN,TILT,TILT",
-        help="lowest and highest readings, deg (-60,60,5,55)",
-    )
-    parser.add_argument("--rate", type=positive_number, metavar="DEG_S", help="speed of the heads, deg/s (5)")
     parser.add_argument(
         "--clock-sigma", type=positive_number, metavar="S", help="1 sigma of the stamps, all together, s (0.1)"
     )
@@ -77,14 +67,6 @@ def add_stars(kinds: Commands) -> None:
         "--station-clocks", action="store_true", help="each station's stamps have an error of their own"
     )
     take_negative_numbers(parser)
-
-
-def _head_range(text: str) -> tuple[float, ...]:
-    """Return four angles in degrees."""
-    parts = [finite_number(part) for part in text.split(",")]
-    if len(parts) != 4 or parts[0] >= parts[1] or parts[2] >= parts[3]:
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted PAN_LOW,PAN_HIGH,TILT_LOW,TILT_HIGH in degrees")
-    return tuple(parts)
 
 
 def run_calibrate_stars(options: argparse.Namespace) -> int:
@@ -109,8 +91,8 @@ def run_calibrate_stars(options: argparse.Namespace) -> int:
     load_tetra3rs()
     file = None if options.station_file is None else load_station(options.station_file)
     rig = file.load_rig() if options.rig is None and file is not None else load_rig(options.rig)
-    site = _site(options, file)
-    names = _names(options, rig)
+    site = site_of(options, file)
+    names = stations_of(options, rig)
     folder = options.taken if options.taken is not None else _take(options, rig, site)
     with ProgressLine(sys.stderr, "stars", "picture") as line:
         pictures = read_night(folder, rig, line.update)
@@ -127,83 +109,35 @@ def run_calibrate_stars(options: argparse.Namespace) -> int:
 
 def _require_inputs(options: argparse.Namespace) -> None:
     """Raise `UsageError` for a choice of inputs that cannot be."""
-    if options.station_file is None and (options.rig is None or options.site is None):
-        raise UsageError("STATION.toml", got="none", wanted="it, or --rig, --site and --from")
-    if options.station_file is None and options.taken is None:
-        raise UsageError("--rig, --site", got="no pictures", wanted="--from DIR with them: no head can be turned")
-    if options.taken is not None and options.pictures is not None:
-        raise UsageError("--pictures", got="--from as well", wanted="where new pictures go, or where old are")
-    for option in _TAKING:
-        if options.taken is not None and getattr(options, option) is not None:
-            name = "--range" if option == "within" else f"--{option}"
-            raise UsageError(name, got="--from as well", wanted="one of them: with --from no picture is taken")
+    require_inputs(options, _TAKING)
     if options.each_clock and options.station_clocks:
         raise UsageError("--station-clocks", got="--each-clock as well", wanted="one of them")
     if options.each_clock and options.clock_sigma is None:
         raise UsageError("--each-clock", got="no --clock-sigma", wanted="one sigma of each picture's time, s")
 
 
-def _names(options: argparse.Namespace, rig: "Rig") -> tuple[str, ...]:
-    """Return the stations that were asked for; raises `UsageError` for one that the rig has not."""
-    if options.stations is None:
-        return rig.names
-    names = tuple(name.strip() for name in options.stations.split(","))
-    for name in names:
-        if name not in rig.names:
-            raise UsageError("--stations", got=repr(name), wanted="some of " + ", ".join(rig.names))
-    return names
-
-
-def _site(options: argparse.Namespace, file: "StationFile | None") -> "ObservingSite":
-    from calibration.stars.site_file import read_site
-
-    return read_site(options.site if options.site is not None or file is None else options.station_file)
-
-
 def _take(options: argparse.Namespace, rig: "Rig", site: "ObservingSite") -> Path:
     """Turn the heads and save pictures; returns their folder."""
-    from calibration.stars.pointing_plan import HeadRange, plan_pointings
+    from calibration.stars.pointing_plan import plan_pointings
     from calibration.stars.sky import SkyOverSite
-    from groundstation.cli.star_recorder import NightFolder, take_pictures
-    from groundstation.live.sighting_station import SightingStation
+    from groundstation.cli.star_recorder import PictureFolder, take_pictures
 
     for name, default in _TAKING.items():
         if getattr(options, name) is None:
             setattr(options, name, default)
     folder: Path = options.pictures or options.out.with_suffix(".pictures")
-    night, sky = NightFolder(folder), SkyOverSite(site)
+    night, sky = PictureFolder(folder), SkyOverSite(site)
     now = time.time()
     sun, moon = sky.body("sun", now), sky.body("moon", now)
-    low, high, down, up = options.within
-    within: HeadRange = HeadRange(pan_deg=(low, high), tilt_deg=(down, up))
-    names = [name for name in _names(options, rig) if not rig[name].fixed]
+    within = range_of(options)
+    names = [name for name in stations_of(options, rig) if not rig[name].fixed]
     altitude = math.degrees(math.asin(float(sun[2])))
     # all plans before the first move
     plans = {
         name: plan_pointings(rig[name], within, options.pointings, moon if moon[2] > 0.0 else None, altitude)
         for name in names
     }
-
-    def warn(text: str) -> None:
-        print_line(f"groundstation: {text}", sys.stderr)
-
-    def tell(text: str) -> None:
-        print(text, flush=True)
-
     for name, plan in plans.items():
-        unopened = SightingStation(
-            options.station_file,
-            name,
-            rate_rad_s=math.radians(options.rate),
-            tell=lambda event, name=name: (
-                warn(f"{name}: camera: {event.text}")  # type: ignore[misc]
-                if event.kind not in ("opened", "ended")
-                else None
-            ),
-            report=warn,
-            exposure_s=options.exposure,
-            gain=options.gain,
-        )
-        with unopened as station:
-            take_pictures(station, plan, night, tell)
+        with unopened_head(options, name) as station:
+            take_pictures(station, plan, night, lambda text: print(text, flush=True))
     return folder

@@ -102,6 +102,11 @@ def run_live(options: argparse.Namespace) -> int:
     if wrong:
         print(f"groundstation live: {wrong}", file=sys.stderr)
         return 2
+    if options.port is not None:
+        # before a range is built, which takes long
+        from groundstation.viewer.viewer_process import free_port
+
+        free_port(options.port)
     request = LiveRequest(
         station=options.station,
         out=options.out,

@@ -20,6 +20,7 @@ from groundstation.cli.config import add_config
 from groundstation.cli.convert import add_convert
 from groundstation.cli.evaluate import add_evaluate
 from groundstation.cli.import_session import add_import
+from groundstation.cli.kernel_cache import kernel_cache
 from groundstation.cli.left_files import INTERRUPTED, left_by
 from groundstation.cli.live import add_live
 from groundstation.cli.onboard import add_onboard
@@ -108,6 +109,7 @@ def _compilation_shown(command: str) -> Iterator[None]:
     if command in _WITHOUT_KERNELS:
         yield
         return
+    os.environ.update(kernel_cache(os.environ))
     listen()
     log = CompilationLog(sys.stderr)
     with closing(log), compilation_watched(log.compiling):

@@ -1,7 +1,7 @@
 """Types of path arguments: each declares whether a command reads or writes the path.
 
-Before a command starts, `check_paths` compares the outputs with the inputs, so that no command needs a check of its
-own.
+Before a command starts, `check_paths` compares the outputs with the inputs and asks whether they can be written, so
+that no command needs a check of its own.
 """
 
 import argparse
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from groundstation.errors import InputError
 from groundstation.files.overwriting import Output, leads_to_itself, refuse_overwriting
+from groundstation.files.right_to_write import require_right_to_write
 
 _FILE_ADDRESS = "file:"
 
@@ -73,9 +74,10 @@ PATH_TYPES = (ReadPath, ReadText, WrittenFile, WrittenFolder)
 
 
 def check_paths(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Raise `InputError` for a link that leads to itself, and if the selected command would overwrite an input."""
+    """Raise `InputError` for a link that leads to itself, for an output that is an input or cannot be written."""
     read: list[Path] = []
     written: list[Output] = []
+    places: list[tuple[Path, str]] = []
     for action in _actions(parser, options):
         option = action.option_strings[0] if action.option_strings else str(action.metavar or action.dest)
         for value in _values(getattr(options, action.dest, None)):
@@ -85,9 +87,13 @@ def check_paths(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
                 read.append(Path(str(value).removeprefix(_FILE_ADDRESS)))
             elif isinstance(action.type, WrittenFile):
                 written.append(Output(path=Path(value), option=option))
+                places.append((Path(value), "a file in a folder that can be written"))
             elif isinstance(action.type, WrittenFolder):
                 written.append(Output(path=Path(value), option=option, names=action.type.names))
+                places.append((Path(value), "a folder that can be written"))
     refuse_overwriting(read, written)
+    for path, wanted in places:
+        require_right_to_write(path, wanted)
 
 
 def _actions(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Iterator[argparse.Action]:

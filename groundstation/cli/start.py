@@ -34,6 +34,7 @@ def main() -> int:
         if interrupts.received:
             return _interrupted()
         raise
+    _forget_interrupt()
     if sys.argv[1:2] == ["live"]:
         leave(code)
     return code
@@ -42,7 +43,17 @@ def main() -> int:
 def _interrupted() -> int:
     """Report it; returns the exit code."""
     print("groundstation: interrupted", file=sys.stderr)
+    _forget_interrupt()
     return 130
+
+
+def _forget_interrupt() -> None:
+    """Let the exit code count.
+
+    After an interrupt within the execution of a text, as `dataclass` does it, `python -m` ends by the signal, whatever
+    has become of it; the next text that is executed resets that.
+    """
+    exec("")
 
 
 def leave(code: int) -> "NoReturn":

@@ -54,6 +54,8 @@ def import_session(request: ImportRequest, progress: Callable[[int], None] = lam
     log = _log(request)
     clock = import_clock(request, log)
     parts = _Parts(texts={}, copies={}, summary=[], remarks=[] if log is None else list(log.remarks))
+    # before the videos are read, which takes long
+    fixes = _placed(request, log, clock)
     span = _frames(request, rig, clock, parts, progress)
     if any(not station.fixed for station in rig.stations):
         if request.ptu is None:
@@ -61,7 +63,7 @@ def import_session(request: ImportRequest, progress: Callable[[int], None] = lam
         parts.texts["ptu.csv"], rows = ptu_csv(request.ptu, rig, clock, *span)
         parts.summary.append(f"{request.ptu.name}: {rows} readings")
     if request.dgps is not None:
-        _positions(request, rig, log, clock, span, parts)
+        _positions(request, rig, fixes, clock, span, parts)
     parts.texts["session.toml"] = config_to_toml(_session(request, clock)) + "\n"
     parts.copies["rig.toml"] = request.rig
     files = _write(request, parts)
@@ -94,6 +96,13 @@ def _log(request: ImportRequest) -> GnssLog | None:
         wanted = "where the session's frame lies on Earth, and where its +y points"
         raise InputError(path.name, got=got, wanted=wanted)
     return read_log(path, request.reading)
+
+
+def _placed(request: ImportRequest, log: GnssLog | None, clock: ImportClock) -> list[DgpsFix] | None:
+    """Return a log's positions in the session's frame; None for none, or for a table in that frame."""
+    if log is None or clock.epoch_gps_s is None or request.origin_deg_m is None or request.azimuth_deg is None:
+        return None
+    return place_log(log, request.origin_deg_m, request.azimuth_deg, clock.epoch_gps_s)
 
 
 def _frames(
@@ -153,22 +162,28 @@ def _given_frames(request: ImportRequest, rig: Rig, parts: _Parts) -> tuple[floa
 
 
 def _positions(
-    request: ImportRequest, rig: Rig, log: GnssLog | None, clock: ImportClock, span: tuple[float, float], parts: _Parts
+    request: ImportRequest,
+    rig: Rig,
+    fixes: list[DgpsFix] | None,
+    clock: ImportClock,
+    span: tuple[float, float],
+    parts: _Parts,
 ) -> None:
     """Add dgps.csv; a log that has no time in common with the videos is refused."""
     path = request.dgps
     if path is None:
         return
-    if log is None or clock.epoch_gps_s is None or request.origin_deg_m is None or request.azimuth_deg is None:
+    if fixes is None or clock.epoch_gps_s is None or request.azimuth_deg is None:
         parts.copies["dgps.csv"] = path
         parts.summary.append(f"{path.name}: taken as it is, in the session's frame and clock")
         return
-    fixes = place_log(log, request.origin_deg_m, request.azimuth_deg, clock.epoch_gps_s)
     inside = [fix for fix in fixes if span[0] <= fix.t_s <= span[1]]
     if not inside:
-        got = f"positions from {utc_text(float(log.gps_s[0]))} to {utc_text(float(log.gps_s[-1]))}"
+        first, last = (utc_text(clock.epoch_gps_s + fix.t_s) for fix in (fixes[0], fixes[-1]))
         ran = " to ".join(utc_text(clock.epoch_gps_s + t) for t in span)
-        raise InputError(path.name, got=got, wanted=f"some while the cameras ran, {ran}")
+        raise InputError(
+            path.name, got=f"positions from {first} to {last}", wanted=f"some while the cameras ran, {ran}"
+        )
     kinds = {word: sum(fix.status == word for fix in inside) for word in sorted({fix.status for fix in inside})}
     words = ", ".join(f"{count} {word}" for word, count in kinds.items())
     distance = np.linalg.norm([fix.position_runway_m for fix in inside], axis=1)

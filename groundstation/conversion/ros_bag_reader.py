@@ -99,9 +99,12 @@ class RosBag:
         if size > _MOST_METADATA_BYTES:
             raise SessionError(str(path), got=f"{size} bytes", wanted=f"at most {_MOST_METADATA_BYTES}")
         try:
-            found = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+            read = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
         except YAMLError as error:
-            raise ValueError(str(error)) from error
+            raise ValueError("metadata.yaml is no YAML") from error
+        found = read.get("rosbag2_bagfile_information") if isinstance(read, dict) else None
+        if not isinstance(found, dict):
+            raise ValueError("metadata.yaml has no rosbag2_bagfile_information")
         mode = str(found.get("compression_mode", "")).lower()
         if mode not in ("", "none"):
             wanted = "none: `ros2 bag convert` writes it without (compression of MCAP chunks is read)"

@@ -114,6 +114,10 @@ class HeadRegistration:
         layers = (self._grey, by_x, by_y, inside)
         self._layers = tuple(np.asarray(one, dtype=np.float32) for one in layers)
 
+    def searches(self, sigma_rad: float) -> bool:
+        """Return whether encoders of one sigma leave so much open that a frame has to be searched for."""
+        return _SEARCH_SIGMAS * sigma_rad / self._panorama.step_rad > _NEAR_PX
+
     def register(
         self, image: ImageArray, pan_rad: float, tilt_rad: float, sigma_rad: float
     ) -> RegisteredAngles | RegistrationFault:

@@ -155,14 +155,17 @@ def network_input(image: ImageArray) -> Float32Array:
     """
     h, w = image.shape[:2]
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    colour = image[:, :, 0].astype(np.float32) - image[:, :, 2]
+    blue, red = (cv2.extractChannel(image, k) for k in (0, 2))
+    colour: Float32Array = np.asarray(cv2.subtract(blue, red, dtype=cv2.CV_32F), np.float32)
     mean, square, tint = (_around(plane) for plane in (grey, grey * grey, colour))
     sharpness = np.asarray(1.0 / np.sqrt(np.maximum(square - mean * mean, 0.0) + _LEAST_SPREAD**2), np.float32)
-    above = grey - _enlarged(mean, (w, h))
+    # in place: each array of a whole picture costs more to allocate than to fill
+    grey -= _enlarged(mean, (w, h))
+    colour -= _enlarged(tint, (w, h))
     planes = np.empty((3, h, w), np.float32)
-    np.multiply(above, _enlarged(sharpness, (w, h)), out=planes[0])
-    np.multiply(above, 1.0 / _LEVELS, out=planes[1])
-    np.multiply(colour - _enlarged(tint, (w, h)), 1.0 / _COLOURS, out=planes[2])
+    np.multiply(grey, _enlarged(sharpness, (w, h)), out=planes[0])
+    np.multiply(grey, 1.0 / _LEVELS, out=planes[1])
+    np.multiply(colour, 1.0 / _COLOURS, out=planes[2])
     return np.clip(planes, -_MOST, _MOST, out=planes)
 
 

@@ -26,7 +26,8 @@ def why_no_track(counts: Mapping[str, Any]) -> str | None:
     for name, station in stations.items():
         looks, blind = sum(station["status"].values()), station["miss_reason"][MissReason.NO_PTU_ANGLE.value]
         if blind > _MOST_BLIND * looks:
-            return f"no track: {blind} of {looks} pictures of {name} had no angle"
+            why = "its PTU's readings are missing, too far apart, or do not change"
+            return f"no track: {blind} of {looks} pictures of {name} had no angle: {why}"
     if track["acquiring"]:
         return (
             f"no track: of {total} pairs, {track['acquiring']} had a candidate in two cameras, "

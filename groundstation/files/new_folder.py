@@ -12,7 +12,8 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise InputError(str(folder), got=os_words(fault), wanted="a folder that can be written") from fault
+        got = "a file" if isinstance(fault, FileExistsError) else os_words(fault)
+        raise InputError(str(folder), got=got, wanted="a folder that can be written") from fault
 
 
 @contextlib.contextmanager

@@ -24,8 +24,19 @@ class TextFile(Protocol):
 
 
 def absence(file: TextFile) -> str:
-    """Return in words why a path is no file: it is a folder, or it is not there."""
-    return "a folder" if isinstance(file, Path) and file.is_dir() else "no such file"
+    """Return in words why a path is no file: what it is instead, or that it is not there."""
+    if not isinstance(file, Path):
+        return "no such file"
+    if file.is_dir():
+        return "a folder"
+    if file.is_symlink() and not file.exists():
+        return "a link to what is not there"
+    return "a pipe or a device" if file.exists() else "no such file"
+
+
+def is_other_kind(file: TextFile) -> bool:
+    """Return whether there is something of that name that is no file, or a link to nothing."""
+    return isinstance(file, Path) and not file.is_file() and (file.exists() or file.is_symlink())
 
 
 def is_utf16(begin: bytes) -> bool:

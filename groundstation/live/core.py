@@ -185,17 +185,27 @@ class LiveCore:
             step.reports.append(self.pipeline.finish())
         except _FAILED as fault:
             self._reset_filter(fault, self.pipeline.time_s or 0.0, step, in_vain=False)
+        step.consumed += self.pipeline.heads.take_found()
+        t_s, notes = self.pipeline.time_s or 0.0, self.pipeline.heads.notes()
+        if notes:
+            lines = (TrackEvent(t_s=t_s, level="info", text=text) for text in notes)
+            step.reports.append(StepReport(events=tuple(lines)))
         return step
 
     def _step(self, event: Event, step: LiveStep) -> None:
-        step.consumed.append(event)
         try:
             report = self.pipeline.step(event)
         except _FAILED as fault:
             # numerical failure: reset the filter
+            self._note_consumed(event, step)
             self._reset_filter(fault, event.t_s, step, in_vain=True)
         else:
+            self._note_consumed(event, step)
             self._note_report(report, step)
+
+    def _note_consumed(self, event: Event, step: LiveStep) -> None:
+        """Note an event, and before it the angles that it made the pipeline take from pictures: a replay has none."""
+        step.consumed += [*self.pipeline.heads.take_found(), event]
 
     def _reset_filter(self, fault: Exception, t_s: float, step: LiveStep, *, in_vain: bool) -> None:
         """Reset the pipeline by a `FilterReset` event, which is recorded so that a replay resets it too."""

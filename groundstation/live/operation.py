@@ -182,7 +182,6 @@ class Operation:
         """Operate until ``until`` is set, then park the heads, and process everything that waits.
 
         Heads are parked as long as ``shutdown`` allows, and not at all once their process is lost.
-
         The devices are already open, and the caller closes them; ``reference`` opens its line itself.
         """
         warm_up(self._config.detection.detector)
@@ -340,6 +339,7 @@ class Operation:
             stopwatch=self._clock,
             keep_images=self._keep_images,
             reference_errors=self._reference_errors,
+            heads=self._file.registered_heads(self._rig),
         )
 
     def _core(self, heads: HeadManager) -> LiveCore:

@@ -20,6 +20,8 @@ def write_provenance(
     ``station`` is the station file, None for a simulated range; rig and tuning are those that ``file`` names.
     """
     named = {"station": station, "rig": file.rig, "configuration": file.config}
+    if file.panorama is not None:
+        named["panorama"] = file.panorama
     table = program_provenance(command) | {
         name: None if path is None else file_provenance(path) for name, path in named.items()
     }

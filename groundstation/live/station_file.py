@@ -18,14 +18,19 @@ from groundstation.pointing.pointing_law import PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.session.folder import GeoOrigin, parse_origin
+from groundstation.sources.panorama_file import read_panoramas
 from groundstation.tracking.config import config_from_mapping
+from groundstation.tracking.registered_heads import RegisteredHeads
+from ptu_drivers.settings import SLOWEST_BAUD
 
 STATION_FORMAT = "groundstation-station/1"
 MAX_STATIONS = 16
+# a search takes 60 ms of a processor, a registration without one 7 ms
+_SEARCH_EVERY = 8
 _TOP = frozenset(
     {
         *("format", "name", "rig", "config", "rate_hz", "target", "record", "pointing", "search", "station"),
-        *("reference", "origin", "safety", "park_s", "autopilot", "landing_site"),
+        *("reference", "origin", "safety", "park_s", "autopilot", "landing_site", "panorama"),
     }
 )
 _REFERENCE = frozenset({"url", "baud", "clock_offset_s", "clock_sigma_s", "geoid_separation_m", "learn", "senders"})
@@ -67,6 +72,7 @@ class StationFile:
     autopilot : the vehicle that the position is sent to, None for none; it needs ``origin``.
     geoid_separation_m : height of the geoid above the ellipsoid, None if no table states it.
     landing_site : file of runway, plan and alert limits; None for none.
+    panorama : file of `calibrate panorama`, by which frames tell the heads' angles; None for the encoders' alone.
     park_s : what heads may take to park in the end, on top of the time for the rest; None parks within that time.
     """
 
@@ -88,11 +94,13 @@ class StationFile:
     park_s: float | None = None
     autopilot: AutopilotSettings | None = None
     landing_site: Path | None = None
+    panorama: Path | None = None
     geoid_separation_m: float | None = None
 
     def load_rig(self) -> Rig:
         """Read the rig; raises `ConfigError` with the station file's key where a file that it names is missing."""
-        for key, path in (("rig", self.rig), ("config", self.config), ("landing_site", self.landing_site)):
+        named = {key: getattr(self, key) for key in ("rig", "config", "landing_site", "panorama")}
+        for key, path in named.items():
             if path is not None and not path.is_file():
                 raise ConfigError(
                     f"{self.path}: {key}",
@@ -100,6 +108,11 @@ class StationFile:
                     wanted="a file, its path seen from the station file's folder",
                 )
         return load_rig(self.rig)
+
+    def registered_heads(self, rig: Rig) -> RegisteredHeads:
+        """Return what takes angles from pictures by the panorama; raises `InputError` for one that cannot be used."""
+        panoramas = {} if self.panorama is None else read_panoramas(self.panorama)
+        return RegisteredHeads(rig, panoramas, search_every=_SEARCH_EVERY)
 
 
 def load_station(path: Path) -> StationFile:
@@ -152,6 +165,7 @@ def load_station(path: Path) -> StationFile:
         autopilot=autopilot,
         geoid_separation_m=None if reference is None else reference.geoid_separation_m,
         landing_site=here / top.text("landing_site") if "landing_site" in top else None,
+        panorama=here / top.text("panorama") if "panorama" in top else None,
         antenna_in_body_m=None if antenna is None else (float(antenna[0]), float(antenna[1]), float(antenna[2])),
     )
 
@@ -231,21 +245,36 @@ def _head(table: TomlTable) -> HeadDevice:
         )
         return pan, tilt
 
+    lows, highs = limits("low", -math.inf), limits("high", math.inf)
+    for axis, at, low, high in zip(("pan", "tilt"), map(math.radians, park), lows, highs, strict=True):
+        ends = f"{math.degrees(low):g} and {axis}_high_deg {math.degrees(high):g}"
+        if not low < high:
+            raise settings.fail(f"{axis}_low_deg", ends, "low below high")
+        if "park_deg" in table and not low <= at <= high:
+            raise table.fail("park_deg", f"{axis} {math.degrees(at):g}", f"between {axis}_low_deg {ends}")
     return HeadDevice(
         url=table.text("ptu"),
         protocol=table.text("ptu_protocol", "flir"),
         options=dict(table.table("ptu_options").values),
         signs=(_sign(settings, "pan_sign"), _sign(settings, "tilt_sign")),
         zeros_rad=both("zero_deg", 0.0),
-        lows_rad=limits("low", -math.inf),
-        highs_rad=limits("high", math.inf),
+        lows_rad=lows,
+        highs_rad=highs,
         rates_rad_s=_rates(settings),
-        baud=int(settings.number("baud", 0.0, minimum=0.0, maximum=4e6)),
+        baud=_baud(settings),
         latency_s=settings.number("latency_s", minimum=0.0, maximum=1.0) if "latency_s" in settings else None,
         poll_s=1.0 / settings.number("poll_hz", 100.0, above=0.0, maximum=1000.0),
         park_rad=(math.radians(park[0]), math.radians(park[1])),
         sectors=_sectors(table),
     )
+
+
+def _baud(settings: TomlTable) -> int:
+    """Return a line's speed, bit/s; 0 keeps the present one."""
+    baud = int(settings.number("baud", 0.0, minimum=0.0, maximum=4e6))
+    if 0 < baud < SLOWEST_BAUD:
+        raise settings.fail("baud", f"{baud}", f"0, or {SLOWEST_BAUD} and more")
+    return baud
 
 
 def _sectors(table: TomlTable) -> tuple[Sector, ...]:

@@ -4,6 +4,7 @@ import csv
 import io
 import math
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,10 +13,10 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, os_words
-from groundstation.files.new_folder import removed_if_empty
+from groundstation.files.new_folder import make_folder, removed_if_empty
 from groundstation.files.overwriting import refuse_existing
 from groundstation.files.video_check import require_whole_video
-from groundstation.files.whole_file import whole_file, write_whole
+from groundstation.files.whole_file import whole_file
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.onboard.scenes.draw_nose_world import NoseWorld, draw_nose_world, reported_poses
 from groundstation.onboard.scenes.nose_flight import (
@@ -99,21 +100,21 @@ def _write_flight(
 ) -> tuple[Path, ...]:
     files = tuple(folder / name for name in ("nose.avi", "nose.toml", "imu.csv", "truth.csv"))
     refuse_existing(files)
-    written: list[Path] = []
     try:
         with removed_if_empty(folder):
-            folder.mkdir(parents=True, exist_ok=True)
+            make_folder(folder)
+            whole = False
             try:
-                # the video takes its name last: a run that does not come to its end leaves nothing
-                with whole_file(files[0]) as draft:
-                    draft.open("wb").close()
-                    for path, content in zip(files[1:], _texts(flight, camera_text, account), strict=True):
-                        write_whole(path, content)
-                        written.append(path)
-                    _film(draft, flight, progress)
-                written.clear()
+                with ExitStack() as drafts:
+                    # names are given in the reverse order, the video's last: a run that is killed leaves none
+                    video, *tables = (drafts.enter_context(whole_file(path)) for path in files)
+                    video.open("wb").close()
+                    for path, content in zip(tables, _texts(flight, camera_text, account), strict=True):
+                        path.write_text(content, encoding="utf-8")
+                    _film(video, flight, progress)
+                whole = True
             finally:
-                for path in written:
+                for path in () if whole else files:
                     path.unlink(missing_ok=True)
     except OSError as fault:
         raise InputError(str(folder), got=os_words(fault), wanted="a folder that can be written") from fault

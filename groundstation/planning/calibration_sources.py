@@ -45,7 +45,7 @@ SOURCES = (
     ),
     CalibrationSource(
         name="marks and airliners",
-        takes="five airliners and a receiver of ADS-B: calibrate sky, then survey",
+        takes="five airliners and a receiver of ADS-B: calibrate sky, then survey --oriented",
         relative_deg=(0.0020, 0.010, 0.0025),
         common_deg=(0.0052, 0.010, 0.0031),
     ),

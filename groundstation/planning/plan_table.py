@@ -15,6 +15,10 @@ _HEAD = (
     ("y, m", "noise only", "noise only", "calibration", "of that", "px", "m wide", "deg/s"),
 )
 _NOTHING = "–"
+# as in a replay; beyond it a site is in another unit
+_FAR_APART_M = 4000.0
+# lenses without distortion, as planned ones are, end before
+_WIDEST_DEG = 150.0
 
 
 def format_plan(site: Site, f: Forecast) -> str:
@@ -29,7 +33,7 @@ def format_plan(site: Site, f: Forecast) -> str:
     rows = [*_HEAD, *(_row(site, f, k) for k in range(len(f.range_m)))]
     widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]))]
     lines += ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    notes = _notes(site, f)
+    notes = [*_doubts(site), *_notes(site, f)]
     verdicts = [verdict(site, f, wanted) for wanted in site.required]
     return "\n".join([*lines, *([""] if notes or verdicts else []), *notes, *verdicts])
 
@@ -55,6 +59,22 @@ def _row(site: Site, f: Forecast, k: int) -> tuple[str, ...]:
 def _triple(sigma_m: np.ndarray) -> str:
     """Return x/y/z with as many digits as mean something."""
     return "/".join(f"{v:.3f}" if v < 0.1 else f"{v:.2f}" if v < 10 else f"{v:.0f}" for v in sigma_m)
+
+
+def _doubts(site: Site) -> list[str]:
+    """Return what can hardly be right of the site, as units that are not those of its file make it."""
+    doubts = []
+    places = np.array([station.ptu_position_m for station in site.rig.stations])
+    apart_m = float(np.linalg.norm(places[:, None] - places[None], axis=2).max())
+    if apart_m > _FAR_APART_M:
+        doubts.append(f"! the stations are {apart_m:.0f} m apart: is the site in metres?")
+    for station in site.rig.stations:
+        lens = station.lens
+        wide_deg = 2.0 * float(np.degrees(np.arctan(0.5 * lens.image_size_px[0] / lens.focal_px[0])))
+        if wide_deg > _WIDEST_DEG:
+            units = "is its focal length in mm and a pixel in µm, or focal_px in pixels?"
+            doubts.append(f"! {station.name}'s picture is {wide_deg:.0f}° wide: {units}")
+    return doubts
 
 
 def _notes(site: Site, f: Forecast) -> list[str]:

@@ -40,9 +40,9 @@ class Sector:
 
     def clearance(self, pan_rad: FloatArray, tilt_rad: FloatArray) -> FloatArray:
         """Return how far angles (…) are outside, rad."""
-        pan_half, tilt_half = (0.5 * (b - a) for a, b in (self.pan_rad, self.tilt_rad))
-        pan = np.abs((pan_rad - sum(self.pan_rad) / 2.0 + math.pi) % math.tau - math.pi) - pan_half
-        tilt = np.abs(tilt_rad - sum(self.tilt_rad) / 2.0) - tilt_half
+        (pan_0, pan_1), (tilt_0, tilt_1) = self.pan_rad, self.tilt_rad
+        pan = np.abs((pan_rad - (pan_0 + pan_1) / 2.0 + math.pi) % math.tau - math.pi) - 0.5 * (pan_1 - pan_0)
+        tilt = np.abs(tilt_rad - (tilt_0 + tilt_1) / 2.0) - 0.5 * (tilt_1 - tilt_0)
         outside = np.hypot(np.maximum(pan, 0.0), np.maximum(tilt, 0.0))
         return np.asarray(np.where(outside > 0.0, outside, np.maximum(pan, tilt)))
 
@@ -70,23 +70,22 @@ class LensAxis:
 
     def angle_to(self, direction_runway: FloatArray, pan_rad: FloatArray, tilt_rad: FloatArray) -> FloatArray:
         """Return the angle between the optical axis and a unit direction (3,), rad, at angles (…) of the head."""
-        x, y, z = self.base_from_runway @ direction_runway
-        level, forward, upward = self._parts
+        x, y, z = (self.base_from_runway @ direction_runway).tolist()
         c, s = np.cos(tilt_rad), np.sin(tilt_rad)
         # the axis in a base that does not pan
-        bx, by, bz = (level[k] + c * forward[k] + s * upward[k] for k in range(3))
+        bx, by, bz = (level + c * forward + s * upward for level, forward, upward in self._parts)
         along = np.cos(pan_rad) * (x * bx + y * by) + np.sin(pan_rad) * (y * bx - x * by) + z * bz
         return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
 
     @cached_property
-    def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The optical axis in a base that does not pan: constant, cosine and sine part of its tilt."""
+    def _parts(self) -> list[tuple[float, float, float]]:
+        """Each axis of the optical axis in a base that does not pan: constant, cosine and sine part of its tilt."""
         lean = rotation_y(self.lean_rad)
         # Rx(tilt) a = (ax, 0, 0) + cos(tilt) (0, ay, az) + sin(tilt) (0, −az, ay)
         level = lean @ np.array([self.axis_head[0], 0.0, 0.0])
         forward = lean @ np.array([0.0, self.axis_head[1], self.axis_head[2]])
         upward = lean @ np.array([0.0, -self.axis_head[2], self.axis_head[1]])
-        return level, forward, upward
+        return list(zip(level.tolist(), forward.tolist(), upward.tolist(), strict=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

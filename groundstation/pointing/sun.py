@@ -5,6 +5,7 @@ Without refraction, which lifts it by at most half a degree at the horizon.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import ephem
 import numpy as np
@@ -39,6 +40,7 @@ class SunOverPlace:
     height_m: float
     y_axis_azimuth_deg: float
 
+    @lru_cache(maxsize=64)  # noqa: B019 - the places are few, and kept as long as the program runs
     def angles(self, utc_s: float) -> SunAngles:
         """Return where it stands at a Unix time."""
         observer = ephem.Observer()

@@ -20,6 +20,7 @@ from groundstation.messages import (
     Event,
     FilterReset,
     Frame,
+    FrameAngles,
     Heartbeat,
     PixelMeasurement,
     PtuSample,
@@ -101,6 +102,9 @@ def event_values(n: int, event: Event) -> dict[str, Any]:
     values: dict[str, Any] = {"n": n, "kind": _KINDS[type(event)], "t_s": float(event.t_s)}
     if isinstance(event, PtuSample):
         values |= {"station": event.station, "pan_rad": float(event.pan_rad), "tilt_rad": float(event.tilt_rad)}
+    elif isinstance(event, FrameAngles):
+        values |= {"station": event.station, "pan_rad": float(event.pan_rad), "tilt_rad": float(event.tilt_rad)}
+        values |= {"sigma_rad": float(event.sigma_rad)}
     elif isinstance(event, Frame):
         pattern = event.image.pattern
         values |= {
@@ -149,6 +153,7 @@ def parse_line(data: bytes, sizes_px: Mapping[str, tuple[int, int]], where: str)
 
 _KINDS: Mapping[type, str] = {
     PtuSample: "ptu",
+    FrameAngles: "frame angles",
     Frame: "frame",
     PixelMeasurement: "pixel",
     Epoch: "epoch",
@@ -182,6 +187,8 @@ class _EventFields:
         if kind == "ptu":
             pan, tilt = (self._number(key, self._values.get(key)) for key in ("pan_rad", "tilt_rad"))
             return PtuSample(t_s=t_s, station=self._station(), pan_rad=pan, tilt_rad=tilt)
+        if kind == "frame angles":
+            return self._frame_angles(t_s)
         if kind == "frame":
             return self._frame(t_s)
         if kind == "pixel":
@@ -196,6 +203,12 @@ class _EventFields:
         if kind == "begun anew":
             return FilterReset(t_s=t_s, why=self._text("why"), in_vain=self._flag("in_vain"))
         raise self._fault("kind", kind, ", ".join([*_KINDS.values(), "pixels", "dropped"]) + " or lost")
+
+    def _frame_angles(self, t_s: float) -> FrameAngles:
+        pan, tilt, sigma = (self._number(k, self._values.get(k)) for k in ("pan_rad", "tilt_rad", "sigma_rad"))
+        if sigma <= 0.0:
+            raise self._fault("sigma_rad", sigma, "a number > 0")
+        return FrameAngles(t_s=t_s, station=self._station(), pan_rad=pan, tilt_rad=tilt, sigma_rad=sigma)
 
     def _pixel(self, t_s: float) -> PixelMeasurement:
         u, v = (self._number(key, self._values.get(key)) for key in ("u_px", "v_px"))

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 from groundstation.approach.approach_options import ApproachOptions, SessionTime, open_approach
 from groundstation.approach.approach_outputs import ApproachOutputs, ApproachSummary
@@ -11,8 +12,10 @@ from groundstation.replay.replay_request import ReplayRequest
 from groundstation.session import Session
 from groundstation.sinks.sink import Sink
 from groundstation.tracking.pipeline import Pipeline
-from groundstation.viewer.approach_channel import ApproachRow
-from groundstation.viewer.rerun_sink import RerunSink
+from groundstation.viewer.approach_row import ApproachRow
+
+if TYPE_CHECKING:
+    from groundstation.viewer.rerun_sink import RerunSink
 
 # a stream of 50 Hz wants to be looked after more often than that
 _LOOK_EVERY_S = 0.004
@@ -40,7 +43,7 @@ class ApproachReplay:
         sinks: Sequence[Sink],
         *,
         realtime: bool,
-        view: RerunSink | None = None,
+        view: "RerunSink | None" = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -111,7 +114,7 @@ def approach_replay(
     sinks: Sequence[Sink],
     opened: ExitStack,
     *,
-    view: RerunSink | None = None,
+    view: "RerunSink | None" = None,
 ) -> ApproachReplay | None:
     """Return the outputs that a replay asks for, closed with ``opened``; None if it asks for none."""
     if not request.approach.wanted and not request.realtime:

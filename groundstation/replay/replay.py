@@ -43,7 +43,7 @@ from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.registered_heads import RegisteredHeads
 from groundstation.tracking.warm_up import warm_up
-from groundstation.viewer.recording_file import remove_draft
+from groundstation.viewer.recording_draft import remove_draft
 
 # a run that tracked less of its epochs has not tracked its aircraft
 _TRACKED_SHARE = 0.2
@@ -106,7 +106,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         outputs.finish_approach()
     pipeline.finish_smoothing()
     notes = [] if outcome.fault is None else [str(outcome.fault)]
-    notes += recording_notes(source, outputs.recorder) + _pipeline_notes(pipeline, fixes, heads)
+    notes += recording_notes(source, outputs.recorder) + _pipeline_notes(pipeline, fixes)
     notes += reference_time_notes(request, inputs, source.span_s)
     smoothed_track = outputs.smoothed_track()
     speed = _speed(outcome, span_s, prepared_s)
@@ -141,12 +141,12 @@ def _registered_heads(request: ReplayRequest, session: Session) -> RegisteredHea
     return None if request.panorama is None else RegisteredHeads(session.rig, read_panoramas(request.panorama))
 
 
-def _pipeline_notes(pipeline: Pipeline, fixes: list[ReferenceFix], heads: RegisteredHeads | None) -> list[str]:
+def _pipeline_notes(pipeline: Pipeline, fixes: list[ReferenceFix]) -> list[str]:
     """Return notes on rejected data, on head angles, and on reference fixes of which none was used."""
     notes = list(describe_counts(pipeline.counts))
     if fixes and pipeline.reference_used_until_s is None:
         notes.append("no DGPS fix updated the filter: no target was tracked at their times, or no state may change")
-    return notes + ([] if heads is None else heads.notes())
+    return notes + pipeline.heads.notes()
 
 
 def _evaluate(

@@ -7,6 +7,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, RigError, SessionError
+from groundstation.files.toml_table import load_toml
 from groundstation.messages import DgpsFix, ReferenceFix
 from groundstation.replay.recording_replay import load_replay_config
 from groundstation.replay.reference_prior import ReferencePrior, reference_prior
@@ -51,7 +52,8 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
     broken: list[SessionError] = []
     dgps_notes: list[str] = []
     dgps = load_dgps(session, broken.append, dgps_notes.append)
-    notes = [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken] + dgps_notes
+    notes = _unstated(session)
+    notes += [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken] + dgps_notes
     broken.clear()
     truth = load_truth(session, broken.append)
     notes += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
@@ -67,6 +69,13 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
         notes=tuple(notes),
         other_weights=config != tuning,
     )
+
+
+def _unstated(session: Session) -> list[str]:
+    """Return a note where session.toml is empty, as by mistake; it may be."""
+    if load_toml(session.folder / "session.toml", SessionError):
+        return []
+    return ["session.toml is empty: the aircraft's span, the place on Earth and the phases are unknown"]
 
 
 def learning_fixes(request: ReplayRequest, inputs: ReplayInputs) -> list[ReferenceFix]:

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.evaluation.collector import TRACK_STATUSES
-from groundstation.evaluation.comparison_panels import RUN_COLOURS
 from groundstation.evaluation.evaluate import Evaluation
+from groundstation.evaluation.figure_style import EKF
 from groundstation.evaluation.run_series import ReferencePositions, RunSeries, TrackSeries, invertible
 from groundstation.sinks.geographic_frame import geographic_frame
 from groundstation.sinks.track_maps import MappedRun, write_maps
@@ -20,7 +20,7 @@ def write_replay_maps(folder: Path, evaluation: Evaluation) -> tuple[Path, ...]:
     frame = geographic_frame(evaluation.run.place)
     if frame is None:
         return ()
-    run = MappedRun(frame=frame, series=_series(evaluation), colour=RUN_COLOURS[0].removeprefix("#"))
+    run = MappedRun(frame=frame, series=_series(evaluation), colour=EKF.removeprefix("#"))
     return write_maps(folder / "track", [run], evaluation.run.name)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from groundstation.approach.approach_outputs import ApproachSummary
 from groundstation.errors import InputError
@@ -27,8 +27,9 @@ from groundstation.sinks.sink import Sink
 from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.tracking.pipeline import Pipeline
-from groundstation.viewer.rerun_sink import RerunSink
-from groundstation.viewer.session_view import reference_tracks, session_view
+
+if TYPE_CHECKING:
+    from groundstation.viewer.rerun_sink import RerunSink
 
 T = TypeVar("T")
 # a full disk, a full share of it, or the most that one file may have
@@ -54,7 +55,7 @@ class ReplayOutputs:
         self._files = opened.enter_context(TrackFilesSink(request.out))
         places = {station.name: station.ptu_position_m for station in session.rig.stations}
         self._silhouettes = SilhouetteCollector(places) if request.report and session.media else None
-        self._view = session_view(request.out / "session.rrd", session) if request.rerun else None
+        self._view = _view_of(request, session)
         self._request = request
         self._room_for_tables = _ResultsFirst(self._files, self._view)
 
@@ -120,6 +121,8 @@ class ReplayOutputs:
             pages = self._write_first(report)
             results += [path.name for path in pages]
         if self._view is not None:
+            from groundstation.viewer.session_view import reference_tracks
+
             self._view.write_reference(reference_tracks(evaluation, smoothed_track))
             self._view.close()
             if self._view.fault is None:
@@ -147,7 +150,7 @@ class ReplayOutputs:
 class _ResultsFirst:
     """The tables as a sink that may take the room of the Rerun recording."""
 
-    def __init__(self, tables: TrackFilesSink, view: RerunSink | None) -> None:
+    def __init__(self, tables: TrackFilesSink, view: "RerunSink | None") -> None:
         self._tables, self._view = tables, view
 
     def write(self, report: StepReport) -> None:
@@ -169,7 +172,16 @@ class _ResultsFirst:
         self._tables.close()
 
 
-def _gives_room(fault: BaseException | None, view: RerunSink | None) -> bool:
+def _view_of(request: ReplayRequest, session: Session) -> "RerunSink | None":
+    """Open the Rerun recording, if one is wanted: without it Rerun is not imported, which takes half a second."""
+    if not request.rerun:
+        return None
+    from groundstation.viewer.session_view import session_view
+
+    return session_view(request.out / "session.rrd", session)
+
+
+def _gives_room(fault: BaseException | None, view: "RerunSink | None") -> bool:
     """Give up the Rerun recording where a result does not fit on the disk; returns whether there was one to give up."""
     full = isinstance(fault, OSError) and fault.errno in _FULL
     return full and view is not None and view.give_up("no room left after the results")

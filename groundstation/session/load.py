@@ -1,5 +1,7 @@
 """Loading of a session: a folder of videos and tables, or a recording (.mcap)."""
 
+import errno
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +24,8 @@ def load_session(path: Path, rig_path: Path | None = None) -> Session:
 
     Raises `SessionError`, `RecordingError` or `RigError` with the place, the value found and the value expected.
     """
+    if path.is_dir() and not os.access(path, os.R_OK | os.X_OK):
+        raise SessionError(str(path), got=os.strerror(errno.EACCES), wanted="a folder that can be read")
     if (path / LIVE_RECORDING).is_file() and not (path / "session.toml").exists():
         path = path / LIVE_RECORDING
     if path.is_file():

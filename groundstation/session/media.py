@@ -1,5 +1,7 @@
 """The pictures of a session: which medium each station has, and whether it fits the rig."""
 
+import errno
+import os
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -7,15 +9,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from groundstation.errors import SessionError
+from groundstation.errors import InputError, SessionError
 from groundstation.files.image_header import IMAGE_SUFFIXES, MAX_PICTURE_PX, is_decodable
 from groundstation.files.matroska_tables import repeats_tables
+from groundstation.files.text_file import absence, is_other_kind
 from groundstation.rig.rig import Rig
 
 # two of these for one station are ambiguous, which is an error
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".webm", ".wmv")
-# files of a station's name that FFmpeg might open as pictures, but that are not pictures
-_OTHER_SUFFIXES = (".csv", ".toml", ".txt", ".json", ".npz", ".md", ".srt", ".xml", ".html", ".log")
+# files that are no videos, but that FFmpeg may open: it draws text, and whatever is called .bin, as a terminal would
+TEXT_SUFFIXES = (
+    *(".csv", ".toml", ".txt", ".json", ".npz", ".md", ".srt", ".xml", ".html", ".log"),
+    *(".bin", ".ans", ".nfo"),
+)
 # a day at 100 Hz, and far from filling the memory with names
 _MAX_FILES = 10_000_000
 
@@ -46,6 +52,8 @@ def find_media(folder: Path, rig: Rig) -> dict[str, Medium]:
     if has_labels and not (has_frames and found):
         return {}
     if not has_frames:
+        if is_other_kind(folder / "frames.csv"):
+            raise SessionError(str(folder / "frames.csv"), got=absence(folder / "frames.csv"), wanted="a table")
         got = "pictures without frames.csv" if found else "neither of them"
         raise SessionError(str(folder), got=got, wanted="frames.csv with videos, or detections.csv")
     for name in rig.names:
@@ -67,9 +75,15 @@ def _medium(folder: Path, name: str) -> Medium | None:
     if (folder / name).is_dir():
         return Medium(kind=MediumKind.IMAGES, path=folder / name)
     # any other extension, if OpenCV can read it
-    others = (f for f in files if f.suffix.lower() not in _OTHER_SUFFIXES and open_video(f).isOpened())
+    others = (f for f in files if f.suffix.lower() not in TEXT_SUFFIXES and open_video(f).isOpened())
     path = next(others, None)
     return None if path is None else Medium(kind=MediumKind.VIDEO, path=path)
+
+
+def require_readable(path: Path, where: str, error: type[InputError]) -> None:
+    """Raise ``error`` for a file that the user may not read, of which OpenCV says nothing."""
+    if path.exists() and not os.access(path, os.R_OK):
+        raise error(where, got=os.strerror(errno.EACCES), wanted="a file that can be read")
 
 
 def open_video(path: Path) -> cv2.VideoCapture:
@@ -143,6 +157,7 @@ def size_fault(where: str, size: tuple[int, int], wanted: tuple[int, int]) -> Se
 
 
 def _video_size(path: Path) -> tuple[int, int]:
+    require_readable(path, path.name, SessionError)
     capture = open_video(path)
     try:
         if not capture.isOpened():

@@ -10,13 +10,14 @@ import numpy as np
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import SessionError
 from groundstation.files.csv_table import CsvTable, Row
-from groundstation.files.text_file import TextFile
+from groundstation.files.text_file import TextFile, absence, is_other_kind
 from groundstation.messages import DgpsFix
 from groundstation.rig.rig import ClockModel
 from groundstation.session.folder import Session
 from groundstation.session.logs.gps_time import utc_text
 
-# instead of dgps.csv: a log as the receiver or the autopilot wrote it
+DGPS_NAME = "dgps.csv"
+# instead of it: a log as the receiver or the autopilot wrote it
 LOG_NAMES = ("dgps.nmea", "dgps.pos", "dgps.ulg", "dgps.bin", "dgps.tlog", "dgps.ubx")
 _DGPS_COLUMNS = ("t_s", "x_m", "y_m", "z_m")
 _SIGMA_COLUMNS = ("sigma_x_m", "sigma_y_m", "sigma_z_m")
@@ -61,12 +62,21 @@ def load_dgps(
         _read_dgps(session, fixes, on_note)
     except SessionError as fault:
         on_fault(fault)
+    else:
+        if not fixes and (session.folder / DGPS_NAME).is_file():
+            on_note(f"{DGPS_NAME}: no position in it: there is no DGPS to compare with")
     return tuple(fixes)
 
 
+def _require_file_or_nothing(path: TextFile) -> None:
+    if is_other_kind(path):
+        raise SessionError(path.name, got=absence(path), wanted="a table of positions, or no such name")
+
+
 def _read_dgps(session: Session, fixes: list[DgpsFix], on_note: Callable[[str], None]) -> None:
-    path = session.folder / "dgps.csv"
+    path = session.folder / DGPS_NAME
     if not path.is_file():
+        _require_file_or_nothing(path)
         logs = [name for name in LOG_NAMES if (session.folder / name).is_file()]
         if len(logs) > 1:
             raise SessionError(str(session.folder), got=" and ".join(logs), wanted="one log of positions")
@@ -146,11 +156,12 @@ def _sigma(table: CsvTable, row: Row) -> FloatArray | None:
 def load_truth(session: Session, on_fault: Callable[[SessionError], None] = _raise) -> Truth | None:
     """Read truth.csv if there is one; faults go to ``on_fault`` as in `load_dgps`."""
     path = session.folder / "truth.csv"
-    if not path.is_file():
+    if not path.is_file() and not is_other_kind(path):
         return None
     rows: list[tuple[float, ...]] = []
     names: list[str] = []
     try:
+        _require_file_or_nothing(path)
         table = CsvTable(path, _DGPS_COLUMNS)
         names = [n for n in session.rig.names if _has_pixels(table, n)]
         _read_truth(table, session.clocks.get("truth", ClockModel()), names, rows)

@@ -13,6 +13,9 @@ from groundstation.simulation.repeated_landings import SPAN_M
 from groundstation.simulation.simulated_receiver import SIMULATED_ORIGIN, SIMULATED_SEPARATION_M
 from groundstation.simulation.standard_cases import standard_rig
 
+# the simulator shares a busy computer with the renderer: its units may be silent for longer than true ones
+_PATIENCE_S = 30.0
+
 
 def simulated_station_file(folder: Path, rate_hz: float, rig: Rig | None, *, dgps: bool = False) -> StationFile:
     """Write the rig file of a simulated station and return its station file; device URLs are links in ``folder``.
@@ -39,7 +42,7 @@ def simulated_station_file(folder: Path, rate_hz: float, rig: Rig | None, *, dgp
                 name=s.name,
                 camera="simulated",
                 camera_settings={},
-                head=None if s.fixed else HeadDevice(url=str(folder / f"ptu-{s.name}"), baud=115200),
+                head=None if s.fixed else _head(folder / f"ptu-{s.name}"),
             )
             for s in rig.stations
         ),
@@ -50,3 +53,7 @@ def simulated_station_file(folder: Path, rate_hz: float, rig: Rig | None, *, dgp
         # no solar keep-out: rendered cameras cannot be damaged, and the simulation has no time of day
         sun_angle_rad=0.0,
     )
+
+
+def _head(link: Path) -> HeadDevice:
+    return HeadDevice(url=str(link), baud=115200, options={"patience_s": _PATIENCE_S})

@@ -12,7 +12,7 @@ from groundstation.messages import PtuSample
 from groundstation.rig.ptu_axes import AxisCorrection
 from groundstation.session import Session
 from groundstation.session.folder import ptu_table
-from groundstation.session.time_units import unit_hint
+from groundstation.session.time_units import picture_unit_hint, unit_hint
 
 # no head turns further; thousandths of degrees and encoder counts are beyond it
 _MOST_DEG = 3600.0
@@ -50,16 +50,19 @@ class PtuReadings:
             if self.fault is not None:
                 raise self.fault
             first, last = self._read_s
-            got = "no reading" if last < first else f"readings from {first:.13g} to {last:.13g} s"
+            got = "no reading"
+            if first <= last:
+                got = f"readings from {first:.13g} to {last:.13g} s{picture_unit_hint(self._read_s, from_s, to_s)}"
             if self._next is not None:
-                got = f"a first reading at {first:.13g} s{self._unit_hint(first, from_s, to_s)}"
+                got = f"a first reading at {first:.13g} s{self._unit_hint(first, to_s)}"
             wanted = f"readings around the frames, {from_s:.13g} to {to_s:.13g} s of the session's clock"
             raise SessionError(self._table.path.name, got=got, wanted=wanted)
 
-    def _unit_hint(self, first_s: float, from_s: float, to_s: float) -> str:
+    def _unit_hint(self, first_s: float, to_s: float) -> str:
         """Return what the times would be in if they are not in seconds; nothing where they do not look so."""
         later = next((sample.t_s for sample in self._stream if sample.t_s > first_s), first_s)
-        return unit_hint(first_s, later, from_s, to_s)
+        # the table may begin long before the part that is replayed
+        return unit_hint(first_s, later, 0.0, to_s)
 
     def until(self, t_s: float) -> Iterator[PtuSample]:
         """Yield all readings not handed out yet, up to session time ``t_s``."""

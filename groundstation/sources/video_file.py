@@ -10,7 +10,7 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.errors import InputError
-from groundstation.session.media import open_packets, open_video
+from groundstation.session.media import TEXT_SUFFIXES, open_packets, open_video, require_readable
 from groundstation.sources.video_seek import seek
 
 _SEEK_BEYOND = 200  # forward decoding of so few frames is as quick as a seek
@@ -47,6 +47,9 @@ class VideoFile:
         if not path.is_file():
             got = "a folder" if path.is_dir() else "no regular file" if path.exists() else "no such file"
             raise InputError(str(path), got=got, wanted="a video file")
+        if path.suffix.lower() in TEXT_SUFFIXES:
+            raise InputError(str(path), got=f"a file {path.suffix}", wanted="a video file")
+        require_readable(path, str(path), InputError)
         capture = open_video(path)
         try:
             if not capture.isOpened() or not any(capture.grab() for _ in range(_MOST_LOST)):

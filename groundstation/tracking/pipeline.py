@@ -1,8 +1,7 @@
 """The processing order of the ground station: event → synchronise → predict → detect → update → report.
 
 `Pipeline.step` takes one event and returns the reports that result from it. It reads no clock and no file: two
-runs over the same events give the same reports. The stopwatch passed by the caller only enters ``elapsed_s`` and
-``latency_s``.
+runs over the same events give the same reports. The caller's stopwatch only enters ``elapsed_s`` and ``latency_s``.
 """
 
 from collections import Counter
@@ -25,6 +24,7 @@ from groundstation.messages import (
     Event,
     FilterReset,
     Frame,
+    FrameAngles,
     Heartbeat,
     InitialState,
     Kinematics,
@@ -79,7 +79,8 @@ class Pipeline:
         heads: RegisteredHeads | None = None,
     ) -> None:
         rig.require_known()
-        self._rig, self._config, self._span_m, self._heads = rig, config, span_m, heads
+        self._rig, self._config, self._span_m = rig, config, span_m
+        self.heads = RegisteredHeads(rig, {}) if heads is None else heads
         self._stopwatch, self._keep_images = stopwatch, keep_images
         self._reference_errors, self._callbacks = reference_errors, callbacks or {}
         self._counts_before_restart: Counter[str] = Counter()
@@ -177,8 +178,7 @@ class Pipeline:
         """Return the target at a session time, given all measurements fused so far; None without a target.
 
         Ahead of the filter time the state is predicted with the process noise of the modes, to compensate delays.
-        Behind it the state is smoothed with the newer measurements, as far back as the buffer for late measurements
-        reaches; further back the result is None.
+        Behind it it is smoothed with the newer ones, as far back as the buffer for late ones reaches; before, None.
         """
         if not self._ekf.has_target or self._ekf.time_s is None:
             return None
@@ -201,8 +201,7 @@ class Pipeline:
 
     def _start_smoother(self) -> None:
         """Connect a smoother to the history of the filter, if smoothing is enabled."""
-        on_smoothed = self._on_smoothed
-        if on_smoothed is not None:
+        if (on_smoothed := self._on_smoothed) is not None:
             self._smoother = Smoother(
                 self._ekf.motion_over,
                 lambda t_s, x, P: on_smoothed(t_s, self._track_manager.reported(self._ekf.kinematics_of(x, P))),
@@ -217,6 +216,9 @@ class Pipeline:
             self._health.delivered(event.station, event.t_s)
         if isinstance(event, FilterReset):
             return self._restart(event)
+        if isinstance(event, FrameAngles):
+            self.heads.recall(event)
+            return StepReport()
         if isinstance(event, Heartbeat):
             return self._process_heartbeat(event.t_s)
         return self._run(self._synchroniser.push(event))
@@ -294,8 +296,7 @@ class Pipeline:
             self._predict_to(ready.record.t_s)
             if ready.following is not None:
                 self._late_buffer.read(ready.following)
-            own = ready if self._heads is None else self._heads.improve(ready, self._late_buffer.read)
-            return self._frames.process(own)
+            return self._frames.process(self.heads.improve(ready, self._late_buffer.read))
 
     def _process_reading(self, sample: PtuSample) -> None:
         """Predict the filter to the time of a PTU reading and update it with the reading."""
@@ -325,8 +326,7 @@ class Pipeline:
             self._ekf.predict_to(t_s)
             if following is not None:
                 self._late_buffer.read(following)
-            known = self._ekf.has_target
-            # no acquisition from out-of-sequence frames
+            known = self._ekf.has_target  # no acquisition from out-of-sequence frames
             report = self._frames.process(replace(ready, late=False, revisited=True) if known else ready)
         self._fused_late["fused_late_frames"] += known
         return replace(report, status=DetectionStatus.LATE) if report.status is DetectionStatus.OK else report
@@ -339,7 +339,7 @@ class Pipeline:
     def _process_epoch(self, epoch: Epoch) -> None:
         """Estimate the target at the stamp of an epoch and report it with the triangulation."""
         views = self._epochs.close(epoch)
-        triangulation_status, triangulation = views.triangulate(self._config.estimation.residual_gate_sigma)
+        status, triangulation = views.triangulate(self._config.estimation.residual_gate_sigma)
         self._cross_check.add(epoch.t_s, [(v.station, v.view) for v in views.views if v.trusted])
         for event in self._health.epoch(epoch.t_s, views):
             self._track_manager.log(event.t_s, event.level, event.text)
@@ -352,7 +352,7 @@ class Pipeline:
                 epoch=epoch.epoch,
                 status=self._track_manager.state_machine.status,
                 kinematics=kinematics,
-                triangulation_status=triangulation_status,
+                triangulation_status=status,
                 triangulation=triangulation,
                 latency_s=0.0 if views.arrived_s is None else self._stopwatch() - views.arrived_s,
                 seen_by=views.accepted,

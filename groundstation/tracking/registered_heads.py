@@ -6,50 +6,71 @@ from dataclasses import replace
 
 from groundstation.detection.panorama import GroundPanorama, HeadRegistration, RegisteredAngles
 from groundstation.errors import RigError
-from groundstation.messages import Frame, PtuSample
+from groundstation.messages import Frame, FrameAngles, PtuSample
 from groundstation.picture import as_picture
 from groundstation.rig.rig import Rig
 from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame
 
 NOT_RECORDED = "only parts of the picture"
+BETWEEN_SEARCHES = "so poor an encoder wants a search, which is not done for each frame"
+_MOST_RECALLED = 1000
 
 
 class RegisteredHeads:
     """Registers the frames of stations that have a panorama; counts which were, and why others were not.
 
-    Raises `RigError` for a panorama of a station that the rig has not, or that does not turn.
+    Parameters
+    ----------
+    rig : its stations. panoramas : by station; none where angles come from a recording alone.
+    search_every : of a head whose encoder is so poor that a frame has to be searched for, every how many frames are
+        registered: in operation a search takes too long for each.
+
+    Angles of a recording's `FrameAngles` are taken as they are, without its picture. Raises `RigError` for a panorama
+    of a station that the rig has not, or that does not turn.
     """
 
-    def __init__(self, rig: Rig, panoramas: Mapping[str, GroundPanorama]) -> None:
+    def __init__(self, rig: Rig, panoramas: Mapping[str, GroundPanorama], search_every: int = 1) -> None:
         for name in panoramas:
             if name not in rig.names or rig[name].fixed:
                 turning = ", ".join(s.name for s in rig.stations if not s.fixed)
                 raise RigError("panorama", got=f"one of station {name}", wanted=f"some of {turning}, which turn")
         self._heads = {name: HeadRegistration(rig[name], panorama) for name, panorama in panoramas.items()}
-        self._sigma_rad = {name: rig[name].angle_sigma_rad for name in panoramas}
+        self._sigma_rad = {s.name: s.angle_sigma_rad for s in rig.stations}
+        self._every = {
+            name: search_every if head.searches(self._sigma_rad[name]) else 1 for name, head in self._heads.items()
+        }
+        self._frames: Counter[str] = Counter()
         self._registered: Counter[str] = Counter()
         self._failed: dict[str, Counter[str]] = {name: Counter() for name in panoramas}
+        self._recalled: dict[tuple[str, float], FrameAngles] = {}
+        self._found: list[FrameAngles] = []
+
+    def recall(self, angles: FrameAngles) -> None:
+        """Note the angles of a frame that is not processed yet, from a recording."""
+        self._recalled[angles.station, angles.t_s] = angles
+        if len(self._recalled) > _MOST_RECALLED:
+            # of frames that were lost
+            self._recalled.pop(next(iter(self._recalled)))
+
+    def take_found(self) -> list[FrameAngles]:
+        """Return the angles that were found since the last call, for a recording."""
+        found, self._found = self._found, []
+        return found
 
     def improve(self, ready: ReadyFrame, fuse: Callable[[PtuSample], None]) -> ReadyFrame:
         """Return a frame with the angles of its picture, which are fused as a reading of its instant; or as it is."""
         record, angles = ready.record, ready.angles
-        head = self._heads.get(record.station)
-        if head is None or not isinstance(record, Frame) or not isinstance(angles, InterpolatedAngles):
+        if not isinstance(record, Frame) or not isinstance(angles, InterpolatedAngles):
             return ready
-        picture = as_picture(record.image)
-        if not picture.has_all:
-            self._failed[record.station][NOT_RECORDED] += 1
+        name, encoder = record.station, self._sigma_rad[record.station]
+        found = self._recalled.pop((name, record.t_s), None) or self._register(record, angles)
+        if found is None:
             return ready
-        encoder = self._sigma_rad[record.station]
-        found = head.register(picture.whole(), angles.pan_rad, angles.tilt_rad, encoder)
-        if not isinstance(found, RegisteredAngles):
-            self._failed[record.station][found.value] += 1
-            return ready
-        self._registered[record.station] += 1
+        self._registered[name] += 1
         fuse(
             PtuSample(
-                t_s=record.t_s,
-                station=record.station,
+                t_s=found.t_s,
+                station=name,
                 pan_rad=found.pan_rad,
                 tilt_rad=found.tilt_rad,
                 sigma_rad=found.sigma_rad,
@@ -59,6 +80,35 @@ class RegisteredHeads:
         own = InterpolatedAngles(pan_rad=found.pan_rad, tilt_rad=found.tilt_rad, variance_share=share)
         return replace(ready, angles=own)
 
+    def _register(self, frame: Frame, angles: InterpolatedAngles) -> FrameAngles | None:
+        """Return the angles of a frame's picture; None, counted, where the encoder's have to do."""
+        name = frame.station
+        head = self._heads.get(name)
+        if head is None:
+            return None
+        self._frames[name] += 1
+        # not counted as read: a recording keeps the parts that the detection reads
+        picture = as_picture(frame.image)
+        if not picture.has_all:
+            self._failed[name][NOT_RECORDED] += 1
+            return None
+        if (self._frames[name] - 1) % self._every[name]:
+            self._failed[name][BETWEEN_SEARCHES] += 1
+            return None
+        found = head.register(picture.preview(), angles.pan_rad, angles.tilt_rad, self._sigma_rad[name])
+        if not isinstance(found, RegisteredAngles):
+            self._failed[name][found.value] += 1
+            return None
+        own = FrameAngles(
+            t_s=frame.t_s,
+            station=name,
+            pan_rad=found.pan_rad,
+            tilt_rad=found.tilt_rad,
+            sigma_rad=found.sigma_rad,
+        )
+        self._found.append(own)
+        return own
+
     def notes(self) -> list[str]:
         """Return a line for each station: how many frames have the picture's angles, and why others have not."""
         lines = []
@@ -66,4 +116,6 @@ class RegisteredHeads:
             total = self._registered[name] + sum(failed.values())
             why = "".join(f"; {count} the encoder's: {reason}" for reason, count in sorted(failed.items()))
             lines.append(f"head angles of {name} from the picture in {self._registered[name]} of {total} frames{why}")
+        recalled = {name: count for name, count in self._registered.items() if name not in self._failed}
+        lines += [f"head angles of {name} in {count} frames from the recording" for name, count in recalled.items()]
         return lines

@@ -1,36 +1,17 @@
 """Rows of an approach: needles, height above the threshold, advice, and the touchdown foretold on the runway."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import rerun as rr
 
 from groundstation.arrays import FloatArray
-from groundstation.integrity.approach_advice import ApproachAdvice
-from groundstation.landing.glide_path import ApproachDeviations
 from groundstation.landing.touchdown import TouchdownForecast
 from groundstation.landing_site.runway import LandingRunway
 from groundstation.viewer import entity_paths
+from groundstation.viewer.approach_row import ApproachRow
 from groundstation.viewer.columns import ColumnBatch, scalars
 
 # the outline lies so far above the strip that is drawn
 _ABOVE_M = 0.05
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ApproachRow:
-    """What is known of an approach at one session time, s; None where there is none.
-
-    Attributes
-    ----------
-    t_s : session time.
-    advice, deviations, touchdown : as the integrity monitor and the landing monitor have them.
-    """
-
-    t_s: float
-    advice: ApproachAdvice | None
-    deviations: ApproachDeviations | None
-    touchdown: TouchdownForecast | None
 
 
 class ApproachChannel:

@@ -22,7 +22,7 @@ from groundstation.messages import CameraReport, StepReport
 from groundstation.rig.rig import Rig
 from groundstation.thread_scheduling import give_way
 from groundstation.viewer import entity_paths
-from groundstation.viewer.approach_channel import ApproachRow
+from groundstation.viewer.approach_row import ApproachRow
 from groundstation.viewer.picture_channel import jpeg_image
 from groundstation.viewer.rerun_sink import RerunSink
 

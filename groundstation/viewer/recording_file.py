@@ -13,18 +13,9 @@ from pathlib import Path
 import rerun as rr
 
 from groundstation.errors import InputError, SessionError, os_words
+from groundstation.viewer.recording_draft import draft_of
 
 _CHUNK_BYTES = 1 << 16
-
-
-def remove_draft(path: Path) -> None:
-    """Delete what this process has written of a recording that never got its name."""
-    with suppress(OSError):
-        _draft_of(path).unlink(missing_ok=True)
-
-
-def _draft_of(path: Path) -> Path:
-    return path.with_name(f".{os.getpid()}.part.{path.name}")
 
 
 class RecordingFile:
@@ -36,7 +27,7 @@ class RecordingFile:
 
     def __init__(self, path: Path, stream: rr.RecordingStream) -> None:
         self._path, self._stream = path, stream
-        self._draft = _draft_of(path)
+        self._draft = draft_of(path)
         self.fault: str | None = None
         self._ended = False
         path.unlink(missing_ok=True)

@@ -12,7 +12,8 @@ from groundstation.messages import CameraReport, StepReport, TrackEvent
 from groundstation.rig.rig import Rig
 from groundstation.sources.video_file import VideoFile
 from groundstation.viewer import entity_paths
-from groundstation.viewer.approach_channel import ApproachChannel, ApproachRow
+from groundstation.viewer.approach_channel import ApproachChannel
+from groundstation.viewer.approach_row import ApproachRow
 from groundstation.viewer.blueprint import Viewpoint, blueprint, eye_before, eye_over, live_blueprint
 from groundstation.viewer.camera_channel import CameraChannel
 from groundstation.viewer.columns import ColumnBatch

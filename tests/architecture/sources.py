@@ -69,5 +69,6 @@ def _functions_in(scope: ast.AST, prefix: str = "") -> Iterator[tuple[str, Funct
             yield from _functions_in(node, f"{prefix}{node.name}.")
         elif isinstance(node, ast.ClassDef):
             yield from _functions_in(node, f"{prefix}{node.name}.")
-        else:
+        elif not isinstance(node, ast.expr):
+            # an expression defines no function, and most nodes are within one
             yield from _functions_in(node, prefix)

@@ -234,6 +234,9 @@ def test_what_is_no_url_is_refused(url: str) -> None:
 def test_a_serial_port_that_is_not_there_is_a_clear_error() -> None:
     with pytest.raises(ConfigError, match="ttyNONE"):
         _link("/dev/ttyNONE")
+    # no class of a library, no number of the operating system
+    with pytest.raises(ConfigError, match=r"URL /dev/null: got a device that is no serial line; wanted a line that"):
+        _link("/dev/null")
 
 
 def test_keys(tmp_path: Path) -> None:

@@ -100,6 +100,7 @@ def test_a_run_of_the_test_set_needs_a_log_and_is_logged(
         ({"first": -1}, "first"),
         ({"first": 999_999, "sessions": 2}, "sessions"),
         ({"duration_s": 0}, "duration_s"),
+        ({"duration_s": 1.0}, "duration_s: got 1.0; wanted from 2 to 300"),
         ({"limit": 5}, "limit"),
     ],
 )

@@ -15,8 +15,9 @@ from groundstation.bank.dispatcher import FailureKind
 from groundstation.bank.map_resumable import MapOutcome, map_resumable
 from groundstation.bank.program_version import function_digest, identity_of, program_digest
 from groundstation.bank.result_store import JobResult, ResultStore, write_atomically
+from groundstation.compilation import Compiling, compilation_watched
 from groundstation.errors import InputError, MissingExtraError
-from tests.bank import fake_jobs
+from tests.bank import compiling_jobs, fake_jobs
 
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="extra cluster is not installed")
 
@@ -169,3 +170,15 @@ def alive(pid: int) -> bool:
 
 def _root() -> str:
     return str(Path(__file__).resolve().parents[2])
+
+
+def test_what_a_worker_compiles_is_told_to_the_display(tmp_path: Path) -> None:
+    """Expected: the kernels of one worker, once; the other compiles the same."""
+    told: list[Compiling] = []
+    with compilation_watched(told.append):
+        found = map_resumable(compiling_jobs.compile_two, {"one": 1, "two": 2}, tmp_path, 2)
+    assert len(found.results) == 2
+    assert [(what.kernel, what.number, what.at_most) for what in told] == [
+        ("detection.kernel_1", 1, 2),
+        ("detection.kernel_2", 2, 2),
+    ]

@@ -54,6 +54,22 @@ def test_interrupted_while_it_is_read_it_ends_quietly() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "groundstation: interrupted\n")
 
 
+def test_interrupted_in_a_text_that_is_executed_its_exit_code_counts(tmp_path: Path) -> None:
+    """Expected: 130 of `python -m`, too, which otherwise ends by the signal, as where a dataclass is being made."""
+    program = INTERRUPTED.replace("raise KeyboardInterrupt", 'exec("raise KeyboardInterrupt")')
+    (tmp_path / "interrupted_start.py").write_text(program, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "interrupted_start"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "groundstation: interrupted\n")
+
+
 def test_what_is_imported_before_it_stands_ready_is_its_own() -> None:
     """An interrupt within an import of Python's library would end in a traceback: there is none."""
     program = "import sys; known = set(sys.modules); import groundstation.cli.start; print(*set(sys.modules) - known)"

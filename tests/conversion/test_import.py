@@ -79,6 +79,14 @@ def test_an_import_replays_with_each_cameras_own_frames(parts: Path, capsys: pyt
     assert len(both) == 17
 
 
+def test_positions_elsewhere_are_told_before_the_videos_are_read(
+    parts: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delattr("groundstation.conversion.import_session.read_video_stamps")
+    assert run(parts, "--origin", "47,8,400") == 1
+    assert "km and more from the origin" in capsys.readouterr().err
+
+
 def test_a_runway_in_the_wrong_direction_is_reported(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Expected: positions behind the cameras are reported with the azimuth that puts them in front; others are not."""
     reported = []

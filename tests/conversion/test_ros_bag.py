@@ -290,6 +290,22 @@ def test_images_that_cannot_be_used(
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "metadata.yaml has no rosbag2_bagfile_information"),
+        ("a: [1", "metadata.yaml is no YAML"),
+        ("- 1\n", "metadata.yaml has no rosbag2_bagfile_information"),
+        ("rosbag2_bagfile_information: 3\n", "metadata.yaml has no rosbag2_bagfile_information"),
+    ],
+)
+def test_metadata_of_no_bag(text: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "metadata.yaml").write_text(text, encoding="utf-8")
+    assert main(["convert", str(tmp_path / "bag"), str(tmp_path / "session")]) == 1
+    assert f"bag: got no ROS 2 bag ({words}); wanted a folder with metadata.yaml" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["metadata.yaml", "bag.db3"])
 def test_damaged_files_are_refused_in_one_line(
     tmp_path: Path, rig_file: Path, capsys: pytest.CaptureFixture[str], name: str

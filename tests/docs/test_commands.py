@@ -50,6 +50,9 @@ NOT_RUN = {
         "wants two sessions of one place; tests/calibration/panorama/test_panorama.py"
     ),
     ("calibration.md", "groundstation replay flight --panorama panorama.npz"): "wants the panorama of the line above",
+    ("calibration.md", "groundstation calibrate combine"): (
+        "wants rigs of several sources; tests/calibration/combination/test_combination.py"
+    ),
     ("calibration.md", "groundstation calibrate sky"): (
         "wants a receiver and airliners; tests/calibration/sky/test_sky_fit.py"
     ),

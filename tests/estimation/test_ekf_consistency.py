@@ -10,7 +10,7 @@ from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from tests.stereo_rig import STEP_RAD, flight_events, make_rig
 
-RUNS = 24
+RUNS = 16
 PSD = (0.05, 0.1, 0.05)
 
 
@@ -79,7 +79,7 @@ def test_nis(runs: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
 
 
 def test_error_is_at_the_posterior_bound(runs: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
-    """At the end of the run (y ≈ 130 m) the RMSE is at the bound, within the resolution of 24 runs."""
+    """At the end of the run (y ≈ 130 m) the RMSE is at the bound, within the resolution of 16 runs."""
     last = np.array([errors[-1] for _, _, errors in runs])
     rmse = np.sqrt((last**2).mean(axis=0))
     y, b, f = 130.0, 10.77, 6667.0

@@ -215,7 +215,7 @@ def flown(events: tuple[Event, ...] | Iterator[Event], pipeline: Pipeline) -> tu
 @pytest.fixture(scope="module")
 def drawn() -> list[tuple[SimulatedFlight, dict, dict]]:
     flights = []
-    for seed in range(12):
+    for seed in range(8):
         flight = simulate(case_b(seed=seed, white_encoder=True))
         pipeline = Pipeline(flight.rig, tuned(), initial=drawn_start(flight, seed))
         flights.append((flight, *flown(flight.events, pipeline)))
@@ -233,7 +233,7 @@ def errors(flight: SimulatedFlight, found: dict[float, Kinematics]) -> tuple[np.
 
 
 def test_the_smoother_is_better_than_the_filter_and_consistent(drawn: list) -> None:
-    """Twelve flights drawn from the motion model: RMSE along the runway below 0.75 × the filter's, NEES in χ² bounds.
+    """Eight flights drawn from the motion model: RMSE along the runway below 0.75 × the filter's, NEES in χ² bounds.
 
     Times are two seconds apart, so that errors are nearly independent.
     """
@@ -253,13 +253,13 @@ def test_the_smoother_is_better_than_the_filter_and_consistent(drawn: list) -> N
 
 
 def test_what_calibration_costs_stays_in_the_smoothed_covariance() -> None:
-    """Pan errors of 0.01° at each station, considered: eight flights, mean NEES of the smoothed track within reason.
+    """Pan errors of 0.01° at each station, considered: six flights, mean NEES of the smoothed track within reason.
 
-    The error of a flight is nearly one number, so the bound is that of eight values, with three sure degrees each.
+    The error of a flight is nearly one number, so the bound is that of six values, with three sure degrees each.
     """
     sigma = np.radians(0.01)
     per_flight = []
-    for seed in range(8):
+    for seed in range(6):
         generator = np.random.default_rng([seed, 5])
         scenario = case_b(seed=seed, white_encoder=True)
         mounts = {

@@ -115,10 +115,10 @@ def fly(seed: int, widths: bool, common: bool = True) -> tuple[np.ndarray, np.nd
 
 
 def test_one_camera_with_an_estimated_span_keeps_its_range() -> None:
-    """24 flights with drawn span errors: the span is estimated while two cameras detect it, the range is several times
+    """16 flights with drawn span errors: the span is estimated while two cameras detect it, the range is several times
     better than without widths, and the squared errors are consistent with the covariance."""
-    flown = [fly(seed, widths=True) for seed in range(24)]
-    plain = [fly(seed, widths=False) for seed in range(24)]
+    flown = [fly(seed, widths=True) for seed in range(16)]
+    plain = [fly(seed, widths=False) for seed in range(16)]
     end = slice(-5, None)
     rms = [np.sqrt(np.mean([e[end, 1] ** 2 for e, _, _ in case])) for case in (flown, plain)]
     assert rms[0] < 0.7 * rms[1]

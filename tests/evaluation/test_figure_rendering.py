@@ -73,6 +73,10 @@ def test_a_dot_is_drawn_in_both_files() -> None:
     assert "stroke-linecap: round" in svg
 
 
-def test_matplotlib_waits_for_the_first_figure() -> None:
-    check = "import groundstation.evaluation.html_report, sys; sys.exit('matplotlib' in sys.modules)"
+def test_matplotlib_and_rerun_wait_for_what_is_drawn() -> None:
+    """Expected: a replay without report and recording starts without them; each takes half a second of a core."""
+    check = (
+        "import groundstation.evaluation.html_report, groundstation.replay.replay, sys\n"
+        "sys.exit(' '.join({'matplotlib', 'rerun'} & sys.modules.keys()) or None)"
+    )
     assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0

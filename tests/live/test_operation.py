@@ -109,6 +109,7 @@ def test_its_folder_says_where_it_comes_from(flown: tuple[Path, str, int]) -> No
     assert told["rig"]["sha256"] == hash_of([Path(told["rig"]["path"])]) is not None
 
 
+@pytest.mark.usefixtures("unrendered_figures")
 def test_its_recording_gives_the_same_track_bit_for_bit(flown: tuple[Path, str, int], tmp_path: Path) -> None:
     out, _, _ = flown
     assert main(["replay", str(out / "flight.mcap"), "--out", str(tmp_path / "again"), "--no-rerun"]) == 0
@@ -133,6 +134,8 @@ def test_the_reference_receiver_is_in_it(flown: tuple[Path, str, int]) -> None:
 
 def test_a_folder_that_is_in_use_is_refused(flown: tuple[Path, str, int], capsys: pytest.CaptureFixture[str]) -> None:
     out, _, _ = flown
+    # a station in an empty folder would not end
+    assert (out / "track.csv").is_file()
     assert main(["live", "--simulate", "--out", str(out)]) == 1
     assert "wanted a new or empty folder" in capsys.readouterr().err
 

@@ -116,6 +116,13 @@ def test_the_example_of_the_docs_is_one() -> None:
         ("park_deg = [0, 20]", "sectors = [{ pan_deg = [5, 5], tilt_deg = [0, 9] }]", "pan_deg: got [5, 5]"),
         ('name = "right"', 'name = "left"', "two of one name"),
         ("pan_sign = -1", "pan_sign = 2", "pan_sign: got 2"),
+        ("pan_low_deg = -80", "pan_low_deg = 81", "pan_low_deg: got 81 and pan_high_deg 80; wanted low below high"),
+        (
+            "park_deg = [0, 20]",
+            "park_deg = [81, 20]",
+            "park_deg: got pan 81; wanted between pan_low_deg -80 and pan_high",
+        ),
+        ("baud = 115200, poll_hz = 50", "baud = 20, poll_hz = 50", "baud: got 20; wanted 0, or 50 and more"),
         ("pan_low_deg = -80", "pan_low = -80", "pan_low: got an unknown key"),
         ("gain_per_s = 3.0", "gain = 3.0", "gain"),
         ("azimuth_deg = [-8, 4.5]", "azimuth_deg = [4.5, -8]", "azimuth_deg"),

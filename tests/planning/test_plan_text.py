@@ -1,5 +1,7 @@
 """The table of a plan: an empty line before notes and verdicts, and none at its end."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -25,3 +27,18 @@ def test_notes_and_verdicts_are_separate(
     rows = len(f.range_m) + len(plan_table._HEAD)
     assert lines[3 + rows :] == (["", *added] if added else [])
     assert np.isfinite(f.range_m).all()
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong", "doubt"),
+    [
+        ("baseline_m = 10.77", "baseline_m = 10770", "! the stations are 10770 m apart: is the site in metres?"),
+        ("focal_mm = 25.0", "focal_mm = 0.025", "! left's picture is 179° wide: is its focal length in mm"),
+    ],
+)
+def test_units_that_cannot_be_right_are_told(key: str, wrong: str, doubt: str, tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "site-example.toml").read_text(encoding="utf-8")
+    assert key in text
+    (tmp_path / "site.toml").write_text(text.replace(key, wrong), encoding="utf-8")
+    site = load_site(tmp_path / "site.toml")
+    assert doubt in format_plan(site, forecast(site))

@@ -74,6 +74,7 @@ def test_a_result_takes_the_room_of_the_recording(tmp_path: Path, monkeypatch: p
     assert tmp_path / "summary.json" in result.files
 
 
+@pytest.mark.usefixtures("unrendered_figures")
 @pytest.mark.parametrize("measurements_with_room", [0, 3])
 def test_a_recording_without_room_ends_and_the_replay_does_not(
     landing_from_20_s: Path,
@@ -113,16 +114,16 @@ def test_an_interrupt_right_after_the_recordings_draft_leaves_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Expected: before anything has been told of the draft that was just made."""
-    import groundstation.replay.replay_outputs as outputs
+    import groundstation.viewer.session_view as opening
 
-    made, found = outputs.session_view, []
+    made, found = opening.session_view, []
 
     def interrupted(*arguments: object) -> None:
         made(*arguments)  # type: ignore[arg-type]
         found.extend(_names(tmp_path))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(outputs, "session_view", interrupted)
+    monkeypatch.setattr(opening, "session_view", interrupted)
     with pytest.raises(KeyboardInterrupt):
         replay(_request(tmp_path))
     assert any(".part.session.rrd" in name for name in found)

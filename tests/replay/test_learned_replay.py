@@ -20,12 +20,18 @@ pytestmark = pytest.mark.usefixtures("unrendered_figures")
 FROM_S, TO_S = 2.0, 8.0
 
 
-def test_the_start_of_the_landing(landing_1: Path, tmp_path: Path) -> None:
+def test_the_start_of_the_landing(lossless_landing: Path, tmp_path: Path) -> None:
     """At 500 m and 30 px wide, once it is found each frame is used, and the track is within its sigmas."""
     config = tmp_path / "learned.toml"
     config.write_text('[detection]\ndetector = "learned"\n', encoding="utf-8")
     request = ReplayRequest(
-        session=landing_1, out=tmp_path / "out", config=config, from_s=FROM_S, to_s=TO_S, rerun=False, report=False
+        session=lossless_landing,
+        out=tmp_path / "out",
+        config=config,
+        from_s=FROM_S,
+        to_s=TO_S,
+        rerun=False,
+        report=False,
     )
     result = replay(request)
     assert result.fault is None
@@ -51,7 +57,7 @@ def test_the_start_of_the_landing(landing_1: Path, tmp_path: Path) -> None:
     found = table[table["status"] == DETECTION_STATUSES.index(DetectionStatus.INITIAL)]
     assert len(found) == len(initial)
     assert not found["accepted"].any()
-    truth = SessionTruth(load_session(landing_1))
+    truth = SessionTruth(load_session(lossless_landing))
     outcomes = {(o.station, o.pair): o for o in frame_outcomes(truth, result.evaluation)}
     judged = [outcomes[result.evaluation.stations[row["station"]], int(row["epoch"])] for row in found]
     assert all(o.initial for o in judged)

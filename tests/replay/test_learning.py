@@ -60,12 +60,13 @@ def errors(folder: Path, from_y: float, to_y: float) -> tuple[np.ndarray, np.nda
 
 
 @pytest.fixture(scope="module")
-def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def taught(lossless_landing: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("taught")
     rig = wrong_rig(out, admitted=True)
     # the evaluated part: y = 150 m is passed at 27.3 s
+    session = lossless_landing
     replay(
-        ReplayRequest(session=LANDING, rig=rig, out=out, to_s=27.5, rerun=False, report=False, learn_until_s=UNTIL_S)
+        ReplayRequest(session=session, rig=rig, out=out, to_s=27.5, rerun=False, report=False, learn_until_s=UNTIL_S)
     )
     return out
 

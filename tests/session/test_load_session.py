@@ -1,3 +1,5 @@
+import errno
+import os
 from pathlib import Path
 
 import numpy as np
@@ -303,3 +305,14 @@ def test_the_folder_of_a_live_run_is_its_recording(tmp_path: Path) -> None:
     assert load_session(tmp_path / "back").recorded is None
     (session / LIVE_RECORDING).write_bytes((live / LIVE_RECORDING).read_bytes())
     assert load_session(session).recorded is None
+
+
+@pytest.mark.parametrize("name", ["", "left.avi"])
+def test_what_may_not_be_read_is_called_so(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: of a folder and of a video, of which OpenCV says nothing; the tests may run as root, who reads all."""
+    folder = Tiny(rows=2).write(tmp_path / "session")
+    before = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != folder / name and before(path, mode))
+    reported = complaint(SessionError, lambda: load_session(folder))
+    wanted = "a file" if name else "a folder"
+    assert reported == f"{name or folder}: got {os.strerror(errno.EACCES)}; wanted {wanted} that can be read"

@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import pytest
@@ -122,3 +123,26 @@ def test_clocks_of_the_references(tmp_path: Path) -> None:
     truth = load_truth(session)
     assert truth is not None
     assert truth.t_s.tolist() == [0.5, 1.5]
+
+
+@pytest.mark.parametrize("kind", ["a folder", "a link to what is not there", "a pipe or a device"])
+@pytest.mark.parametrize("name", ["dgps.csv", "truth.csv"])
+def test_a_reference_that_is_no_file_is_a_fault(session: Session, name: str, kind: str) -> None:
+    """Expected: not passed over as if there were no reference."""
+    path = Path(str(session.folder / name))
+    if kind == "a folder":
+        path.mkdir()
+    elif kind.startswith("a link"):
+        path.symlink_to(path.parent / "nothing")
+    else:
+        os.mkfifo(path)
+    read = load_dgps if name == "dgps.csv" else load_truth
+    reported = complaint(SessionError, lambda: read(session))
+    assert reported == f"{name}: got {kind}; wanted a table of positions, or no such name"
+
+
+def test_a_log_of_no_position_is_noted(session: Session) -> None:
+    (session.folder / "dgps.csv").write_text("t_s,x_m,y_m,z_m\n")
+    notes: list[str] = []
+    assert load_dgps(session, on_note=notes.append) == ()
+    assert notes == ["dgps.csv: no position in it: there is no DGPS to compare with"]

@@ -13,6 +13,7 @@ from groundstation.detection.target_confirmation import ConfirmedTarget
 from groundstation.messages import Detection
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from groundstation.single_camera.target_review import TargetReview
+from tests.detection.flying import normal
 
 W, H, RATE_HZ = 640, 360, 25.0
 CUT, FRAMES = 40, 120
@@ -47,7 +48,8 @@ def scene(rng: np.random.Generator) -> Iterator[tuple[ImageArray, tuple[float, f
             cv2.putText(picture, "SHOP", (left + 20, 335), cv2.FONT_HERSHEY_SIMPLEX, 1.2, (240, 240, 240), 3)
             place, span, grey = (180.0 + 2.2 * (k - CUT), 110.0 - 0.3 * (k - CUT)), 30.0, 155
         aircraft(picture, *place, span, grey)
-        seen = cv2.GaussianBlur(picture.astype(np.float64), (0, 0), 0.8) + rng.normal(0.0, 3.0, picture.shape)
+        noise = np.float32(3.0) * normal(rng, picture.shape)
+        seen = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 0.8) + noise
         yield np.clip(seen, 0, 255).astype(np.uint8), place
 
 
@@ -76,7 +78,7 @@ def sky_with(rng: np.random.Generator, places: list[tuple[float, float]], *, squ
         cv2.rectangle(picture, (280, 330), (320, H + 20), (30, 25, 215), -1)
     for place in places:
         aircraft(picture, *place, 40.0, 60)
-    return np.clip(picture + rng.normal(0.0, 2.0, picture.shape), 0, 255).astype(np.uint8)
+    return np.clip(picture + np.float32(2.0) * normal(rng, picture.shape), 0, 255).astype(np.uint8)
 
 
 SQUARE = Box(280.0, 330.0, 320.0, float(H))

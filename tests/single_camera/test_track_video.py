@@ -185,6 +185,10 @@ def test_what_is_no_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     refused(capsys, [str(tmp_path), *out], "got a folder; wanted a video file")
     refused(capsys, [str(text), *out], "notes.mp4: got no video that OpenCV can open; wanted a complete video file")
     assert [p.name for p in tmp_path.iterdir()] == ["notes.mp4"]
+    # FFmpeg draws such files as a terminal would
+    table = tmp_path / "ptu.txt"
+    table.write_text("t_s,left_pan_deg,left_tilt_deg\n" * 500)
+    refused(capsys, [str(table), *out], "ptu.txt: got a file .txt; wanted a video file")
 
 
 @pytest.mark.parametrize(

@@ -233,3 +233,33 @@ def test_readings_in_milliseconds_are_called_so(tmp_path: Path) -> None:
     reported = complaint(SessionError, FolderSource(load_session(folder)).__enter__)
     assert "got a first reading at" in reported
     assert "s if its times were in milliseconds; wanted readings around the frames" in reported
+
+
+def test_readings_in_milliseconds_of_a_part(tmp_path: Path) -> None:
+    """Expected: named also where the table begins long before the part that is replayed."""
+    folder = Tiny(rows=120, ptu_to_s=14.0).write(tmp_path)
+    table = folder / "ptu.csv"
+    head, *rows = table.read_text().splitlines()
+    stored = [",".join([f"{1000.0 * float(t):.3f}", *others]) for t, *others in (row.split(",") for row in rows)]
+    table.write_text("\n".join([head, *stored]) + "\n")
+    reported = complaint(SessionError, FolderSource(load_session(folder), 8.0).__enter__)
+    assert "got a first reading at 700 s, which would be 0.7 s if its times were in milliseconds" in reported
+
+
+def test_pictures_in_milliseconds_among_readings(tmp_path: Path) -> None:
+    folder = Tiny(rows=12).write(tmp_path)
+    table = folder / "frames.csv"
+    head, *rows = table.read_text().splitlines()
+    stored = [",".join([n, *(f"{1000.0 * float(t):.3f}" for t in times)]) for n, *times in (r.split(",") for r in rows)]
+    table.write_text("\n".join([head, *stored]) + "\n")
+    reported = complaint(SessionError, FolderSource(load_session(folder)).__enter__)
+    assert "among which the pictures would be if their times were in milliseconds; wanted readings around" in reported
+
+
+def test_a_table_of_frames_that_is_no_file(tmp_path: Path) -> None:
+    folder = Tiny(rows=2).write(tmp_path)
+    (folder / "frames.csv").unlink()
+    (folder / "frames.csv").symlink_to(folder / "nothing")
+    assert complaint(SessionError, lambda: load_session(folder)).endswith(
+        "frames.csv: got a link to what is not there; wanted a table"
+    )

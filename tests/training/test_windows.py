@@ -150,7 +150,7 @@ def test_a_recorded_target_has_its_silhouette_where_it_is_seen(width_px: float, 
 
 def test_filmed_targets_are_where_they_are_labelled() -> None:
     world = draw_world(13)
-    found = list(filmed_targets(world, 12, np.random.default_rng(7)))
+    found = list(filmed_targets(world, 8, np.random.default_rng(7)))
     # fewer pictures are the first of more
     again = list(filmed_targets(world, 5, np.random.default_rng(7)))
     own, elsewhere = ([each for each in found if each.around_target is on] for on in (True, False))
@@ -223,7 +223,7 @@ def test_traffic_is_learned_as_what_it_is() -> None:
 
 def test_birds_in_a_picture_are_labelled_and_a_window_is_around_one() -> None:
     flocked = next(world for seed in range(60) if len((world := draw_world(seed)).traffic.birds) > 3)
-    found = list(filmed_targets(flocked, 12, np.random.default_rng(3)))
+    found = list(filmed_targets(flocked, 8, np.random.default_rng(3)))
     around_birds = [each for each in found if not each.around_target and _at_middle(each.other, each.middle_px) > 0]
     assert around_birds
     for target in found:

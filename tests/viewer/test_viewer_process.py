@@ -62,7 +62,7 @@ def test_a_missing_video_decoder_is_reported(tmp_path: Path) -> None:
     assert video_notice({"PATH": str(tmp_path)}) == ""
 
 
-def test_a_server_that_is_stopped_leaves_nothing(tmp_path: Path) -> None:
+def test_a_server_that_is_stopped_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.rrd"
     stream = rr.RecordingStream("a", send_properties=False)
     stream.save(path)
@@ -78,6 +78,10 @@ def test_a_server_that_is_stopped_leaves_nothing(tmp_path: Path) -> None:
         # before anything is prepared
         assert main(["view", str(path), "--web", "--port", str(wanted), "--save", str(tmp_path / "kept.rrd")]) == 1
         assert not (tmp_path / "kept.rrd").exists()
+        monkeypatch.delattr("groundstation.cli.live._simulator")
+        live = ["live", "--simulate", "--web", "--port", str(wanted)]
+        assert main([*live, "--out", str(tmp_path / "live")]) == 1
+        assert not (tmp_path / "live").exists()
     address, process = serve_recording(path, os.environ, wanted)
     port = int(address.split("/?")[0].rsplit(":", 1)[1])
     assert port == wanted

@@ -33,9 +33,9 @@ def render_stars(field: StarField, drift_px: FloatArray, hot: FloatArray, random
     """
     h, w = hot.shape
     light = np.full((h, w), _BACKGROUND)
-    for (u, v), flux in zip(field.pixel_px.tolist(), field.flux.tolist(), strict=True):
-        for part in np.linspace(-0.5, 0.5, _PARTS):
-            _add_spot(light, u + part * drift_px[0], v + part * drift_px[1], flux / _PARTS)
+    parts = np.linspace(-0.5, 0.5, _PARTS)
+    drawn_out = field.pixel_px[:, None, :] + parts[:, None] * drift_px
+    _add_spots(light, drawn_out.reshape(-1, 2), np.repeat(field.flux / _PARTS, _PARTS))
     if random.uniform() < _SATELLITE_SHARE:
         _add_trail(light, random.uniform(0, (w, h)), random.uniform(-400, 400, 2), 40.0, 400)
     if random.uniform() < _AIRCRAFT_SHARE:
@@ -46,20 +46,25 @@ def render_stars(field: StarField, drift_px: FloatArray, hot: FloatArray, random
 
 def _add_trail(light: FloatArray, start: FloatArray, way: FloatArray, flux: float, count: int) -> None:
     """Add ``count`` spots on a line, px."""
-    for part in np.linspace(0.0, 1.0, count):
-        _add_spot(light, float(start[0] + part * way[0]), float(start[1] + part * way[1]), flux)
+    parts = np.linspace(0.0, 1.0, count)
+    _add_spots(light, start + parts[:, None] * way, np.full(count, flux))
 
 
-def _add_spot(light: FloatArray, u: float, v: float, flux: float) -> None:
-    """Add a point's light, integrated over pixels, in place; what lies outside is lost."""
+def _add_spots(light: FloatArray, places_px: FloatArray, flux: FloatArray) -> None:
+    """Add points' light (n,) at (n, 2), integrated over pixels, in place; what lies outside is lost."""
     h, w = light.shape
-    column, row = round(u), round(v)
-    columns = np.arange(max(column - _HALF, 0), min(column + _HALF + 1, w))
-    rows = np.arange(max(row - _HALF, 0), min(row + _HALF + 1, h))
-    if not len(columns) or not len(rows):
-        return
-    across = _share(columns - u)
-    light[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] += flux * np.outer(_share(rows - v), across)
+    middle = np.rint(places_px)
+    off = middle[:, :, None] + np.arange(-_HALF, _HALF + 1) - places_px[:, :, None]
+    across, along = _share(off[:, 0]), _share(off[:, 1])
+    # a picture has thousands: the error function of all of them at once, then each onto the picture
+    for k, (column, row) in enumerate(middle.astype(np.int64).tolist()):
+        left, top = max(column - _HALF, 0), max(row - _HALF, 0)
+        right, bottom = min(column + _HALF + 1, w), min(row + _HALF + 1, h)
+        if left >= right or top >= bottom:
+            continue
+        own_columns = across[k, left - column + _HALF : right - column + _HALF]
+        own_rows = along[k, top - row + _HALF : bottom - row + _HALF]
+        light[top:bottom, left:right] += flux[k] * (own_rows[:, None] * own_columns)
 
 
 def _share(off: FloatArray) -> FloatArray:

@@ -27,6 +27,10 @@ def place_log(
     nearest = float(np.linalg.norm(enu, axis=1).min())
     if nearest > MAX_EXTENT_M:
         got = f"positions {nearest / 1e3:.0f} km and more from the origin"
+        lat, lon, height = origin_deg_m
+        exchanged = enu_from_geodetic(log.lat_deg, log.lon_deg, log.height_m, (lon, lat, height))
+        if float(np.linalg.norm(exchanged, axis=1).min()) <= MAX_EXTENT_M:
+            got += ", near the one with latitude and longitude exchanged"
         raise LogError(log.name, got=got, wanted=f"some within {MAX_EXTENT_M / 1e3:.0f} km, or another origin")
     runway_from_enu = runway_axes(y_axis_azimuth_deg)
     position = enu @ runway_from_enu.T

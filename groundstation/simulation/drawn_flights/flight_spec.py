@@ -37,9 +37,11 @@ class CircuitSide(StrEnum):
     RIGHT = "right"
 
 
+# of a flight
+SHORTEST_S, LONGEST_S = 2.0, 300.0
 # lowest and highest value of each number; wider than the draws, for files with other values
 _RANGES: dict[str, tuple[float, float]] = {
-    "duration_s": (2.0, 300.0),
+    "duration_s": (SHORTEST_S, LONGEST_S),
     "span_m": (0.2, 40.0),
     "rest_height_m": (0.0, 5.0),
     "wheels_behind_nose_m": (0.0, 20.0),

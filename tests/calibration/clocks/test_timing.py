@@ -36,15 +36,15 @@ def held_to_the_bound(fit: TimingFit, how: Recorder, bound: float, loosest: floa
 
 def test_offsets_are_estimated_within_bound_and_sigmas() -> None:
     swing, errors, sigmas = Swing(), [], []
-    for seed in range(10):
+    for seed in range(6):
         rng = np.random.default_rng([17, seed])
         how = Recorder(seconds=8.0, offset_s=rng.uniform(-0.08, 0.08))
         fit = solve_timing("left", *recorded(swing, how, rng), SIGMA_RAD)
         errors.append(fit.offset_s - how.offset_s)
         sigmas.append(fit.sigma_s)
-    low, high = chi2.ppf([1e-4, 1 - 1e-4], 10)
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], len(errors))
     assert low < np.sum(np.square(np.array(errors) / sigmas)) < high
-    # 1.3 times the bound, and what ten draws may be off by chance
+    # 1.3 times the bound, and what so many draws may be off by chance
     bound = offset_bound(swing, Recorder(seconds=8.0))
     assert np.sum(np.square(errors)) / (1.3 * bound) ** 2 < high
 

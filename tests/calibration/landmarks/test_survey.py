@@ -46,7 +46,7 @@ def pose_error(survey: Survey, day: SurveyScene, groups: tuple[str, ...]) -> tup
 @pytest.mark.parametrize("total_station", [True, False])
 def test_errors_are_consistent_with_their_sigmas(total_station: bool) -> None:
     groups = ("runway_from_base", "ptu_position")
-    nees, squares, n = 0.0, np.zeros(6 * len(groups)), 12
+    nees, squares, n = 0.0, np.zeros(6 * len(groups)), 8
     for seed in range(n):
         generator = np.random.default_rng([seed, 3])
         day = morning(generator, total_station=total_station)

@@ -59,6 +59,14 @@ def test_a_file_without_positions_is_refused(tmp_path: Path) -> None:
         read_adsb(tmp_path / "b.txt")
 
 
+def test_a_file_without_line_ends_is_not_read_to_its_end(tmp_path: Path) -> None:
+    """Expected: refused after the longest line; of nothing but zeros."""
+    with (tmp_path / "a.txt").open("wb") as file:
+        file.truncate(20 * 2**30)
+    with pytest.raises(InputError, match=r"a\.txt: got a line of more than 4000000 characters"):
+        read_adsb(tmp_path / "a.txt")
+
+
 KEYS = st.sampled_from(["now", "hex", "lat", "lon", "alt_geom", "aircraft", "seen_pos"])
 JSON = st.recursive(
     st.none() | st.booleans() | st.floats() | st.text(),

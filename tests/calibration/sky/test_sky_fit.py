@@ -12,11 +12,12 @@ from scipy.stats import chi2
 from calibration.sky.adsb import as_json
 from calibration.sky.aircraft_mark import LATENCY, REFRACTION, aircraft_mark, lift_below
 from calibration.sky.calibrate import SkyCalibration, calibrate_sky, passes
+from calibration.sky.pass_results import pass_latency, station_residuals
 from calibration.sky.simulated.day_draw import DrawnDay, draw_day
 from calibration.sky.simulated.day_score import score_day
 from calibration.sky.sky_fit import sky_priors
 from calibration.sky.sky_objects import SeenMoon, SkyObjects
-from calibration.sky.text_report import format_sky
+from calibration.sky.text_report import format_sky, what_is_open
 from calibration.stars.head_start import StarFitError
 from calibration.stars.identified_stars import SkyUncertainty
 from calibration.stars.joint_night import common_sigma, relative_sigma
@@ -66,6 +67,39 @@ def test_the_report_says_what_was_used_and_what_it_is_good_for() -> None:
     assert "airliner 3c0000: pictures left" in text
     assert "s late (sigma" in text
     assert "3 airliners; wanted 5 or more" in text
+
+
+def test_each_pass_s_latency_is_the_receiver_s_and_the_aircraft_s_own() -> None:
+    """Expected: each within 3.5 sigma of what was drawn, the receiver's and 0 to 0.4 s of the aircraft's own."""
+    found, one = calibrated(SEEDS[0]), day(SEEDS[0])
+    for number in range(len(found.flights)):
+        late = pass_latency(found, number)
+        assert late is not None
+        assert 0.01 < late.sigma_s < 0.4
+        assert one.latency_s - 3.5 * late.sigma_s < late.latency_s < one.latency_s + 0.4 + 3.5 * late.sigma_s
+
+
+def test_what_is_left_over_is_that_of_the_fit() -> None:
+    """Expected: rms over passes and axes, in pixels, is the fit's own."""
+    found = calibrated(SEEDS[0])
+    fit = found.night.joint.nights[0].fit
+    own = station_residuals(found, 0)
+    focal = fit.problem.station.lens.focal_px
+    squares = np.radians(own.turned_deg[own.kept]) ** 2 * focal**2
+    assert np.sqrt(squares.mean()) == pytest.approx(fit.rms_px)
+    assert set(own.body.tolist()) <= set(range(len(found.flights)))
+    rms = own.rms_deg(0)
+    assert rms is not None
+    assert 0.0 < rms.max() < 0.02
+    assert own.rms_deg(len(found.flights)) is None
+
+
+def test_the_report_says_what_few_pictures_leave_open() -> None:
+    found = calibrated(SEEDS[0])
+    said = " ".join(what_is_open(replace(found, taken={"left": 90, "right": 90})))
+    assert "left: " in said
+    assert "of 90 pictures show no airliner where one should be: haze, cloud, or too far off" in said
+    assert "show no airliner" not in " ".join(what_is_open(found))
 
 
 def test_the_moon_alone_tells_heads_against_the_sky() -> None:
@@ -195,9 +229,16 @@ def test_a_folder_of_pictures_becomes_a_rig(tmp_path: Path, capsys: pytest.Captu
     (tmp_path / "site.toml").write_text(site_to_toml(one.site))
     words = ["--rig", str(tmp_path / "rig.toml"), "--site", str(tmp_path / "site.toml"), "--from", str(folder)]
     out = tmp_path / "sky.toml"
-    assert main(["calibrate", "sky", *words, "--out", str(out)]) == 0
+    assert main(["calibrate", "sky", *words, "--out", str(out), "--report", str(tmp_path / "report")]) == 0
     said = capsys.readouterr().out
     assert "left against right is known to" in said
+    page = (tmp_path / "report" / "report.html").read_text()
+    for heading in ("What the pictures could not tell", "Latency of positions", "Where the head looked"):
+        assert heading in page
+    assert {p.name for p in (tmp_path / "report").glob("*.png")} == {
+        "latency.png",
+        *(f"{name}-{kind}.png" for name in ("left", "right") for kind in ("left-over", "pointings")),
+    }
     found = load_rig(out)
     # eight pictures each, drawn to a whole pixel: half a degree's turn is found to hundredths
     assert found.shared_covariance.names

@@ -1,5 +1,7 @@
 """Poses, runways and painted pictures that the tests of the edges share."""
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 
@@ -52,5 +54,11 @@ def painted_runway(
     share = np.clip(u + 0.5 - left, 0, 1) * np.clip(right - u + 0.5, 0, 1) * (t >= 0.0)
     picture = np.asarray(outside) + share[:, :, None] * (np.asarray(inside) - np.asarray(outside)).astype(np.float64)
     blurred = cv2.GaussianBlur(picture, (0, 0), 1.0)
-    noisy = blurred + np.random.default_rng(seed).normal(0.0, noise, blurred.shape)
-    return np.clip(np.round(noisy), 0, 255).astype(np.uint8)
+    noisy = blurred + _noise(seed, noise)
+    return np.clip(np.round(noisy, out=noisy), 0, 255, out=noisy).astype(np.uint8)
+
+
+@lru_cache(maxsize=16)
+def _noise(seed: int, sigma: float) -> FloatArray:
+    """Return a picture's noise (480, 640, 3): the tests draw the same few, and drawing takes longer than painting."""
+    return np.random.default_rng(seed).normal(0.0, sigma, (480, 640, 3))

@@ -1,5 +1,6 @@
 """Approaches that another renderer drew: the layout is not guessed, with noisy poses and without any."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,18 @@ def clip(request: pytest.FixtureRequest, shared_data: Path) -> NoseClip:
     if not folder.is_dir():
         pytest.skip(f"no {folder}")
     return load_clip(folder)
+
+
+def beginning(clip: NoseClip) -> NoseClip:
+    """Return the first 26 of its 40 pictures, for what takes long with each."""
+    part = slice(26)
+    return replace(
+        clip,
+        t_s=clip.t_s[part],
+        pictures=clip.pictures[part],
+        poses=clip.poses[part],
+        corners_px=clip.corners_px[part],
+    )
 
 
 def config_of(clip: NoseClip) -> TrackerConfig:
@@ -43,13 +56,14 @@ def test_edges_stay_on_the_pavement_with_noisy_poses(clip: NoseClip, seed: int |
 
 
 def test_motion_from_pictures_is_enough(clip: NoseClip) -> None:
-    score, _ = scored(clip, by_pictures(clip), without_log(config_of(clip)))
+    part = beginning(clip)
+    score, _ = scored(part, by_pictures(part), without_log(config_of(clip)))
     kept(score, 1.2)
 
 
 @pytest.mark.parametrize("light", ["dusk", "rough snow"])
 def test_less_contrast_is_stated(clip: NoseClip, light: str) -> None:
-    other = relit(clip, light)
+    other = relit(beginning(clip), light)
     score, _ = scored(other, noisy(other, 1), config_of(other))
     assert not score.over(3.0).any()
     assert np.mean(score.nees[score.seen]) < 1.6

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from groundstation.onboard.edges.visual_odometry import (
     decompose,
     recover_motion,
 )
-from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, Renderer
+from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer
 from tests.onboard.edges.seen import KAPPA, approach
 
 
@@ -74,13 +75,17 @@ def test_no_motion_has_a_name(rng: np.random.Generator) -> None:
     assert recover_motion(*many, approach(), KAPPA, MotionConfig()) is NoMotion.NO_HOMOGRAPHY
 
 
+@cache
+def rendered() -> tuple[NoseFrame, ...]:
+    """Six pictures of an approach."""
+    sequence = SEQUENCES[0]
+    return tuple(Renderer(replace(sequence, approach=replace(sequence.approach, frames=6))).frames())
+
+
 @pytest.mark.parametrize("refine", [True, False], ids=["refined", "the paper's"])
 def test_poses_from_rendered_pictures_stay_near_the_truth(refine: bool) -> None:
     """After 0.5 s and 11 m: within 1 m and 0.5°; the decomposition alone only has to give a motion at all."""
-    sequence = SEQUENCES[0]
-    renderer = Renderer(replace(sequence, approach=replace(sequence.approach, frames=6)))
-    kappa = intrinsic_matrix(NOSE_LENS)
-    frames = list(renderer.frames())
+    kappa, frames = intrinsic_matrix(NOSE_LENS), rendered()
     odometry = VisualOdometry(kappa, frames[0].truth, MotionConfig(refine=refine))
     poses = [odometry.step(frame.image) for frame in frames]
     metres, turn = apart(poses[-1], frames[-1].truth)

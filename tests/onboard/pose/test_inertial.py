@@ -114,11 +114,11 @@ def test_samples_without_noise_reproduce_the_flight(rng: np.random.Generator) ->
 
 
 def test_it_is_consistent_through_a_loss_of_the_runway() -> None:
-    """Over 12 approaches: NIS, and NEES before, at the end of and after 10 s without runway, in 99.9 % bounds.
+    """Over 8 approaches: NIS, and NEES before, at the end of and after 10 s without runway, in 99.9 % bounds.
 
     Slow errors make the epochs of one flight one draw; so NEES is taken at one instant of each flight.
     """
-    runs = 12
+    runs = 8
     nis: list[float] = []
     nees: dict[int, list[float]] = {1150: [], 2190: [], 2900: []}
     for seed in range(runs):

@@ -140,6 +140,8 @@ def test_placed_in_the_runways_frame_with_turned_sigmas() -> None:
     assert west[0].sigma_m == pytest.approx([0.0088, 0.0075, 0.0272], abs=1e-6)
     reported = complaint(LogError, lambda: place_log(log, (47.0, 8.0, 0.0), 0.0, 0.0))
     assert "km and more from the origin; wanted some within 50 km, or another origin" in reported
+    exchanged = complaint(LogError, lambda: place_log(log, (139.76, 35.68, 60.0), 0.0, 0.0))
+    assert "from the origin, near the one with latitude and longitude exchanged; wanted some within 50 km" in exchanged
 
 
 @given(st.floats(-90, 90), st.floats(-179.9, 179.9), st.floats(-500, 50_000))

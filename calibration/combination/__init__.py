@@ -1,0 +1,1 @@
+"""Rigs of several sources of calibration made one."""

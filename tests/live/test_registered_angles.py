@@ -1,0 +1,169 @@
+"""Head angles from the picture in operation: recorded, so that a replay has them without panorama or whole frames."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.panorama.mosaic import PanoramaFrame, make_mosaic
+from groundstation.errors import ConfigError, InputError
+from groundstation.live.core import LiveCore, LiveStep, live_config
+from groundstation.live.devices import check_against_rig
+from groundstation.live.frame_pairing import FramePairer
+from groundstation.live.input_queue import TimedPicture
+from groundstation.live.station_file import load_station
+from groundstation.messages import CameraReport, Event, Frame, FrameAngles, PtuSample, StepReport
+from groundstation.picture import as_picture
+from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
+from groundstation.recording.mcap_metadata import RecordingHeader
+from groundstation.recording.recorder import Recorder, RecorderConfig
+from groundstation.rig.rig import Rig
+from groundstation.rig.rig_toml import rig_to_toml
+from groundstation.session import load_session
+from groundstation.sources.panorama_file import write_panoramas
+from groundstation.sources.recording_source import RecordingSource
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.registered_heads import BETWEEN_SEARCHES, RegisteredHeads
+from tests.calibration.landmarks.sighting_set_up import true_rig, write_station
+from tests.calibration.panorama.test_panorama import NOISE_RAD, frame, mosaic, station
+from tests.recording.recorded import FILES
+from tests.session.folder import SESSION
+
+RATE_HZ = 30.0
+PAIRS = 8
+TRUE_DEG = (1.0, -1.5)
+
+
+def rig() -> Rig:
+    """Return two stations of the drawn ground, of which one has a panorama."""
+    place = station().ptu_position_m + np.array([5.0, 0.0, 0.0])
+    whole = replace(station(), ptu_sigma_rad=NOISE_RAD)
+    return Rig(stations=(whole, replace(whole, name="other", ptu_position_m=place)))
+
+
+def core(heads: RegisteredHeads) -> LiveCore:
+    one = rig()
+    pipeline = Pipeline(one, live_config(Config(), RATE_HZ), heads=heads)
+    pattern = SearchPattern({s.name: s.geometry() for s in one.stations}, SearchConfig())
+    return LiveCore(pipeline, FramePairer(one.names, 1.0 / RATE_HZ), {}, pattern)
+
+
+def operate(live: LiveCore) -> LiveStep:
+    """Give a core frames of the ground and readings that are off, and return all that it made of them."""
+    random, done = np.random.default_rng(21), LiveStep()
+
+    def add(step: LiveStep) -> None:
+        done.consumed.extend(step.consumed)
+        done.reports.extend(step.reports)
+
+    for k in range(PAIRS):
+        t_s = 1.0 + k / RATE_HZ
+        for name in rig().names:
+            for at_s in (t_s - 0.005, t_s + 0.005):
+                pan, tilt = np.radians(TRUE_DEG) + random.normal(0.0, 0.7 * NOISE_RAD, 2)
+                add(live.take(PtuSample(t_s=at_s, station=name, pan_rad=float(pan), tilt_rad=float(tilt)), at_s))
+                if at_s < t_s:
+                    grey = frame(*TRUE_DEG, random).astype(np.uint8)
+                    image = np.repeat(np.repeat(grey, 2, axis=0), 2, axis=1)
+                    picture = as_picture(np.repeat(image[:, :, None], 3, axis=2))
+                    add(live.take(TimedPicture(t_s=t_s, station=name, picture=picture, arrived_s=t_s), t_s))
+    add(live.finish())
+    return done
+
+
+def cameras(reports: list[StepReport], name: str) -> list[CameraReport]:
+    return [camera for report in reports for camera in report.cameras if camera.station == name]
+
+
+def replayed(events: list[Event]) -> list[StepReport]:
+    pipeline = Pipeline(rig(), live_config(Config(), RATE_HZ))
+    return [*(pipeline.step(event) for event in events), pipeline.finish()]
+
+
+def test_a_replay_of_what_was_consumed_has_the_angles_of_the_pictures(tmp_path: Path) -> None:
+    """Expected: bit for bit those of the operation, through a recording, without the panorama; the other head's too."""
+    name = station().name
+    live = operate(core(RegisteredHeads(rig(), {name: mosaic().panorama})))
+    found = [event for event in live.consumed if isinstance(event, FrameAngles)]
+    assert len(found) == PAIRS
+    assert {event.station for event in found} == {name}
+    files = {**FILES, "session.toml": SESSION.encode(), "rig.toml": rig_to_toml(rig()).encode()}
+    path = tmp_path / "flight.mcap"
+    with Recorder(path, rig(), RecordingHeader(name="tiny", files=files), RecorderConfig(png_fill=0.0)) as recorder:
+        for event in live.consumed:
+            recorder.take(event)
+        for report in live.reports:
+            recorder.write(report)
+    session = load_session(path)
+    assert session.recorded is not None
+    with RecordingSource(session, session.recorded) as source:
+        events = list(source)
+    assert [event for event in events if isinstance(event, FrameAngles)] == found
+    again = replayed(events)
+    for station_name in rig().names:
+        own = [(c.t_s, c.pan_rad, c.tilt_rad, c.status) for c in cameras(live.reports, station_name)]
+        assert len(own) == PAIRS
+        assert own == [(c.t_s, c.pan_rad, c.tilt_rad, c.status) for c in cameras(again, station_name)]
+    off = {n: np.degrees([c.pan_rad or 0.0 for c in cameras(live.reports, n)]) - TRUE_DEG[0] for n in rig().names}
+    assert np.abs(off[name]).max() < 0.05
+    assert np.std(off[name]) < 0.5 * np.std(off["other"])
+
+
+def test_the_operation_says_how_often_the_pictures_told() -> None:
+    live = operate(core(RegisteredHeads(rig(), {station().name: mosaic().panorama})))
+    said = [event.text for report in live.reports for event in report.events]
+    assert f"head angles of {station().name} from the picture in {PAIRS} of {PAIRS} frames" in said
+    # without a panorama there is nothing to say
+    plain = operate(core(RegisteredHeads(rig(), {})))
+    assert not any("head angles" in event.text for report in plain.reports for event in report.events)
+    assert not any(isinstance(event, FrameAngles) for event in plain.consumed)
+
+
+def test_a_search_is_not_made_for_each_frame() -> None:
+    """Expected: an encoder of half a degree wants a search: of eight frames one, the others counted."""
+    poor = Rig(stations=tuple(replace(s, ptu_sigma_rad=np.radians(0.5)) for s in rig().stations))
+    heads = RegisteredHeads(poor, {station().name: mosaic().panorama}, search_every=8)
+    operate(core(heads))
+    (note,) = heads.notes()
+    assert f"from the picture in 1 of {PAIRS} frames; {PAIRS - 1} the encoder's: {BETWEEN_SEARCHES}" in note
+
+
+def test_registration_does_not_make_a_recording_keep_whole_frames() -> None:
+    read: list[bool] = []
+    heads = RegisteredHeads(rig(), {station().name: mosaic().panorama})
+    improve = heads.improve
+
+    def watched(ready, fuse):  # type: ignore[no-untyped-def]
+        better = improve(ready, fuse)
+        if isinstance(ready.record, Frame):
+            read.append(ready.record.image.whole_read)
+        return better
+
+    heads.improve = watched  # type: ignore[method-assign]
+    operate(core(heads))
+    assert read == [False] * (2 * PAIRS)
+
+
+def test_a_station_file_names_a_panorama(tmp_path: Path) -> None:
+    path = write_station(tmp_path, true_rig())
+    assert load_station(path).panorama is None
+    text = path.read_text()
+    path.write_text(text.replace('rig = "rig.toml"\n', 'rig = "rig.toml"\npanorama = "p.npz"\n'))
+    with pytest.raises(ConfigError, match=r"panorama: got .*p\.npz .*wanted a file"):
+        load_station(path).load_rig()
+    (tmp_path / "p.npz").write_bytes(b"no panorama")
+    file = load_station(path)
+    with pytest.raises(InputError, match=r"p\.npz: got .*; wanted .*calibrate panorama"):
+        check_against_rig(file, file.load_rig())
+    made = make_mosaic(
+        station(),
+        [
+            PanoramaFrame(grey=frame(pan, -1.5, np.random.default_rng(1)), angles_rad=np.radians([pan, -1.5]))
+            for pan in (0.0, 0.5, 1.0)
+        ],
+        np.radians(3.0),
+    )
+    write_panoramas(tmp_path / "p.npz", {"left": made.panorama})
+    check_against_rig(file, file.load_rig())
