@@ -54,9 +54,10 @@ def difference(station: Station, reference: Station, name: str) -> float:
     if group in _ROTATIONS:
         here, there = (matrix_from_wxyz(getattr(s, _ROTATIONS[group])) for s in (station, reference))
         turn = here @ there.T
-        # of small turns; what is left of larger ones goes with the next round
-        vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-        return float(vector["xyz".index(part)])
+        sines = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+        sine, cosine = float(np.linalg.norm(sines)), 0.5 * (float(np.trace(turn)) - 1.0)
+        angle = float(np.arctan2(sine, cosine))
+        return float(sines["xyz".index(part)]) * (angle / sine if sine > 1e-9 else 1.0)
     return _value(station, group, part) - _value(reference, group, part)
 
 

@@ -8,7 +8,8 @@ them), zₖ = Eₖ x + noise of the rig's covariance Cₖ, and
 A rig's base and boresight go with its axes and with what it holds (a lens, a boresight): what it tells is where the
 camera looks. What its axes differ in from the reference's is therefore put into its base and boresight by least
 squares over the angles of operation, and in Eₖ what it holds goes with them likewise. Rigs whose azimuth is from true
-north have in common that the frame of the others may be turned against it.
+north have in common that the frame of the others may be turned against it. Rigs that began with one prior count by what
+their data say without it, and the prior is one more.
 """
 
 from collections.abc import Sequence
@@ -18,10 +19,19 @@ import numpy as np
 from scipy.stats import chi2
 
 from calibration.combination.directions import difference, direction_jacobian, directions, readings_of
+from calibration.combination.shared_prior import (
+    CombinationError,
+    RigSource,
+    began_with,
+    require_independent,
+    stated_covariance,
+    stated_names,
+    without_prior,
+)
 from calibration.information import inverse
 from calibration.joint_covariance import with_covariance
 from groundstation.arrays import FloatArray
-from groundstation.errors import GroundstationError, RigError
+from groundstation.errors import RigError
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import PARTS, Rig, Station
@@ -35,19 +45,6 @@ _ROUNDS = 3
 _LEAST_SINGULAR = 1e-6
 # rigs that agree contradict each other so in one case of ten thousand
 _CONTRADICTION = 0.9999
-
-
-class CombinationError(GroundstationError):
-    """Rigs that cannot be made one: they state nothing, or contradict each other."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RigSource:
-    """One calibration: its ``name`` for the user, the rig, and whether its azimuth is from true north."""
-
-    name: str
-    rig: Rig
-    from_north: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,13 +62,15 @@ class Combination:
 
     Attributes
     ----------
-    sources : those that were combined. rig : with one covariance.
+    sources : those that were combined, the prior last, if there is one. rig : with one covariance.
+    began : names of the sources that began with the prior; None without one.
     names, covariance : of p parameters, ``station.parameter``, (p, p).
     misfits : of each source. chi_square, degrees : of all together.
     heading_rad : by how much the frame is turned against true north, and ``heading_sigma_rad``; None without both.
     """
 
     sources: tuple[RigSource, ...]
+    began: tuple[str, ...] | None
     rig: Rig
     names: tuple[str, ...]
     covariance: FloatArray
@@ -84,26 +83,30 @@ class Combination:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Measured:
-    """What one source says: z (m,), E (m, q) and the inverse of its covariance (m, m); q with the heading, the last."""
+    """What one source says: z (m,), E (m, q), information (m, m) and its rank; q with the heading, the last."""
 
     z: FloatArray
     by_state: FloatArray
     known: FloatArray
+    rank: int
 
 
-def combine(sources: Sequence[RigSource], heading_sigma_rad: float) -> Combination:
-    """Combine rigs of the same stations; raises `RigError` and `CombinationError`."""
-    _require_alike(sources)
-    names = _stated_by_any(sources)
-    if not names:
-        raise CombinationError("got rigs that state no covariance; wanted those that calibrations have written")
+def combine(sources: Sequence[RigSource], heading_sigma_rad: float, prior: RigSource | None = None) -> Combination:
+    """Combine rigs of the same stations; raises `RigError` and `CombinationError`.
+
+    ``prior`` is the rig that sources began with.
+    """
+    _require_alike(sources, prior)
     rig = sources[0].rig
     # a heading is there to be told only where frames differ
     both = len({source.from_north for source in sources}) == 2
+    began = None if prior is None else tuple(s.name for s in sources if began_with(s, prior))
+    sources = (*sources, *(() if prior is None else (prior,)))
+    names = _stated_by_any(sources)
     measured: list[_Measured] = []
     solution, covariance = np.zeros(len(names) + 1), np.zeros((len(names) + 1,) * 2)
     for _ in range(_ROUNDS):
-        measured = [_measured(source, rig, names) for source in sources]
+        measured = [_measured(source, rig, names, None if source is prior else prior) for source in sources]
         total = sum((m.by_state.T @ m.known @ m.by_state for m in measured), np.zeros_like(covariance))
         right = sum((m.by_state.T @ m.known @ m.z for m in measured), np.zeros(len(solution)))
         total[-1, -1] += (heading_sigma_rad if both else 1e-9) ** -2
@@ -113,33 +116,24 @@ def combine(sources: Sequence[RigSource], heading_sigma_rad: float) -> Combinati
     # the last step is small: what is left over is that before it
     left = [m.z - m.by_state @ solution for m in measured]
     misfits = [float(e @ m.known @ e) for e, m in zip(left, measured, strict=True)]
-    prior = (solution[-1] / heading_sigma_rad) ** 2 if both else 0.0
-    degrees = sum(len(m.z) for m in measured) - len(names)
-    _require_agreement(sources, misfits, sum(misfits) + prior, degrees)
+    turn = (solution[-1] / heading_sigma_rad) ** 2 if both else 0.0
+    degrees = sum(m.rank for m in measured) - len(names)
+    _require_agreement(sources, misfits, sum(misfits) + turn, degrees)
     found = ParameterCovariance(names=names, matrix=covariance[:-1, :-1])
     return Combination(
-        sources=tuple(sources),
+        sources=sources,
+        began=began,
         rig=with_covariance(rig, found),
         names=names,
         covariance=found.matrix,
         misfits=tuple(
-            SourceMisfit(name=s.name, chi_square=value, parameters=len(m.z))
+            SourceMisfit(name=s.name, chi_square=value, parameters=m.rank)
             for s, value, m in zip(sources, misfits, measured, strict=True)
         ),
-        chi_square=sum(misfits) + prior,
+        chi_square=sum(misfits) + turn,
         degrees=degrees,
         heading_rad=float(solution[-1]) if both else None,
         heading_sigma_rad=float(np.sqrt(covariance[-1, -1])) if both else None,
-    )
-
-
-def stated_names(rig: Rig) -> tuple[str, ...]:
-    """Return the parameters, ``station.parameter``, of which a rig states how well they are known."""
-    known = rig.calibration_covariance()
-    return tuple(
-        name
-        for k, name in enumerate(known.names)
-        if name.partition(".")[2] in CALIBRATION_PARAMETERS and known.matrix[k, k] > 0.0
     )
 
 
@@ -149,12 +143,14 @@ def _stated_by_any(sources: Sequence[RigSource]) -> tuple[str, ...]:
     return tuple(f"{s}.{p}" for s in stations for p in CALIBRATION_PARAMETERS if f"{s}.{p}" in stated)
 
 
-def _require_alike(sources: Sequence[RigSource]) -> None:
+def _require_alike(sources: Sequence[RigSource], prior: RigSource | None) -> None:
     if len(sources) < 2:
         raise CombinationError(f"got {len(sources)} rig; wanted two or more of the same heads")
     first = sources[0].rig
     first.require_known(("orientation", "lens"))
-    for source in sources[1:]:
+    if not _stated_by_any(sources):
+        raise CombinationError("got rigs that state no covariance; wanted those that calibrations have written")
+    for source in [*sources[1:], *([] if prior is None else [prior])]:
         if source.rig.names != first.names:
             got, wanted = (", ".join(names) for names in (source.rig.names, first.names))
             raise RigError(source.name, got=f"stations {got}", wanted=f"{wanted}, as in {sources[0].name}")
@@ -162,6 +158,10 @@ def _require_alike(sources: Sequence[RigSource]) -> None:
             if one.lens.image_size_px != other.lens.image_size_px or one.fixed != other.fixed:
                 wanted = f"the head and camera of {sources[0].name}"
                 raise RigError(source.name, got=f"another head or camera of station {one.name}", wanted=wanted)
+    for source in [*sources, *([] if prior is None else [prior])]:
+        if not stated_names(source.rig):
+            raise RigError(source.name, got="no covariance", wanted="a rig that a calibration has written")
+    require_independent(sources, prior)
 
 
 def _require_agreement(sources: Sequence[RigSource], misfits: list[float], total: float, degrees: int) -> None:
@@ -173,10 +173,8 @@ def _require_agreement(sources: Sequence[RigSource], misfits: list[float], total
         )
 
 
-def _measured(source: RigSource, reference: Rig, names: tuple[str, ...]) -> _Measured:
+def _measured(source: RigSource, reference: Rig, names: tuple[str, ...], prior: RigSource | None) -> _Measured:
     own = [name for name in stated_names(source.rig) if name in names]
-    stated = source.rig.calibration_covariance()
-    rows = [stated.names.index(name) for name in own]
     z, by_state = np.zeros(len(own)), np.zeros((len(own), len(names) + 1))
     for row, name in enumerate(own):
         by_state[row, names.index(name)] = 1.0
@@ -195,7 +193,10 @@ def _measured(source: RigSource, reference: Rig, names: tuple[str, ...]) -> _Mea
             z[row] = change[k]
             for j, other in enumerate(held):
                 by_state[row, names.index(f"{station.name}.{other}")] += share[k, j]
-    return _Measured(z=z, by_state=by_state, known=inverse(stated.matrix[np.ix_(rows, rows)]))
+    if prior is None:
+        return _Measured(z=z, by_state=by_state, known=inverse(stated_covariance(source.rig, own)), rank=len(own))
+    told = without_prior(source, own, prior)
+    return _Measured(z=z + told.shift, by_state=by_state, known=told.known, rank=told.rank)
 
 
 def _of_station(

@@ -6,7 +6,8 @@ from itertools import combinations
 import numpy as np
 
 from calibration.combination.directions import across_and_up, direction_jacobian, readings_of
-from calibration.combination.fusion import Combination, stated_names
+from calibration.combination.fusion import Combination
+from calibration.combination.shared_prior import stated_names
 from groundstation.arrays import FloatArray
 from groundstation.rig.rig import Rig, Station
 
@@ -60,6 +61,8 @@ def format_combination(found: Combination) -> str:
     for source, misfit in zip(found.sources, found.misfits, strict=True):
         lines.append(f"{misfit.name:<24}{misfit.parameters:>12}{misfit.chi_square:>12.1f}")
         lines += [f"  {text}" for text in _directions(source.rig)]
+    if found.began is not None:
+        lines.append(f"{found.sources[-1].name} is counted once: taken out of {', '.join(found.began) or 'none'}")
     lines.append(f"{'together':<24}{len(found.names):>12}{found.chi_square:>12.1f}  of {found.degrees}")
     lines += [f"  {text}" for text in _directions(found.rig)]
     if found.heading_rad is not None and found.heading_sigma_rad is not None:

@@ -139,9 +139,14 @@ def as_json(report: AdsbReport, t_s: float | None = None) -> str:
 
 
 def _number(value: object) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        # an integer of hundreds of digits
+        return None
+    return number if math.isfinite(number) else None
 
 
 def _report(

@@ -48,6 +48,9 @@ class AdsbReceiver:
         if self._file is None and (not host or not number.isdigit() or not 0 < int(number) < 65536):
             wanted = "HOST:PORT, as localhost:30003, or file:PATH"
             raise UsageError("--receive", got=repr(source), wanted=wanted)
+        if self._file is not None and self._file.resolve() == keep.resolve():
+            wanted = "another file than that in which positions are kept"
+            raise UsageError("--receive", got=repr(source), wanted=wanted)
         self._host, self._port = host, 0 if self._file is not None else int(number)
         self._newest: dict[str, deque[AdsbReport]] = {}
         self._lock, self._stop, self._stack = threading.Lock(), threading.Event(), ExitStack()
@@ -110,6 +113,9 @@ class AdsbReceiver:
             self._fault = fault
         except OSError as fault:
             self._fault = self._not_written(fault)
+        except Exception as fault:  # noqa: BLE001 - a thread that ended in silence would be waited for
+            got = f"a line that cannot be read ({type(fault).__name__}: {fault})"
+            self._fault = InputError(self._source, got=got, wanted="a receiver's lines")
 
     def _take(self, line: str, came_s: float | None) -> None:
         for found in reports_of([line]):

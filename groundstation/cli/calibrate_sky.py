@@ -21,10 +21,11 @@ from groundstation.cli.head_pictures import (
 from groundstation.cli.number_arguments import count, positive_number, take_negative_numbers
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
-from groundstation.errors import InputError, UsageError
+from groundstation.errors import GroundstationError, InputError, UsageError
 
 if TYPE_CHECKING:
     from calibration.stars.sky import ObservingSite
+    from groundstation.cli.standing_heads import StandingPlace
     from groundstation.live.station_file import StationFile
     from groundstation.rig.rig import Rig
 
@@ -41,6 +42,7 @@ how: with the station file and --receive the heads are turned ahead of airliners
 will be in reach (--range, 6 deg above the horizon, 20 deg from the Sun), one after
 the other, and take pictures while each passes; pictures and positions are saved
 (default: next to --out, .pictures), and the heads are halted on every way out.
+Heads that wait are turned away before the Sun comes to them, and parked in the end.
 With --from nothing moves: DIR has pictures.csv with file, station, pan_deg,
 tilt_deg, t_utc_s (Unix time of the mid-exposure) and, where known, pan_from and
 tilt_from, as for calibrate stars; and next to it adsb.jsonl or adsb.sbs (or --adsb
@@ -113,7 +115,7 @@ def run_calibrate_sky(options: argparse.Namespace) -> int:
         _require_sun_avoided(file)
         # to a few degrees: where heads turn, and where the Sun is, hang on it
         rig.require_known(("orientation", "lens"))
-    folder = options.taken if options.taken is not None else _take(options, rig, site)
+    folder = options.taken if options.taken is not None else _take(options, rig, site, file)
     reports = find_adsb(folder, options.adsb)
     with ProgressLine(sys.stderr, "sky", "picture") as line:
         pictures = read_day(folder, rig, SkyOverSite(site), line.update)
@@ -160,7 +162,7 @@ def _require_sun_avoided(file: "StationFile") -> None:
         raise InputError(str(file.path), got="no [origin]", wanted=wanted)
 
 
-def _take(options: argparse.Namespace, rig: "Rig", site: "ObservingSite") -> Path:
+def _take(options: argparse.Namespace, rig: "Rig", site: "ObservingSite", file: "StationFile | None") -> Path:
     """Turn the heads to airliners and save pictures and positions; returns their folder."""
     from calibration.sky.airliner_choice import SkyReach
     from calibration.stars.sky import SkyOverSite
@@ -188,21 +190,47 @@ def _take(options: argparse.Namespace, rig: "Rig", site: "ObservingSite") -> Pat
         pictures_s=orders.pictures_s,
     )
     clock = RecorderClock(now=time.time, wait=time.sleep)
+
+    def tell(text: str) -> None:
+        print(text, flush=True)
+
     with ExitStack() as stack:
         receiver = stack.enter_context(AdsbReceiver(options.receive, folder / "adsb.jsonl"))
-        heads = [stack.enter_context(unopened_head(options, name)) for name in names]
+        heads = [stack.enter_context(unopened_head(options, name, rig, site)) for name in names]
         recorder = AirlinerRecorder(
-            heads, reach, orders, receiver, sky, pictures, clock, lambda text: print(text, flush=True)
+            heads, reach, orders, receiver, sky, pictures, clock, tell, _places(rig, names, file)
         )
         try:
             recorder.run()
+            recorder.leave()
+        except GroundstationError:
+            recorder.leave()
+            raise
         except KeyboardInterrupt:
-            print(f"pictures until now are in {folder} (--from)", flush=True)
+            tell(f"pictures until now are in {folder} (--from)")
+            tell("the heads stand where they were, and the Sun moves on: park them or cover the lenses")
             raise
     if not pictures.count:
         got = f"no picture: no airliner was in reach in {options.minutes:g} minutes"
+        if recorder.refused:
+            got = f"no picture: {recorder.refused} ways were refused, the last: {recorder.refusal}"
         raise InputError("calibrate sky", got=got, wanted="a receiver, heads and hours with airliners within 50 km")
     return folder
+
+
+def _places(rig: "Rig", names: list[str], file: "StationFile | None") -> "dict[str, StandingPlace]":
+    """Return how heads stand: as far from the Sun as the station file keeps them, and parked where it says."""
+    from groundstation.cli.standing_heads import StandingPlace
+    from groundstation.live.keep_out_zones import sun_angle_of
+
+    heads = {} if file is None else {s.name: s.head for s in file.stations}
+    given = None if file is None else file.sun_angle_rad
+    return {
+        name: StandingPlace(
+            sun_rad=sun_angle_of(rig[name], given), park_rad=(0.0, 0.0) if head is None else head.park_rad
+        )
+        for name, head in ((name, heads.get(name)) for name in names)
+    }
 
 
 def _keep(options: argparse.Namespace) -> int:

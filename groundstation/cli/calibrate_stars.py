@@ -138,6 +138,6 @@ def _take(options: argparse.Namespace, rig: "Rig", site: "ObservingSite") -> Pat
         for name in names
     }
     for name, plan in plans.items():
-        with unopened_head(options, name) as station:
+        with unopened_head(options, name, rig, site) as station:
             take_pictures(station, plan, night, lambda text: print(text, flush=True))
     return folder

@@ -93,9 +93,10 @@ def range_of(options: argparse.Namespace) -> "HeadRange":
     return HeadRange(pan_deg=(low, high), tilt_deg=(down, up))
 
 
-def unopened_head(options: argparse.Namespace, name: str) -> "SightingStation":
-    """Return one station's camera and head, to be opened on ``with``."""
+def unopened_head(options: argparse.Namespace, name: str, rig: "Rig", site: "ObservingSite") -> "SightingStation":
+    """Return one station's camera and head, to be opened on ``with``; kept off the Sun by this rig and site."""
     from groundstation.live.sighting_station import SightingStation
+    from groundstation.session.folder import GeoOrigin
 
     def warn(text: str) -> None:
         print_line(f"groundstation: {text}", sys.stderr)
@@ -108,4 +109,11 @@ def unopened_head(options: argparse.Namespace, name: str) -> "SightingStation":
         report=warn,
         exposure_s=options.exposure,
         gain=options.gain,
+        rig=rig,
+        origin=GeoOrigin(
+            lat_deg=site.lat_deg,
+            lon_deg=site.lon_deg,
+            height_m=site.height_m,
+            y_axis_azimuth_deg=site.y_axis_azimuth_deg,
+        ),
     )

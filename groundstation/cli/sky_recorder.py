@@ -11,6 +11,7 @@ from calibration.sky.airliner_choice import Course, SkyReach, choose_airliner, c
 from calibration.stars.pointing_plan import Pointing, ways_of
 from calibration.stars.sky import SkyOverSite
 from groundstation.arrays import FloatArray
+from groundstation.cli.standing_heads import StandingHeads, StandingPlace
 from groundstation.cli.star_recorder import PictureFolder, TurningCamera, turn_from_side
 from groundstation.errors import GroundstationError
 from groundstation.live.keep_out_unit import KeepOutError
@@ -73,6 +74,7 @@ class AirlinerRecorder:
     ----------
     heads : opened, in the order of ``reach.stations``.
     reach : what they may look at; the Sun's direction is taken from ``sky``.
+    places : how each head stands, by its name.
     """
 
     def __init__(
@@ -85,20 +87,40 @@ class AirlinerRecorder:
         folder: PictureFolder,
         clock: RecorderClock,
         tell: Callable[[str], None],
+        places: Mapping[str, StandingPlace],
     ) -> None:
         self._heads = tuple(zip(heads, reach.stations, strict=True))
         self._reach, self._orders, self._receiver, self._sky = reach, orders, receiver, sky
         self._folder, self._clock, self._tell = folder, clock, tell
         self._overhead_s = dict.fromkeys((head.name for head in heads), _FIRST_OVERHEAD_S)
         self._stops = dict.fromkeys((head.name for head in heads), 0)
-        self._failures = 0
+        self._standing = StandingHeads(self._heads, reach.within, places, sky, clock.now, tell)
+        self._failures = self._ways = 0
+        self.refused = 0
+        """How many ways of heads were closed."""
+        self.refusal = ""
+        """Why the last of them was."""
 
     def run(self) -> tuple[str, ...]:
-        """Follow airliners until there are enough, the time is over, or no positions come; returns which were."""
+        """Follow airliners until there are enough, the time is over, or no positions come; returns which were.
+
+        The heads stand then where they were: see `leave`.
+        """
+        followed = self._followed()
+        if self.refused:
+            self._tell(f"{self.refused} of {self._ways} ways were refused, the last: {self.refusal}")
+        return followed
+
+    def leave(self) -> None:
+        """Park the heads, or turn them clear of the Sun; tells where each is left."""
+        self._standing.leave()
+
+    def _followed(self) -> tuple[str, ...]:
         end_s, told_s, moon_s = self._clock.now() + self._orders.most_s, -np.inf, -np.inf
         least = min(_LEAST_STOPS, self._orders.stops)
         followed: dict[str, int] = {}
         while sum(n >= least for n in followed.values()) < self._orders.airliners:
+            self._standing.turn_clear()
             now = self._clock.now()
             reason = self._receiver.ended()
             if now >= end_s or reason:
@@ -130,28 +152,39 @@ class AirlinerRecorder:
         return replace(self._reach, sun=sun if sun[2] > 0.0 else None)
 
     def _follow(self, aircraft: str) -> int:
-        """Follow one airliner with all heads in turn, until it is out of reach; returns how many stops each made."""
-        for stop in range(self._orders.stops):
-            for head, _ in self._heads:
-                if not self._stop(head, aircraft):
-                    return stop
-        return self._orders.stops
+        """Follow one airliner with all heads in turn, until it is out of reach or ways to it are closed.
 
-    def _stop(self, head: TurningCamera, aircraft: str) -> bool:
-        """Turn a head ahead of an airliner and take pictures; returns False where it is out of reach."""
+        Returns at how many stops each head took pictures at least.
+        """
+        taken = dict.fromkeys((head.name for head, _ in self._heads), 0)
+        failed = dict(taken)
+        for _ in range(self._orders.stops):
+            for head, _ in self._heads:
+                took = self._stop(head, aircraft)
+                if took is None:
+                    return min(taken.values())
+                taken[head.name] += took
+                failed[head.name] = 0 if took else failed[head.name] + 1
+                if failed[head.name] == _MOST_FAILURES:
+                    self._tell(f"airliner {aircraft}: let go: {head.name} took no picture at {_MOST_FAILURES} stops")
+                    return min(taken.values())
+        return min(taken.values())
+
+    def _stop(self, head: TurningCamera, aircraft: str) -> bool | None:
+        """Turn a head ahead of an airliner; returns whether it took pictures, None where that is out of reach."""
         begin_s = self._clock.now()
         course = course_of(self._receiver.newest().get(aircraft, ()), begin_s, self._sky.site)
         if course is None:
-            return False
+            return None
         meeting = self._meeting(head, course, begin_s)
         if meeting is None:
-            return False
+            return None
         pointing = self._pointing(head, meeting.reading_deg)
         early_s = self._take(head, pointing, meeting.middle_s, f"airliner {aircraft}")
         if early_s is not None:
             # later than planned: the next is planned so
             self._overhead_s[head.name] = max(_LEAST_OVERHEAD_S, self._overhead_s[head.name] - 0.5 * early_s)
-        return True
+        return early_s is not None
 
     def _look_at_moon(self) -> None:
         """Take pictures of the Moon with each head from all sides, where it may look there."""
@@ -172,6 +205,7 @@ class AirlinerRecorder:
 
     def _take(self, head: TurningCamera, pointing: Pointing, middle_s: float, what: str) -> float | None:
         """Turn a head and take the pictures of a stop about a time; returns how early it was, None where it failed."""
+        self._ways += 1
         try:
             turn_from_side(head, pointing, self._tell)
             early_s = middle_s - 0.5 * self._reach.pictures_s - self._clock.now()
@@ -180,7 +214,9 @@ class AirlinerRecorder:
             for taken in head.pictures(self._orders.pictures, _READINGS):
                 self._folder.add(head.name, pointing, taken, _READINGS)
         except GroundstationError as fault:
-            if not isinstance(fault.__cause__, KeepOutError | LimitError):
+            if isinstance(fault.__cause__, KeepOutError | LimitError):
+                self.refused, self.refusal = self.refused + 1, str(fault)
+            else:
                 self._failures += 1
             if self._failures >= _MOST_FAILURES:
                 raise

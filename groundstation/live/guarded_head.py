@@ -15,6 +15,8 @@ from groundstation.live.head_device import DeviceError, HeadDevice
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.live.keep_out_zones import open_station_head
 from groundstation.live.motion_guard_process import halt_lines
+from groundstation.rig.rig import Rig
+from groundstation.session.folder import GeoOrigin
 from ptu_drivers.errors import LimitError, PtuError
 from ptu_drivers.messages import Axis, Capability, Reading
 from ptu_drivers.monitor import MoveResult, first_reading, halted, move
@@ -34,6 +36,7 @@ class GuardedHead:
     ----------
     rate_rad_s : speed of its moves; None is a tenth of its fastest, or its own where it takes none.
     report : called with a line where motion is halted before a closed zone.
+    rig, origin : in place of the station file's; None keeps them.
 
     Raises `DeviceError` or `ConfigError` on ``with``.
     """
@@ -46,8 +49,11 @@ class GuardedHead:
         *,
         rate_rad_s: float | None = None,
         report: Callable[[str], None],
+        rig: Rig | None = None,
+        origin: GeoOrigin | None = None,
     ) -> None:
         self._path, self._name, self._device = path, name, device
+        self._rig, self._origin = rig, origin
         self._rate_rad_s, self._report = rate_rad_s, report
         self._leases = MotionLeases([name])
         self._stack = ExitStack()
@@ -56,7 +62,9 @@ class GuardedHead:
         with ExitStack() as stack:
             self._guard = ChildProcess("ptu-guard", serve_guard, halt_lines({self._name: self._device}), self._leases)
             stack.callback(self._guard.end, "stop", _ASK_S, _TERMINATE_S)
-            self._unit = open_station_head(self._path, self._name, time.monotonic, time.time)
+            self._unit = open_station_head(
+                self._path, self._name, time.monotonic, time.time, rig=self._rig, origin=self._origin
+            )
             stack.callback(self._close)
             if isinstance(self._unit, KeepOutUnit):
                 self._unit.report = self._report

@@ -15,6 +15,7 @@ from groundstation.live.station_file import StationDevices, StationFile, load_st
 from groundstation.pointing.keep_out import KeepOut, LensAxis, SunZone
 from groundstation.pointing.sun import SunOverPlace
 from groundstation.rig.rig import Rig, Station
+from groundstation.session.folder import GeoOrigin
 from ptu_drivers.interface import PanTiltUnit
 
 # without [safety] sun_angle_deg: the Sun's image stays off the sensor, half a degree of it, by what a mount, a clock
@@ -51,7 +52,7 @@ def sun_text(file: StationFile, rig: Rig, utc_s: float) -> tuple[bool, str]:
         )
     at = sun.angles(utc_s)
     kept = ", ".join(
-        f"{math.degrees(_angle_of(rig[s.name], file.sun_angle_rad)):.1f}° by {s.name}"
+        f"{math.degrees(sun_angle_of(rig[s.name], file.sun_angle_rad)):.1f}° by {s.name}"
         for s in file.stations
         if s.head is not None
     )
@@ -71,8 +72,8 @@ def _sun_of(file: StationFile) -> SunOverPlace | None:
     )
 
 
-def _angle_of(station: Station, given_rad: float | None) -> float:
-    """Return how far a lens is kept from the Sun."""
+def sun_angle_of(station: Station, given_rad: float | None) -> float:
+    """Return how far a lens is kept from the Sun, rad; ``given_rad`` is the station file's, None without."""
     if given_rad is not None:
         return given_rad
     lens = station.lens
@@ -87,18 +88,29 @@ def _kept(
     if head is None:
         return station
     calibrated = rig[station.name]
-    zone = None if sun is None else SunZone(sun=sun, angle_rad=_angle_of(calibrated, given_rad))
+    zone = None if sun is None else SunZone(sun=sun, angle_rad=sun_angle_of(calibrated, given_rad))
     keep_out = KeepOut(lens=LensAxis.of(calibrated.geometry()), sun=zone, sectors=head.sectors, utc_zero_s=utc_zero_s)
     return dataclasses.replace(station, head=dataclasses.replace(head, keep_out=keep_out))
 
 
-def open_station_head(path: Path, name: str, clock: Callable[[], float], utc: Callable[[], float]) -> PanTiltUnit:
+def open_station_head(
+    path: Path,
+    name: str,
+    clock: Callable[[], float],
+    utc: Callable[[], float],
+    *,
+    rig: Rig | None = None,
+    origin: GeoOrigin | None = None,
+) -> PanTiltUnit:
     """Open the head of one station of a station file by itself, kept out of what is closed to it.
 
-    ``clock`` is monotonic, ``utc`` Unix time. Raises `ConfigError`, `RigError`, `DeviceError`.
+    ``clock`` is monotonic, ``utc`` Unix time; ``rig`` and ``origin`` stand for the station file's, the latter where
+    that has one. Raises `ConfigError`, `RigError`, `DeviceError`.
     """
     file = load_station(path)
-    rig = file.load_rig()
+    if origin is not None and file.origin is not None:
+        file = dataclasses.replace(file, origin=origin)
+    rig = file.load_rig() if rig is None else rig
     check_against_rig(file, rig)
     heads = {s.name: s.head for s in with_keep_out(file, rig, clock(), utc()).stations}
     head = heads.get(name)

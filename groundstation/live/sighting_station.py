@@ -17,6 +17,7 @@ from groundstation.live.guarded_head import GuardedHead
 from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile, load_station
 from groundstation.rig.rig import Rig, Station
+from groundstation.session.folder import GeoOrigin
 from groundstation.sources.cameras.camera import CameraError, CameraFrame
 from groundstation.sources.cameras.live_camera import LiveCamera
 from ptu_drivers.messages import Reading
@@ -52,6 +53,7 @@ class SightingStation:
     rate_rad_s : speed of the head's moves, rad/s; None is slow.
     tell : called with the camera's events. report : called with lines about the head.
     exposure_s, gain : in place of the station file's; None keeps them. Pictures then come as slowly as they have to.
+    rig, origin : in place of the station file's, for the keep-out zones, too; None keeps them.
 
     Raises `ConfigError`, `RigError`, `DeviceError`, `CameraError`.
     """
@@ -66,9 +68,11 @@ class SightingStation:
         report: Callable[[str], None],
         exposure_s: float | None = None,
         gain: float | None = None,
+        rig: Rig | None = None,
+        origin: GeoOrigin | None = None,
     ) -> None:
         self._file: StationFile = load_station(path)
-        rig: Rig = self._file.load_rig()
+        rig = self._file.load_rig() if rig is None else rig
         check_against_rig(self._file, rig)
         devices = {s.name: s for s in self._file.stations}
         if name not in devices:
@@ -87,7 +91,11 @@ class SightingStation:
         self._rate_hz = float(min(self._file.rate_hz, slowest))
         self._tell = tell
         head = self._devices.head
-        self._head = None if head is None else GuardedHead(path, name, head, rate_rad_s=rate_rad_s, report=report)
+        self._head = (
+            None
+            if head is None
+            else GuardedHead(path, name, head, rate_rad_s=rate_rad_s, report=report, rig=rig, origin=origin)
+        )
         self._stack, self._opened = ExitStack(), ExitStack()
         self._camera: LiveCamera | None = None
         self._utc_zero_s = time.time() - time.monotonic()

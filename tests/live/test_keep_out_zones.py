@@ -5,15 +5,19 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from groundstation.cli.main import main
 from groundstation.errors import ConfigError
-from groundstation.live import head_device
+from groundstation.live import head_device, keep_out_zones
+from groundstation.live.head_device import HeadDevice
 from groundstation.live.keep_out_unit import KeepOutUnit
-from groundstation.live.keep_out_zones import sun_text, with_keep_out
+from groundstation.live.keep_out_zones import open_station_head, sun_text, with_keep_out
 from groundstation.live.station_file import StationFile, load_station
+from groundstation.pointing.keep_out import LensAxis
 from groundstation.rig.rig_toml import rig_to_toml
+from groundstation.session.folder import GeoOrigin
 from tests.complaints import complaint
 from tests.live.test_heads import pan_of, simulated_unit
 from tests.live.turning_unit import TurningUnit
@@ -57,6 +61,28 @@ def test_the_sun_and_sectors_are_passed_to_the_heads(tmp_path: Path) -> None:
     # the highest of the year, here
     assert math.degrees(math.asin(up[2])) == pytest.approx(90.0 - 47.1 + 23.4, abs=0.2)
     assert left.keep_out.zones(1000.0 + 12 * 3600.0).sun_runway is None
+
+
+def test_a_head_opened_by_itself_is_kept_out_by_the_rig_and_place_given(tmp_path: Path, monkeypatch) -> None:
+    """Expected: zones by another rig and place than the station file's, which are lost and elsewhere."""
+    opened: list[HeadDevice] = []
+    monkeypatch.setattr(keep_out_zones, "open_head", lambda name, head, clock: opened.append(head))
+    path = field(tmp_path, ORIGIN)
+    turned = [replace(s, runway_from_base_wxyz=np.array([0.6, 0.0, 0.0, 0.8])) for s in make_rig().stations]
+    other = replace(make_rig(), stations=tuple(turned))
+    place = GeoOrigin(lat_deg=-47.0, lon_deg=8.6, height_m=480.0, y_axis_azimuth_deg=0.0)
+    for given in ({}, {"rig": other, "origin": place}):
+        open_station_head(path, "left", lambda: 0.0, lambda: NOON_S, **given)
+    own, asked = (head.keep_out for head in opened)
+    assert own is not None
+    assert asked is not None
+    for keep_out, rig in ((own, make_rig()), (asked, other)):
+        wanted = LensAxis.of(rig["left"].geometry()).base_from_runway
+        assert np.abs(keep_out.lens.base_from_runway - wanted).max() < 1e-12
+    up = asked.zones(0.0).sun_runway
+    assert up is not None
+    # the lowest of the year, there
+    assert math.degrees(math.asin(up[2])) == pytest.approx(90.0 - 47.0 - 23.4, abs=0.2)
 
 
 def test_left_out_it_is_half_the_field_of_view_and_five_degrees(tmp_path: Path) -> None:

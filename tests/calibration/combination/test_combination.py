@@ -9,7 +9,8 @@ import pytest
 from scipy.stats import chi2
 
 from calibration.combination.directions import difference, direction_jacobian, directions, readings_of
-from calibration.combination.fusion import Combination, CombinationError, RigSource, combine
+from calibration.combination.fusion import Combination, combine
+from calibration.combination.shared_prior import CombinationError, RigSource
 from calibration.combination.text_report import common_direction, relative_direction
 from calibration.joint_covariance import with_covariance
 from calibration.stars.simulated.night_draw import drawn_station
@@ -66,6 +67,11 @@ def source(
     )
 
 
+def nearly(stated: ParameterCovariance) -> ParameterCovariance:
+    """Return a covariance that is as good as the same, and no copy."""
+    return ParameterCovariance(names=stated.names, matrix=1.0001 * stated.matrix)
+
+
 def changed(rig: Rig, change: dict[str, float]) -> Rig:
     stations = []
     for station in rig.stations:
@@ -118,9 +124,13 @@ def test_errors_are_as_large_as_is_said_and_less_than_of_each_source() -> None:
 
 
 def test_one_frame_needs_no_heading_and_two_like_sources_halve_the_variance() -> None:
+    """Expected: two independent sources whose covariances are as good as equal, each with errors of its own."""
     random = np.random.default_rng(3)
     one = source("stars", (*BASE, *BORESIGHT), random)
-    again = replace(one, name="again")
+    stated = one.rig.calibration_covariance()
+    error = random.multivariate_normal(np.zeros(len(stated.names)), stated.matrix)
+    moved = changed(TRUE, dict(zip(stated.names, error.tolist(), strict=True)))
+    again = RigSource(name="again", rig=with_covariance(moved, nearly(stated)))
     found = combine((one, again), HEADING_RAD)
     assert found.heading_rad is None
     own, together = (common_direction(rig) for rig in (one.rig, found.rig))
@@ -148,7 +158,8 @@ def test_rigs_with_other_axes_agree_where_they_look_alike() -> None:
                 step[CALIBRATION_PARAMETERS.index(name)] = value
             other = other.changed(step)
         stations.append(other)
-    second = RigSource(name="second", rig=replace(first.rig, stations=tuple(stations)))
+    stated = nearly(first.rig.calibration_covariance())
+    second = RigSource(name="second", rig=with_covariance(replace(first.rig, stations=tuple(stations)), stated))
     found = combine((first, second), HEADING_RAD)
     assert found.chi_square < 0.5
     for name in TRUE.names:
@@ -180,6 +191,117 @@ def test_what_a_flight_holds_goes_with_what_it_found() -> None:
         assert abs(difference(found.rig[name], stars.rig[name], BORESIGHT[1])) < np.radians(0.05)
 
 
+def workshop(random: np.random.Generator) -> RigSource:
+    """Return a rig whose boresight and lens a workshop has measured, with errors of it."""
+    names = tuple(f"{station}.{n}" for station in TRUE.names for n in (*BORESIGHT, *LENS))
+    sigma = np.array([2.0 * sigma_of(n.partition(".")[2], 1.0) for n in names])
+    matrix = np.diag(sigma**2)
+    error = dict(zip(names, random.normal(0.0, sigma).tolist(), strict=True))
+    return RigSource(
+        name="workshop", rig=with_covariance(changed(TRUE, error), ParameterCovariance(names=names, matrix=matrix))
+    )
+
+
+def calibrated_from(
+    prior: RigSource, name: str, told: Sequence[str], random: np.random.Generator, scale: float = 1.0
+) -> RigSource:
+    """Return the prior's rig after a calibration whose data tell some parameters, with errors of their own."""
+    before = prior.rig.calibration_covariance()
+    data = source(name, told, random, scale)
+    stated = data.rig.calibration_covariance()
+    names = tuple(dict.fromkeys((*stated.names, *before.names)))
+    information, right = np.zeros((len(names),) * 2), np.zeros(len(names))
+    for rig, known in ((prior.rig, before), (data.rig, stated)):
+        rows = [names.index(n) for n in known.names]
+        inverse = np.linalg.inv(known.matrix)
+        value = [
+            difference(rig[n.partition(".")[0]], TRUE[n.partition(".")[0]], n.partition(".")[2]) for n in known.names
+        ]
+        information[np.ix_(rows, rows)] += inverse
+        right[rows] += inverse @ np.array(value)
+    covariance = np.linalg.inv(information)
+    covariance = 0.5 * (covariance + covariance.T)
+    found = changed(TRUE, dict(zip(names, (covariance @ right).tolist(), strict=True)))
+    return RigSource(name=name, rig=with_covariance(found, ParameterCovariance(names=names, matrix=covariance)))
+
+
+def test_what_was_known_before_counts_once() -> None:
+    """Expected: two surveys of one workshop's rig know its focal length as the workshop, to 2 px, and not to 1.4."""
+    random = np.random.default_rng(11)
+    before = workshop(random)
+    both = tuple(calibrated_from(before, name, BASE, random) for name in ("first", "second"))
+    focal = f"left.{LENS[0]}"
+    with pytest.raises(
+        CombinationError, match=r"first, second: got one and the same covariance of left\.\w+ in both.*--prior"
+    ):
+        combine(both, HEADING_RAD)
+    found = combine(both, HEADING_RAD, before)
+    assert found.began == ("first", "second")
+    k = found.names.index(focal)
+    assert np.sqrt(found.covariance[k, k]) == pytest.approx(2.0, rel=1e-3)
+    assert difference(found.rig["left"], before.rig["left"], LENS[0]) == pytest.approx(0.0, abs=0.01)
+    own, together = (relative_direction(rig, "left", "right") for rig in (both[0].rig, found.rig))
+    assert own is not None
+    assert together is not None
+    assert together.pan_deg < own.pan_deg
+
+
+def test_errors_are_as_large_as_is_said_of_sources_that_began_with_one_prior() -> None:
+    """Expected: eᵀC⁻¹e and the agreement within the 99.8 % of chi-square; counted as independent they are above it."""
+    nees, size, misfit, degrees, counted_twice = 0.0, 0, 0.0, 0, 0.0
+    for seed in range(6):
+        random = np.random.default_rng([seed, 78])
+        before = workshop(random)
+        told = (*BASE, *BORESIGHT, *LENS)
+        sources = (
+            calibrated_from(before, "stars", told, random, 4.0),
+            calibrated_from(before, "sky", told, random, 4.0),
+            source("marks", (*BASE, *PLACE), random, 1.5),
+        )
+        found = combine(sources, HEADING_RAD, before)
+        assert found.began == ("stars", "sky")
+        error = errors_of(found)
+        nees += float(error @ np.linalg.solve(found.covariance, error))
+        size += len(error)
+        misfit, degrees = misfit + found.chi_square, degrees + found.degrees
+        twice = combine(sources, HEADING_RAD)
+        error = errors_of(twice)
+        counted_twice += float(error @ np.linalg.solve(twice.covariance, error))
+    low, high = chi2.ppf([0.001, 0.999], size)
+    assert low < nees < high
+    assert counted_twice > high
+    low, high = chi2.ppf([0.001, 0.999], degrees)
+    assert low < misfit < high
+
+
+def test_a_rig_that_is_given_twice_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    random = np.random.default_rng(6)
+    one = source("stars", (*BASE, *BORESIGHT), random)
+    with pytest.raises(CombinationError, match="again: got the calibration of stars once more; wanted each once"):
+        combine((one, replace(one, name="again")), HEADING_RAD)
+    (tmp_path / "sub").mkdir()
+    for name in ("a.toml", "sub/a.toml"):
+        (tmp_path / name).write_text(rig_to_toml(one.rig))
+    words = ["calibrate", "combine", "--out", str(tmp_path / "rig.toml"), str(tmp_path / "a.toml")]
+    assert main([*words, str(tmp_path / "sub" / ".." / "a.toml")]) == 2
+    assert "got the same file as" in capsys.readouterr().err
+    assert main([*words, str(tmp_path / "sub" / "a.toml")]) == 1
+    assert f"{tmp_path}/sub/a.toml: got the calibration of {tmp_path}/a.toml once more" in capsys.readouterr().err
+    assert main([*words, str(tmp_path / "sub" / "a.toml"), "--heading", "45"]) == 2
+    assert "--heading: got 45 deg; wanted at most 20" in capsys.readouterr().err
+    assert not (tmp_path / "rig.toml").exists()
+
+
+@pytest.mark.parametrize("turned_deg", [1.0, 5.0, 20.0])
+def test_a_frame_that_is_far_turned_is_found_as_far(turned_deg: float) -> None:
+    random = np.random.default_rng(9)
+    one = source("marks", BASE, random)
+    other = source("stars", BASE, random, 1.0, float(np.radians(turned_deg)))
+    found = combine((one, other), float(np.radians(20.0)))
+    assert found.heading_rad is not None
+    assert np.degrees(found.heading_rad) == pytest.approx(turned_deg, abs=0.05)
+
+
 def test_rigs_that_contradict_each_other_are_refused() -> None:
     random = np.random.default_rng(2)
     stars, flight = source("stars", (*BASE, *BORESIGHT), random), source("flight", BASE, random)
@@ -196,6 +318,8 @@ def test_what_cannot_be_combined_is_refused() -> None:
         combine((stars,), HEADING_RAD)
     with pytest.raises(CombinationError, match="state no covariance"):
         combine((RigSource(name="a", rig=TRUE), RigSource(name="b", rig=TRUE)), HEADING_RAD)
+    with pytest.raises(RigError, match="b: got no covariance; wanted a rig that a calibration has written"):
+        combine((stars, RigSource(name="b", rig=TRUE)), HEADING_RAD)
     one = RigSource(name="one", rig=replace(TRUE, stations=TRUE.stations[:1]))
     with pytest.raises(RigError, match="got stations left; wanted left, right, as in stars"):
         combine((stars, one), HEADING_RAD)

@@ -1,9 +1,11 @@
 """Lines of receivers: JSON of dump1090 and readsb, SBS, and what is none; paths from them; a receiver's port kept."""
 
+import errno
 import json
 import socket
 import threading
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,9 +15,13 @@ from hypothesis import strategies as st
 from calibration.sky.adsb import AdsbReport, as_json, by_aircraft, read_adsb, reports_of
 from calibration.sky.flight_path import fit_path, geometric_height, runway_positions
 from calibration.stars.sky import ObservingSite
+from groundstation.cli import adsb_receiver
+from groundstation.cli.adsb_lines import connection_lines, file_lines
+from groundstation.cli.adsb_receiver import AdsbReceiver
 from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.geometry.geodesy import ecef_from_enu, geodetic_from_ecef
+from tests.live.test_heads import until
 
 SITE = ObservingSite(lat_deg=47.0, lon_deg=8.0, height_m=500.0, y_axis_azimuth_deg=0.0, pressure_hpa=960.0, air_c=11.75)
 READSB = '{"now":1779364800.25,"hex":"3C6444","lat":47.25,"lon":8.5,"alt_baro":36000,"alt_geom":36725,"seen_pos":1.25}'
@@ -49,6 +55,83 @@ def test_a_position_repeated_counts_once_and_lines_written_are_read_again(tmp_pa
     (again,) = reports_of([as_json(found["3c6444"][0])])
     assert again.t_s == 1779364799.0
     assert again.height_m == pytest.approx(found["3c6444"][0].height_m, abs=0.05)
+
+
+def test_a_number_too_large_for_a_float_is_none() -> None:
+    assert list(reports_of([READSB.replace("47.25", "1" + "0" * 400)])) == []
+
+
+def test_a_receiver_s_thread_that_fails_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_: object) -> None:
+        raise ArithmeticError("odd")
+
+    monkeypatch.setattr(adsb_receiver, "reports_of", broken)
+    (tmp_path / "lines").write_text(READSB + "\n")
+    with AdsbReceiver(f"file:{tmp_path}/lines", tmp_path / "kept") as receiver:
+        assert until(lambda: receiver_fault(receiver) != "", 5.0)
+        assert "got a line that cannot be read (ArithmeticError: odd); wanted" in receiver_fault(receiver)
+
+
+def receiver_fault(receiver: AdsbReceiver) -> str:
+    try:
+        return receiver.ended()
+    except InputError as fault:
+        return str(fault)
+
+
+class FailingConnection:
+    """A connection that gives one part, and then fails by what it is told."""
+
+    def __init__(self, fault: OSError) -> None:
+        self.options: set[tuple[int, int]] = set()
+        self._fault, self._parts = fault, [READSB.encode() + b"\n"]
+
+    def settimeout(self, seconds: float) -> None:
+        assert seconds > 0.0
+
+    def setsockopt(self, level: int, option: int, value: int) -> None:
+        self.options.add((level, option))
+        assert value > 0
+
+    def recv(self, size: int) -> bytes:
+        assert size > 0
+        if self._parts:
+            return self._parts.pop()
+        raise self._fault
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (OSError(errno.EHOSTUNREACH, "No route to host"), "No route to host"),
+        (TimeoutError(errno.ETIMEDOUT, "Timed out"), "Timed out"),
+    ],
+)
+def test_a_network_that_fails_or_a_receiver_that_is_gone_ends_the_connection(fault: OSError, words: str) -> None:
+    connection = FailingConnection(fault)
+    lines = connection_lines(cast("socket.socket", connection), threading.Event())
+    assert next(lines) == READSB
+    assert (socket.SOL_SOCKET, socket.SO_KEEPALIVE) in connection.options
+    with pytest.raises(ConnectionError, match=words):
+        next(lines)
+
+
+def test_a_file_is_read_in_parts(tmp_path: Path) -> None:
+    """Expected: the lines of 2.5 MB one after the other, none lost or cut where parts of 1 MB meet."""
+    path = tmp_path / "lines"
+    wanted = [f"{k:06d} {'x' * 92}" for k in range(25_000)]
+    path.write_text("\n".join(wanted) + "\n")
+    stop = threading.Event()
+    lines = file_lines(path, stop)
+    assert [next(lines) for _ in wanted] == wanted
+    stop.set()
+
+
+def test_a_file_that_would_feed_itself_is_refused(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.jsonl").write_text(READSB + "\n")
+    assert main(["calibrate", "sky", "--receive", "file:a.jsonl", "--keep", str(tmp_path / "a.jsonl")]) == 2
+    assert "--receive: got 'file:a.jsonl'; wanted another file" in capsys.readouterr().err
 
 
 def test_a_file_without_positions_is_refused(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Heads that follow airliners: chosen by reach, met in the picture, clear of the Sun; what is skipped, what ends it."""
 
+import argparse
 import csv
 import json
 import signal
@@ -22,11 +23,15 @@ from calibration.stars.site_file import site_to_toml
 from calibration.stars.sky import ObservingSite, SkyOverSite
 from groundstation.arrays import FloatArray
 from groundstation.cli.adsb_receiver import AdsbReceiver
+from groundstation.cli.head_pictures import unopened_head
 from groundstation.cli.main import main
 from groundstation.cli.sky_recorder import AirlinerOrders, AirlinerRecorder, RecorderClock
+from groundstation.cli.standing_heads import StandingPlace
 from groundstation.cli.star_recorder import PictureFolder
 from groundstation.errors import InputError
+from groundstation.geometry.aim import aim_at
 from groundstation.geometry.geodesy import ecef_from_enu, geodetic_from_ecef, runway_axes
+from groundstation.live import sighting_station
 from groundstation.live.head_device import DeviceError
 from groundstation.live.keep_out_unit import KeepOutError
 from groundstation.live.sighting_station import StandingPicture
@@ -86,6 +91,10 @@ class Scene:
         times = NOON + np.arange(-120.0, 400.0)
         self._all = {name: reports_of_flight(name, flight, times, site) for name, flight in flights.items()}
         self.ends_s = np.inf
+        self.wait: Callable[[float], None] = self._pass
+
+    def _pass(self, seconds: float) -> None:
+        self.now_s += seconds
 
     def newest(self) -> Mapping[str, Sequence[AdsbReport]]:
         came = {n: [r for r in own if self.now_s - 120.0 < r.t_s <= self.now_s] for n, own in self._all.items()}
@@ -96,7 +105,7 @@ class Scene:
 
     def clock(self) -> RecorderClock:
         def wait(seconds: float) -> None:
-            self.now_s += seconds
+            self.wait(seconds)
 
         return RecorderClock(now=lambda: self.now_s, wait=wait)
 
@@ -129,11 +138,12 @@ class TurningHead:
 
 
 def recorder(
-    folder: Path, scene: Scene, orders: AirlinerOrders = ORDERS, site: ObservingSite = SITE
+    folder: Path, scene: Scene, orders: AirlinerOrders = ORDERS, site: ObservingSite = SITE, sun_deg: float = 0.0
 ) -> tuple[AirlinerRecorder, list[TurningHead], list[str]]:
     heads, said = [TurningHead(s.name, scene) for s in STATIONS], list[str]()
+    places = {s.name: StandingPlace(sun_rad=float(np.radians(sun_deg)), park_rad=(0.0, 0.0)) for s in STATIONS}
     made = AirlinerRecorder(
-        heads, reach_of(), orders, scene, SkyOverSite(site), PictureFolder(folder), scene.clock(), said.append
+        heads, reach_of(), orders, scene, SkyOverSite(site), PictureFolder(folder), scene.clock(), said.append, places
     )
     return made, heads, said
 
@@ -290,6 +300,106 @@ def test_a_way_that_is_closed_is_skipped_and_a_head_that_fails_ends_it(tmp_path:
     heads[0].before_turn = heads[1].before_turn = broken
     with pytest.raises(DeviceError, match="no answer"):
         made.run()
+
+
+def test_an_airliner_to_which_ways_are_closed_is_let_go_and_counts_for_none(tmp_path: Path) -> None:
+    """Expected: five airliners in reach and no way open: none is followed, the time passes."""
+    scene = Scene({f"a0000{k}": passing(0.0, 18_000.0 + 4_000.0 * k) for k in range(5)})
+    made, heads, said = recorder(tmp_path, scene, replace(ORDERS, airliners=5))
+    began_s = scene.now_s
+
+    def closed() -> None:
+        raise DeviceError("PTU: closed") from KeepOutError("closed")
+
+    for head in heads:
+        head.before_turn = closed
+    assert made.run() == ()
+    assert scene.now_s >= began_s + ORDERS.most_s
+    let_go = [line for line in said if "let go" in line]
+    assert len(let_go) == 5
+    assert "airliner a00000: 0 stops of each head" in said
+    assert made.refused == 5 * 5
+    assert said[-1] == "25 of 25 ways were refused, the last: PTU: closed"
+
+
+def test_heads_that_wait_are_turned_away_before_the_sun_comes(tmp_path: Path) -> None:
+    """Expected: 10 deg are kept though the Sun moves 20 deg in the hour, in which no airliner comes; then parked."""
+    site = replace(SITE, y_axis_azimuth_deg=180.0)
+    sky = SkyOverSite(site)
+    scene = Scene({}, site)
+    sun = sky.body("sun", scene.now_s + 1800.0)
+    made, heads, said = recorder(tmp_path, scene, replace(ORDERS, most_s=3600.0), site, sun_deg=10.0)
+    off = []
+    for head, station in zip(heads, STATIONS, strict=True):
+        aim = aim_at(station.geometry(), station.ptu_position_m + 1e9 * sun)
+        assert aim is not None
+        # some degrees ahead of the Sun
+        head.turn_to(aim.pan_rad + 0.2, aim.tilt_rad)
+
+    def watched(seconds: float) -> None:
+        scene.now_s += 60.0 * seconds
+        towards = sky.body("sun", scene.now_s)
+        for head, station in zip(heads, STATIONS, strict=True):
+            axis = station.geometry().camera_pose(*head.angles()).runway_from_camera[:, 2]
+            off.append(float(np.degrees(np.arccos(axis @ towards))))
+
+    scene.wait = watched
+    assert made.run() == ()
+    assert min(off) > 9.9
+    assert {line.split(",")[0] for line in said if "turned away" in line} == {
+        f"{head.name}: turned away from the Sun" for head in heads
+    }
+    made.leave()
+    assert [head.angles().tolist() for head in heads] == [[0.0, 0.0]] * 2
+    assert said[-1].startswith("right: left at pan 0.0, tilt 0.0")
+
+
+def test_a_head_that_cannot_park_is_turned_clear_or_told_of(tmp_path: Path) -> None:
+    site = replace(SITE, y_axis_azimuth_deg=180.0)
+    scene = Scene({}, site)
+    made, heads, said = recorder(tmp_path, scene, ORDERS, site, sun_deg=10.0)
+    sun = SkyOverSite(site).body("sun", scene.now_s)
+    for head, station in zip(heads, STATIONS, strict=True):
+        aim = aim_at(station.geometry(), station.ptu_position_m + 1e9 * sun)
+        assert aim is not None
+        head.turn_to(aim.pan_rad, aim.tilt_rad)
+    turns = []
+
+    def first_closed() -> None:
+        turns.append(0)
+        if len(turns) == 1:
+            raise DeviceError("left: PTU: closed") from KeepOutError("closed")
+
+    def closed() -> None:
+        raise DeviceError("right: PTU: closed") from KeepOutError("closed")
+
+    heads[0].before_turn, heads[1].before_turn = first_closed, closed
+    made.leave()
+    axis = STATIONS[0].geometry().camera_pose(*heads[0].angles()).runway_from_camera[:, 2]
+    assert np.degrees(np.arccos(axis @ sun)) > 20.0
+    assert said[0] == "left: not parked: left: PTU: closed"
+    assert "the Sun comes to its lens at" not in said[1]
+    assert "right: left at" in said[-1]
+    assert said[-1].endswith("the Sun comes to its lens at 11:59 UTC: cover it")
+
+
+def test_a_rig_and_a_site_that_are_given_keep_heads_off_the_sun(tmp_path: Path, monkeypatch) -> None:
+    """Expected: the head is opened with the rig of --rig and the place of --site, not with the station file's."""
+    opened = []
+
+    class NotOpened:
+        def __init__(self, *_: object, **given: object) -> None:
+            opened.append((given["rig"], given["origin"]))
+
+    monkeypatch.setattr(sighting_station, "GuardedHead", NotOpened)
+    write_station(tmp_path, true_rig())
+    other = true_rig()
+    options = argparse.Namespace(station_file=tmp_path / "field.toml", rate=5.0, exposure=None, gain=None)
+    made = unopened_head(options, "left", other, SITE)
+    assert made.calibrated is other["left"]
+    rig, origin = opened[0]
+    assert rig is other
+    assert (origin.lat_deg, origin.lon_deg, origin.y_axis_azimuth_deg) == (47.0, 8.0, 0.0)
 
 
 def test_without_airliners_it_ends_with_the_time_or_the_receiver(tmp_path: Path) -> None:
