@@ -472,7 +472,7 @@ def test_heads_stand_after_ctrl_c(tmp_path: Path) -> None:
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert until(lambda: abs(pan_rate_of(left)) > 0.0, 60.0)
             process.send_signal(signal.SIGINT)
-            out, _ = process.communicate(timeout=30.0)
+            out, _ = process.communicate(timeout=120.0)
         assert process.returncode == 130
         assert "pictures until now are in" in out
         assert until(lambda: pan_rate_of(left) == 0.0, 2.0)
