@@ -1,7 +1,10 @@
 """Panoramas of a site's heads in one file, .npz: grey levels, where they are of use, and their place, by station."""
 
 import io
+import struct
+import tokenize
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,6 +17,11 @@ from groundstation.files.whole_file import write_whole
 FORMAT = "groundstation-panorama/1"
 _MOST_BYTES, _MOST_PIXELS = 500_000_000, 200_000_000
 _KEYS = ("grey", "known", "place")
+# what zipfile and NumPy raise for bytes that are wrong
+_DAMAGED = (
+    *(ValueError, KeyError, EOFError, SyntaxError, NotImplementedError, RuntimeError, OverflowError, MemoryError),
+    *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError),
+)
 
 
 def write_panoramas(path: Path, panoramas: Mapping[str, GroundPanorama]) -> None:
@@ -45,7 +53,7 @@ def read_panoramas(path: Path) -> dict[str, GroundPanorama]:
     except OSError as fault:
         got = os_words(fault)
         raise InputError(str(path), got=got, wanted="a file of `calibrate panorama`") from fault
-    except (ValueError, KeyError, zipfile.BadZipFile, EOFError) as fault:
+    except _DAMAGED as fault:
         raise InputError(str(path), got="no panorama", wanted="a file of `calibrate panorama`") from fault
     if not found:
         raise InputError(str(path), got="no station", wanted="a panorama of one or more")

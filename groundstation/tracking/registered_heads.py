@@ -1,6 +1,6 @@
 """Head angles of frames by panoramas: where a frame fits, its own pan and tilt; where not, the encoder's, and why."""
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -25,7 +25,8 @@ class RegisteredHeads:
     search_every : of a head whose encoder is so poor that a frame has to be searched for, every how many frames are
         registered: in operation a search takes too long for each.
 
-    Angles of a recording's `FrameAngles` are taken as they are, without its picture. Raises `RigError` for a panorama
+    Angles of a recording's `FrameAngles` are taken as they are of stations without a panorama, and of frames of which
+    only parts were recorded. Raises `RigError` for a panorama
     of a station that the rig has not, or that does not turn.
     """
 
@@ -41,9 +42,11 @@ class RegisteredHeads:
         }
         self._frames: Counter[str] = Counter()
         self._registered: Counter[str] = Counter()
+        self._recorded: Counter[str] = Counter()
         self._failed: dict[str, Counter[str]] = {name: Counter() for name in panoramas}
         self._recalled: dict[tuple[str, float], FrameAngles] = {}
-        self._found: list[FrameAngles] = []
+        # the oldest are dropped where no recording takes them
+        self._found: deque[FrameAngles] = deque(maxlen=_MOST_RECALLED)
 
     def recall(self, angles: FrameAngles) -> None:
         """Note the angles of a frame that is not processed yet, from a recording."""
@@ -54,7 +57,8 @@ class RegisteredHeads:
 
     def take_found(self) -> list[FrameAngles]:
         """Return the angles that were found since the last call, for a recording."""
-        found, self._found = self._found, []
+        found = list(self._found)
+        self._found.clear()
         return found
 
     def improve(self, ready: ReadyFrame, fuse: Callable[[PtuSample], None]) -> ReadyFrame:
@@ -63,10 +67,14 @@ class RegisteredHeads:
         if not isinstance(record, Frame) or not isinstance(angles, InterpolatedAngles):
             return ready
         name, encoder = record.station, self._sigma_rad[record.station]
-        found = self._recalled.pop((name, record.t_s), None) or self._register(record, angles)
-        if found is None:
-            return ready
-        self._registered[name] += 1
+        found = self._recalled.pop((name, record.t_s), None)
+        if found is not None and (name not in self._heads or not as_picture(record.image).has_all):
+            self._recorded[name] += 1
+        else:
+            found = self._register(record, angles)
+            if found is None:
+                return ready
+            self._registered[name] += 1
         fuse(
             PtuSample(
                 t_s=found.t_s,
@@ -116,6 +124,6 @@ class RegisteredHeads:
             total = self._registered[name] + sum(failed.values())
             why = "".join(f"; {count} the encoder's: {reason}" for reason, count in sorted(failed.items()))
             lines.append(f"head angles of {name} from the picture in {self._registered[name]} of {total} frames{why}")
-        recalled = {name: count for name, count in self._registered.items() if name not in self._failed}
-        lines += [f"head angles of {name} in {count} frames from the recording" for name, count in recalled.items()]
+        for name, count in self._recorded.items():
+            lines.append(f"head angles of {name} in {count} frames from the recording")
         return lines

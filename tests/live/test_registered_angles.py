@@ -106,6 +106,17 @@ def test_a_replay_of_what_was_consumed_has_the_angles_of_the_pictures(tmp_path: 
         own = [(c.t_s, c.pan_rad, c.tilt_rad, c.status) for c in cameras(live.reports, station_name)]
         assert len(own) == PAIRS
         assert own == [(c.t_s, c.pan_rad, c.tilt_rad, c.status) for c in cameras(again, station_name)]
+    # a panorama that is given tells the angles of frames that are whole, whatever was recorded
+    other = replace(mosaic().panorama, left_rad=mosaic().panorama.left_rad + np.radians(0.1))
+    heads = RegisteredHeads(rig(), {name: other})
+    for event in live.consumed:
+        if isinstance(event, FrameAngles):
+            heads.recall(event)
+    pipeline = Pipeline(rig(), live_config(Config(), RATE_HZ), heads=heads)
+    anew = [*(pipeline.step(event) for event in live.consumed), pipeline.finish()]
+    moved = [c.pan_rad or 0.0 for c in cameras(anew, name)]
+    assert np.degrees(moved) == pytest.approx(TRUE_DEG[0] + 0.1, abs=0.05)
+    assert heads.notes() == [f"head angles of {name} from the picture in {PAIRS} of {PAIRS} frames"]
     off = {n: np.degrees([c.pan_rad or 0.0 for c in cameras(live.reports, n)]) - TRUE_DEG[0] for n in rig().names}
     assert np.abs(off[name]).max() < 0.05
     assert np.std(off[name]) < 0.5 * np.std(off["other"])
