@@ -113,8 +113,8 @@ def test_a_replay_of_what_was_consumed_has_the_angles_of_the_pictures(tmp_path: 
         if isinstance(event, FrameAngles):
             heads.recall(event)
     pipeline = Pipeline(rig(), live_config(Config(), RATE_HZ), heads=heads)
-    anew = [*(pipeline.step(event) for event in live.consumed), pipeline.finish()]
-    moved = [c.pan_rad or 0.0 for c in cameras(anew, name)]
+    with_it = [*(pipeline.step(event) for event in live.consumed), pipeline.finish()]
+    moved = [c.pan_rad or 0.0 for c in cameras(with_it, name)]
     assert np.degrees(moved) == pytest.approx(TRUE_DEG[0] + 0.1, abs=0.05)
     assert heads.notes() == [f"head angles of {name} from the picture in {PAIRS} of {PAIRS} frames"]
     off = {n: np.degrees([c.pan_rad or 0.0 for c in cameras(live.reports, n)]) - TRUE_DEG[0] for n in rig().names}
