@@ -241,12 +241,12 @@ def test_a_bird_s_odds_alone_do_not_take_the_target(film: Film, monkeypatch: pyt
         step(tracker, film, k)
     look, known = ChannelView.look, ChannelView.odds_at
 
-    def beside(view: ChannelView, target: ChannelTarget, image: ImageArray) -> Look:
+    def elsewhere(view: ChannelView, target: ChannelTarget, image: ImageArray) -> Look:
         roi, seen = look(view, target, image)
         assert isinstance(seen, Detection)
         return roi, replace(seen, box=shift(seen.box, 80.0, 0.0), centroid_px=seen.centroid_px + (80.0, 0.0))
 
-    monkeypatch.setattr(ChannelView, "look", beside)
+    monkeypatch.setattr(ChannelView, "look", elsewhere)
     monkeypatch.setattr(ChannelView, "odds_at", lambda *a: known(*a) - 6.0)
     assert max(off_px(film, k, step(tracker, film, k)) for k in range(30, 60)) < 0.4 * film.span_px
 
