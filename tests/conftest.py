@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -176,6 +177,14 @@ def unhurried_shutdown(monkeypatch: pytest.MonkeyPatch) -> None:
     """A station in the tests' own process may take its time to end; its bounds are tested elsewhere."""
     monkeypatch.setattr("groundstation.live.shutdown.END_S", 60.0)
     monkeypatch.setattr("groundstation.live.command.CLOSE_S", 30.0)
+
+
+@pytest.fixture
+def interrupts_heard() -> Iterator[None]:
+    """Let the tests' child processes hear interrupts, which a shell's background job ignores."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

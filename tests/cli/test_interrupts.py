@@ -4,7 +4,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -60,12 +59,7 @@ OF_ITS_OWN = """
 """
 
 
-@pytest.fixture(autouse=True)
-def heard() -> Iterator[None]:
-    """Let the tests' child processes hear interrupts, which a shell's background job ignores."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
+pytestmark = pytest.mark.usefixtures("interrupts_heard")
 
 
 def _run(command: str) -> "subprocess.CompletedProcess[str]":

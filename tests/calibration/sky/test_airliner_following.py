@@ -465,15 +465,7 @@ def test_the_command_turns_heads_to_an_airliner_and_keeps_pictures_and_positions
     assert "got pictures of another night or day" in capsys.readouterr().err
 
 
-@pytest.fixture
-def heard() -> Iterator[None]:
-    """Let the tests' child processes hear interrupts, which a shell's background job ignores."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.usefixtures("heard")
+@pytest.mark.usefixtures("interrupts_heard")
 def test_heads_stand_after_ctrl_c(tmp_path: Path) -> None:
     words = write_field(tmp_path, 90.0)
     with brisk_unit(tmp_path / "left") as left, brisk_unit(tmp_path / "right"):
