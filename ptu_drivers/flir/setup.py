@@ -9,7 +9,7 @@ from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import integer
 from ptu_drivers.flir.line import FlirLine
 from ptu_drivers.flir.poll import Query, best_query
-from ptu_drivers.flir.probe import probe, set_up
+from ptu_drivers.flir.probe import UnitFacts, probe, set_up
 from ptu_drivers.flir.unit import DRAINING_S, FlirUnit
 from ptu_drivers.health import FailureReason, HealthCounter
 from ptu_drivers.line_lock import PreemptibleLine
@@ -67,9 +67,7 @@ def connect(
     shared = PreemptibleLine(transport)
     line = FlirLine(shared, counter, settings.reply_timeout_s)
     try:
-        _find(line, settings, patience_s)
-        set_up(line)
-        facts = probe(line)
+        facts = _probed(line, settings, patience_s)
         _raise_baud(line, settings.baud)
         type_ahead = _takes_type_ahead(line)
     except ExchangeFailed as failure:
@@ -83,6 +81,23 @@ def connect(
     return unit
 
 
+def _probed(line: FlirLine, settings: UnitSettings, patience_s: float) -> UnitFacts:
+    """Find the unit, set it up and probe it; a few attempts, because a busy machine may stand still in any of them.
+
+    Raises
+    ------
+    ExchangeFailed, ProtocolError : as of the last attempt.
+    """
+    for _ in range(_TRIES - 1):
+        _find(line, settings, patience_s)
+        with suppress(ExchangeFailed):
+            set_up(line)
+            return probe(line)
+    _find(line, settings, patience_s)
+    set_up(line)
+    return probe(line)
+
+
 def _takes_type_ahead(line: FlirLine) -> bool:
     """Return whether letters sent during a reply leave that reply intact; tested, because it is not documented."""
     try:
@@ -90,7 +105,9 @@ def _takes_type_ahead(line: FlirLine) -> bool:
             for reported in line.query_pair("PP", "TP"):
                 integer(reported.answer.text)
     except (ExchangeFailed, ProtocolError):
-        line.resynchronise(line.transport.now() + line.longest_s())
+        # what is not repaired here is repaired by the unit's recovery
+        with suppress(ExchangeFailed):
+            line.resynchronise(line.transport.now() + line.longest_s())
         return False
     return True
 

@@ -471,7 +471,7 @@ def test_heads_stand_after_ctrl_c(tmp_path: Path) -> None:
     with brisk_unit(tmp_path / "left") as left, brisk_unit(tmp_path / "right"):
         command = [sys.executable, "-m", "groundstation", *words, "--rate", "1.5"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            assert until(lambda: abs(pan_rate_of(left)) > 0.0, 60.0)
+            assert until(lambda: abs(pan_rate_of(left)) > 0.0, 180.0)
             process.send_signal(signal.SIGINT)
             out, _ = process.communicate(timeout=120.0)
         assert process.returncode == 130

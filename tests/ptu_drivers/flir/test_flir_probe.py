@@ -13,7 +13,7 @@ from ptu_drivers.flir.poll import Poller
 from ptu_drivers.flir.probe import _axis
 from ptu_drivers.flir.setup import connect
 from ptu_drivers.health import FailureReason
-from ptu_drivers.messages import Axis
+from ptu_drivers.messages import Axis, Reading
 from ptu_drivers.simulated.faults import FAULTS
 from ptu_drivers.simulated.flir import FlirModel
 from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
@@ -87,3 +87,15 @@ def test_the_verbose_fault_makes_the_unit_verbose() -> None:
         assert not line.unit.flir.verbose
         assert FAULTS["verbose"](line, None) == 0.0
         assert line.unit.flir.verbose
+
+
+@pytest.mark.parametrize("at_s", [0.1, 0.3, 0.5, 0.7, 0.9, 1.1, 1.3])
+def test_a_unit_is_opened_though_it_is_silent_for_a_while(at_s: float) -> None:
+    """Expected: at whichever step of the set-up two and a half seconds of silence begin, it goes on after them."""
+    line = VirtualLine(SimulatedUnit(FlirModel(combined=False, device_clock=False), LineModel(), seed=3))
+    began = line.now()
+    line.at(began + at_s, lambda: setattr(line, "dead", True))
+    line.at(began + at_s + 2.5, lambda: setattr(line, "dead", False))
+    with connect(line, UnitSettings()) as unit:
+        assert any(isinstance(unit.read(), Reading) for _ in range(20))
+    assert line.now() - began > at_s + 2.5
