@@ -47,6 +47,10 @@ class TrackerConfig:
     doubt_agreement, doubt_missed, doubt_score, doubt_frames : a runway with less agreement of its edges' colours, more
         successive misses, or a lower score is compared with Algorithm 1's pairs; not again for so many frames.
     least_score : of a pair that may be taken for the runway.
+    tracked_agreement, tracked_contrast : least agreement of the edges' colours in a picture, and least share of its
+        usual contrast that an edge has of what the other one has of its own, with which the runway's edges are tracked;
+        below they may be other lines. Of 840 frames of 60 drawn approaches 7 had less agreement, all with an end more
+        than 2 px off, and 3 such a share (train 0-59).
     check_frames : number of frames after which it is compared in any case.
     work : units of work in a frame: tracking a pair is one (the runway three), Algorithm 1 one, a measurement of one of
         its pairs one. Tracking has priority; a search gets the rest, but at least one; without tracked pairs, all.
@@ -93,6 +97,8 @@ class TrackerConfig:
     doubt_missed: int = 3
     doubt_score: float = 1.0
     least_score: float = 0.0
+    tracked_agreement: float = 0.35
+    tracked_contrast: float = 0.5
     doubt_frames: int = 5
     check_frames: int = 30
     work: int = 5

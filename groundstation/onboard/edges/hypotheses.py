@@ -50,8 +50,8 @@ EXPECTED_NIS = 4.0
 _ANYWHERE_M = 10.0
 # weights of a score: agreement of the edges' colours, misfit to the pose, frames without edges
 _AGREEMENT, _NIS, _MISSED = 4.0, 0.125, 4.0
-# frames over which these are means
-_MEMORY = 12
+# frames over which these are means, and over which contrast is
+_MEMORY, _CONTRAST_MEMORY = 12, 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,6 +64,7 @@ class Hypothesis:
     frames, missed : since the pair was found; without edges since the last measurement.
     agreement, nis, lost : means over the last frames: see `EdgeMeasurement`, NIS at most 25, share without edges.
     markings : paint and lamps next to its edges, if it was tracked by profiles.
+    contrast : (2,) mean over the last frames across both edges, 0 to 1; None before the first.
     """
 
     state: LineState
@@ -74,15 +75,18 @@ class Hypothesis:
     nis: float
     lost: float
     markings: Markings | None = None
+    contrast: FloatArray | None = None
 
     def after(self, step: TrackingStep) -> "Hypothesis":
         """Return the hypothesis after a step."""
         weight = 1.0 / min(self.frames + 1, _MEMORY)
         seen = step.found is not None
-        agreement, nis = self.agreement, self.nis
+        agreement, nis, contrast = self.agreement, self.nis, self.contrast
         if step.found is not None and step.edges is not None:
             agreement += weight * (step.found.agreement - agreement)
             nis += weight * (min(step.edges.nis, _MOST_NIS) - nis)
+            before = step.found.contrast if contrast is None else contrast
+            contrast = before + (step.found.contrast - before) / _CONTRAST_MEMORY
         return Hypothesis(
             state=step.state,
             edges=step.edges,
@@ -94,6 +98,7 @@ class Hypothesis:
             markings=step.found.markings
             if step.found is not None and step.found.markings is not None
             else self.markings,
+            contrast=contrast,
         )
 
 

@@ -13,6 +13,8 @@ priority. Work is counted, not timed: the same pictures give the same edges.
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.frame_geometry import TrackerCamera
@@ -38,6 +40,8 @@ from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 _THOROUGHLY = 3
 # share of a frame's innovation by which the poses' variance is learned, the most that counts of one, most of them all
 _LEARNED, _MOST_NIS, _MOST_NOISIER = 0.1, 40.0, 100.0
+# of an edge, against division by nothing: one grey level
+_LEAST_CONTRAST = 1.0 / 255.0
 
 
 class EdgeTracker:
@@ -93,7 +97,7 @@ class EdgeTracker:
         step = track_lines(
             self._lookout, image, pose, runway.state, thorough=True, markings=runway.markings, layouts=layouts
         )
-        runway = runway.after(step)
+        usual, runway = runway.contrast, runway.after(step)
         self._unchecked += 1
         self._learn(step)
         if runway.missed > self._config.coast_frames:
@@ -103,20 +107,22 @@ class EdgeTracker:
         self._runway = runway
         if self._config.confirm_frames > 1 and self._doubted(runway, image, pose):
             return EdgeReport(status=EdgeStatus.ACQUIRING, miss=step.miss, edges=step.edges)
-        return EdgeReport(status=self._status_of(runway, step), miss=step.miss, edges=step.edges)
+        return EdgeReport(status=self._status_of(runway, step, usual), miss=step.miss, edges=step.edges)
 
-    def _status_of(self, runway: Hypothesis, step: TrackingStep) -> EdgeStatus:
+    def _status_of(self, runway: Hypothesis, step: TrackingStep, usual: FloatArray | None) -> EdgeStatus:
         """Return the status of the runway that is followed: not tracking in a picture in which it is not like one.
 
-        Its lines have just gone elsewhere, or place, width and the poses speak against it: it is doubted then, and a
-        covariance that takes it for the runway does not hold.
+        Its lines have just gone elsewhere, its edges differ from each other or from what they were (``usual`` contrast,
+        (2,)), or place, width and the poses speak against it: a covariance that takes it for the runway does not hold.
         """
-        if step.miss is not EdgeMiss.NONE:
+        found, config = step.found, self._config
+        if step.miss is not EdgeMiss.NONE or found is None:
             return EdgeStatus.COASTING
-        if self._config.confirm_frames == 1:
+        if config.confirm_frames == 1:
             return EdgeStatus.TRACKING
-        moved = step.found is not None and step.found.change is Change.LINES
-        like = score(runway, self._config) >= self._config.least_score and not moved
+        like = score(runway, config) >= config.least_score and found.change is not Change.LINES
+        like = like and found.agreement >= config.tracked_agreement
+        like = like and (usual is None or _evenly_kept(found.contrast, usual) >= config.tracked_contrast)
         return EdgeStatus.TRACKING if like else EdgeStatus.ACQUIRING
 
     def _learn(self, step: TrackingStep) -> None:
@@ -206,3 +212,9 @@ class EdgeTracker:
             self._runway, self._unchecked = best, 0
         miss = EdgeMiss.NONE if best.missed == 0 else EdgeMiss.FAINT
         return EdgeReport(status=EdgeStatus.TRACKING if proved else EdgeStatus.ACQUIRING, miss=miss, edges=best.edges)
+
+
+def _evenly_kept(contrast: FloatArray, usual: FloatArray) -> float:
+    """Return what one edge keeps of its usual contrast (2,) over what the other one does, 0 to 1."""
+    kept = contrast / np.maximum(usual, _LEAST_CONTRAST)
+    return float(kept.min() / max(kept.max(), _LEAST_CONTRAST))

@@ -43,6 +43,20 @@ def test_edges_that_noise_hides_are_missed_and_less_sure_from_frame_to_frame(con
     assert sigmas == sorted(sigmas)
 
 
+@pytest.mark.parametrize(("left", "right"), [(1.0, 0.3), (0.3, 1.0), (0.3, 0.3)])
+def test_an_edge_that_loses_its_contrast_alone_is_not_tracked(left: float, right: float) -> None:
+    """Where the ground becomes like the pavement on one side, the line may be another; on both, the light is."""
+    tracker, pose, inside, outside = started(), approach(), np.array([90, 90, 95]), np.array([50, 110, 80])
+    middle = project_lines(np.array([1.0, 0.0, 0.0, 0.0]), line_map(pose, KAPPA), np.array([245.0, 479.0]))[0]
+    side = np.arange(640)[None, :] > np.interp(np.arange(480), [245.0, 479.0], middle[:2])[:, None]
+    for k in range(8):
+        grounds = [inside + share * (outside - inside) for share in ((left, right) if k == 6 else (1.0, 1.0))]
+        pictures = [painted_runway(pose, outside=tuple(ground.astype(int)), seed=k) for ground in grounds]
+        report = tracker.step(np.where(side[:, :, None], pictures[1], pictures[0]), pose)
+        assert report.miss is EdgeMiss.NONE
+        assert (report.status is EdgeStatus.TRACKING) == (k != 6 or left == right)
+
+
 def test_a_pose_that_is_noisier_than_configured_is_found_to_be_so() -> None:
     """A degree of white noise where a quarter is taken: the edges are kept, and within what is stated."""
     tracker, rng, off = started(), np.random.default_rng(3), []
