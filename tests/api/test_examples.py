@@ -43,7 +43,7 @@ def replayed_once(
     landing_from_20_s: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Of those that replay the same seconds the first does, from the bundled landing's copy; the others have its run."""
+    """Of those that replay the same seconds the first does, from the bundled landing's copy; others have its run."""
     replay = groundstation.replay_session
 
     def once(path: str | Path, **options: Any) -> groundstation.ReplayedSession:

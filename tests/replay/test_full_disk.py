@@ -78,6 +78,7 @@ def test_a_result_takes_the_room_of_the_recording(tmp_path: Path, monkeypatch: p
 @pytest.mark.parametrize("measurements_with_room", [0, 3])
 def test_a_recording_without_room_ends_and_the_replay_does_not(
     landing_from_20_s: Path,
+    classic_tuning: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -90,7 +91,7 @@ def test_a_recording_without_room_ends_and_the_replay_does_not(
     monkeypatch.setattr("groundstation.recording.writer_thread._MEASURE_S", 0.0)
     out, recorded = tmp_path / "out", tmp_path / "flight.mcap"
     words = ["replay", str(landing_from_20_s), "--out", str(out), "--from", "20", "--to", "21.5", "--no-rerun"]
-    assert main([*words, "--record", str(recorded)]) == 1
+    assert main([*words, "--config", str(classic_tuning), "--record", str(recorded)]) == 1
     printed = capsys.readouterr()
     assert f"groundstation: {recorded} was given up: disk full, 0 MB free; the results are whole" in printed.err
     assert not recorded.exists()
