@@ -152,6 +152,17 @@ def lossless_landing(landing_1: Path) -> Path:
     return lossless_copy(landing_1, ROOT / "build" / "seekable")
 
 
+@pytest.fixture(scope="session")
+def classic_tuning(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A tuning with the classic detector, which searches a picture in a fifth of the time.
+
+    For tests in which it does not matter by what the aircraft is found.
+    """
+    path = tmp_path_factory.mktemp("tuning") / "classic.toml"
+    path.write_text('[detection]\ndetector = "classic"\n', encoding="utf-8")
+    return path
+
+
 @pytest.fixture(scope="module")
 def unrendered_figures() -> Iterator[None]:
     """A replay builds its report's figures, and Matplotlib does not render them, which takes longer than the replay.

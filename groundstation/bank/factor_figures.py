@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.bank.frame_classes import FRAME_FACTORS, class_column
-from groundstation.bank.pooled_figures import COVERAGE, HIT, MISLEADING, WRONG, Ratio, bootstrap_interval, pooled
+from groundstation.bank.pooled_figures import COVERAGE, HIT, MISLEADING, WRONG, Ratio, pooled, ratio_interval
 from groundstation.bank.result_table import Row
 
 PREFIX = "factor "
@@ -92,7 +92,7 @@ def _class_figures(
         return None
     low = high = None
     if len(used) > 1:
-        low, high = bootstrap_interval(len(used), lambda drawn: float(hit[drawn].sum() / visible[drawn].sum()))
+        low, high = ratio_interval(hit, visible)
     of_sessions = columns is _SESSION_COLUMNS
     return ClassFigures(
         factor=factor,

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
 from groundstation.bank.result_table import Row
@@ -90,16 +91,26 @@ def pooled(rows: Sequence[Row], ratio: Ratio) -> PooledFigure:
     value = above.sum() / below.sum() if known else None
     low = high = None
     if len(known) > 1:
-        low, high = bootstrap_interval(len(known), lambda drawn: float(above[drawn].sum() / below[drawn].sum()))
+        low, high = ratio_interval(above, below)
     return PooledFigure(ratio=ratio, value=value, low=low, high=high, sessions=len(known))
 
 
 def bootstrap_interval(count: int, figure: Callable[[np.ndarray], float]) -> tuple[float, float]:
     """Return the 95 % interval of a figure of resampled sessions; ``figure`` takes indices (count,) from 0."""
-    generator = np.random.default_rng(_SEED)
-    drawn = generator.integers(0, count, (_RESAMPLES, count))
-    low, high = np.quantile([figure(indices) for indices in drawn], _INTERVAL)
+    low, high = np.quantile([figure(indices) for indices in _resampled(count)], _INTERVAL)
     return float(low), float(high)
+
+
+def ratio_interval(above: FloatArray, below: FloatArray) -> tuple[float, float]:
+    """Return the 95 % interval of the ratio of two sums (n,) over resampled sessions."""
+    drawn = _resampled(len(above))
+    low, high = np.quantile(above[drawn].sum(axis=1) / below[drawn].sum(axis=1), _INTERVAL)
+    return float(low), float(high)
+
+
+def _resampled(count: int) -> NDArray[np.int64]:
+    """Return which of so many sessions are drawn (r, count), from 0."""
+    return np.random.default_rng(_SEED).integers(0, count, (_RESAMPLES, count))
 
 
 def session_values(rows: Sequence[Row], column: str) -> FloatArray:

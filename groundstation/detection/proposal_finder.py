@@ -104,7 +104,9 @@ class ProposalFinder:
         ratio = np.array(rows.shape[1::-1]) / np.array(size)
         if part.reduction > 1:
             rows = np.asarray(cv2.resize(rows, size, interpolation=cv2.INTER_AREA), np.uint8)
-        maps = _run(self._network, network_input(rows))
+        room = _room_for(rows.shape[0], rows.shape[1])
+        network_input(rows, room[0, :, : rows.shape[0], : rows.shape[1]])
+        maps = _maps_of(self._network, room)
         odds = maps[0]
         peaks = (odds >= cv2.dilate(odds, np.ones((3, 3), np.uint8))) & (odds > _LEAST_ODDS)
         cells_y, cells_x = np.nonzero(peaks)
@@ -147,8 +149,8 @@ def parts_of(image_size_px: tuple[int, int]) -> list[list[_PyramidPart]]:
     return [*groups, *(group for group in rest if group)]
 
 
-def network_input(image: ImageArray) -> Float32Array:
-    """Return what the network sees of a picture (h, w, 3) BGR: (3, h, w).
+def network_input(image: ImageArray, planes: Float32Array | None = None) -> Float32Array:
+    """Return what the network sees of a picture (h, w, 3) BGR: (3, h, w), in ``planes`` if these are given.
 
     The level less the mean around it, in spreads around it and in levels, and blue less red less the mean around it.
     Exposure and haze that change slowly over the picture do not matter.
@@ -157,13 +159,14 @@ def network_input(image: ImageArray) -> Float32Array:
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
     blue, red = (cv2.extractChannel(image, k) for k in (0, 2))
     colour: Float32Array = np.asarray(cv2.subtract(blue, red, dtype=cv2.CV_32F), np.float32)
-    mean, square, tint = (_around(plane) for plane in (grey, grey * grey, colour))
-    sharpness = np.asarray(1.0 / np.sqrt(np.maximum(square - mean * mean, 0.0) + _LEAST_SPREAD**2), np.float32)
     # in place: each array of a whole picture costs more to allocate than to fill
-    grey -= _enlarged(mean, (w, h))
-    colour -= _enlarged(tint, (w, h))
-    planes = np.empty((3, h, w), np.float32)
-    np.multiply(grey, _enlarged(sharpness, (w, h)), out=planes[0])
+    around = np.multiply(grey, grey)
+    mean, square, tint = (_around(plane) for plane in (grey, around, colour))
+    sharpness = np.asarray(1.0 / np.sqrt(np.maximum(square - mean * mean, 0.0) + _LEAST_SPREAD**2), np.float32)
+    grey -= _enlarged(mean, around)
+    colour -= _enlarged(tint, around)
+    planes = np.empty((3, h, w), np.float32) if planes is None else planes
+    np.multiply(grey, _enlarged(sharpness, around), out=planes[0])
     np.multiply(grey, 1.0 / _LEVELS, out=planes[1])
     np.multiply(colour, 1.0 / _COLOURS, out=planes[2])
     return np.clip(planes, -_MOST, _MOST, out=planes)
@@ -178,8 +181,8 @@ def _around(plane: Float32Array) -> Float32Array:
     return np.asarray(cv2.blur(small, (side, side), borderType=cv2.BORDER_REFLECT), np.float32)
 
 
-def _enlarged(plane: Float32Array, size_px: tuple[int, int]) -> Float32Array:
-    return np.asarray(cv2.resize(plane, size_px, interpolation=cv2.INTER_LINEAR), np.float32)
+def _enlarged(plane: Float32Array, out: Float32Array) -> Float32Array:
+    return np.asarray(cv2.resize(plane, out.shape[1::-1], dst=out, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def _apart(found: list[Proposal], most: int) -> list[Proposal]:
@@ -223,6 +226,18 @@ def _network(weights: bytes) -> "InferenceSession":
 def _run(network: "InferenceSession", planes: Float32Array) -> Float32Array:
     """Return a network's maps (5, h / 8, w / 8) of a picture's planes (3, h, w)."""
     h, w = planes.shape[1:]
-    whole = np.zeros((1, 3, -(-h // _MULTIPLE_PX) * _MULTIPLE_PX, -(-w // _MULTIPLE_PX) * _MULTIPLE_PX), np.float32)
-    whole[0, :, :h, :w] = planes
-    return np.asarray(network.run(None, {network.get_inputs()[0].name: whole})[0][0], np.float32)
+    room = _room_for(h, w)
+    room[0, :, :h, :w] = planes
+    return _maps_of(network, room)
+
+
+def _room_for(h: int, w: int) -> Float32Array:
+    """Return room for planes (3, h, w) of a size that the network takes, (1, 3, …); it is zero beyond them."""
+    room = np.empty((1, 3, -(-h // _MULTIPLE_PX) * _MULTIPLE_PX, -(-w // _MULTIPLE_PX) * _MULTIPLE_PX), np.float32)
+    room[:, :, h:] = 0.0
+    room[:, :, :, w:] = 0.0
+    return room
+
+
+def _maps_of(network: "InferenceSession", room: Float32Array) -> Float32Array:
+    return np.asarray(network.run(None, {network.get_inputs()[0].name: room})[0][0], np.float32)

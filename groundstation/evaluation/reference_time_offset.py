@@ -24,7 +24,7 @@ from groundstation.evaluation.position_series import (
     IndexArray,
     PositionSeries,
     ReferenceSeries,
-    interpolate,
+    interpolate_positions,
     smooth_velocity,
 )
 
@@ -145,15 +145,15 @@ class ReferenceAligner:
 
     def _of(self, rows: slice, offset_s: float, excluded: BoolArray | None) -> TimeAlignment:
         t_s = self.series.t_s[rows]
-        at = interpolate(self.reference, t_s + offset_s, self.max_gap_s)
-        good = at.usable if excluded is None else at.usable & ~excluded[rows]
+        position, usable = interpolate_positions(self.reference, t_s + offset_s, self.max_gap_s)
+        good = usable if excluded is None else usable & ~excluded[rows]
         index = np.flatnonzero(good)
-        slopes = interpolate(self._slopes, t_s[index] + offset_s, self.max_gap_s)
+        slope, _ = interpolate_positions(self._slopes, t_s[index] + offset_s, self.max_gap_s)
         return TimeAlignment(
             index=rows.start + index * (rows.step or 1),
-            error_m=self.series.position_m[rows][index] - at.position_m[index],
+            error_m=self.series.position_m[rows][index] - position[index],
             information=self._information[rows][index],
-            velocity_m_s=slopes.position_m,
+            velocity_m_s=slope,
             factor_m=self._factor[rows][index],
         )
 

@@ -91,8 +91,9 @@ class GustModel:
         normal = generator.normal(size=(t.size, 3, 3)) * np.array(self.sigma_m_s2)
         state = np.empty_like(normal)
         state[0] = _root(stationary) @ normal[0]
+        gusts = driven @ normal
         for k in range(1, t.size):
-            state[k] = transition @ state[k - 1] + driven @ normal[k]
+            state[k] = transition @ state[k - 1] + gusts[k]
         return SampledTrajectory(t_s=t, position_m=state[:, 0], velocity_m_s=state[:, 1])
 
     def _dynamics(self) -> FloatArray:

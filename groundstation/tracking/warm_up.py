@@ -25,7 +25,8 @@ from groundstation.integrity import leave_one_out
 
 _WIDTH, _HEIGHT = 640, 480
 _SPAN_PX, _LARGE_SPAN_PX = 60.0, 320.0
-_FRAMES = 10
+# the search compares a frame with the two before it; a look at a target changes with what it has learnt in some frames
+_SEARCHED, _FRAMES = 3, 10
 
 
 @cache
@@ -52,7 +53,8 @@ def warm_up(kind: DetectorKind = DetectorKind.LEARNED) -> None:
     for k in range(_FRAMES):
         place = np.array([250.0 + 8.0 * k, 200.0 + 3.0 * k])
         picture = _picture(place)
-        finder.find(picture, 0.3 * k, pose.runway_from_camera.T)
+        if k < _SEARCHED:
+            finder.find(picture, 0.3 * k, pose.runway_from_camera.T)
         hint = _hint(place, known=k > 1)
         roi = place_roi(place, hint.predicted_covariance_px2, None, config, lens.image_size_px)
         if roi is not None:

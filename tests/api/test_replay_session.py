@@ -19,8 +19,8 @@ PAGE = (Path(__file__).resolve().parents[2] / "docs" / "python.md").read_text(en
 pytestmark = pytest.mark.usefixtures("unrendered_figures")
 
 
-def test_the_arrays_are_those_of_the_files(landing_from_20_s: Path, tmp_path: Path) -> None:
-    run = replay_session(landing_from_20_s, out=tmp_path, from_s=20.0, to_s=22.0)
+def test_the_arrays_are_those_of_the_files(landing_from_20_s: Path, classic_tuning: Path, tmp_path: Path) -> None:
+    run = replay_session(landing_from_20_s, out=tmp_path, config=classic_tuning, from_s=20.0, to_s=22.4)
     with (tmp_path / "track.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert run.name == "landing-1"

@@ -21,6 +21,8 @@ from groundstation.session.folder import GeoOrigin
 from tests.approach.sessions import ORIGIN, pixel_session
 from tests.viewer.recording import Recording, documented_entities
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 _FRAME = LocalFrame(GeoOrigin(lat_deg=47.3, lon_deg=8.5, height_m=460.0, y_axis_azimuth_deg=30.0), 0.0)
 _SETTINGS = """format = "groundstation-autopilot/1"
 url = "udpout:127.0.0.1:9"

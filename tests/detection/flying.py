@@ -1,10 +1,11 @@
 """Made-up films of a small aircraft before sky and hills, seen by a camera that may pan and shake."""
 
+import math
 from dataclasses import dataclass, field
+from functools import cache
 
 import cv2
 import numpy as np
-from scipy.special import ndtri
 
 from groundstation.arrays import Float32Array, FloatArray, ImageArray
 from groundstation.box import Box, box_of_size
@@ -12,13 +13,23 @@ from groundstation.box import Box, box_of_size
 SIZE = (480, 360)
 RATE_HZ = 30.0
 Place = tuple[float, float]
-# the normal distribution in as many equal shares: one of them a pixel is drawn in a fifth of a normal number's time
-_NORMAL = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16)).astype(np.float32)
+_NUMBERS = 1 << 23
+
+
+@cache
+def _drawn() -> Float32Array:
+    return np.random.default_rng(1).standard_normal(_NUMBERS, np.float32)
 
 
 def normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Float32Array:
-    """Return independent normal numbers, float32, none beyond 4.3 sigma."""
-    return np.asarray(_NORMAL[rng.integers(0, len(_NORMAL), shape, dtype=np.uint16)])
+    """Return normal numbers, float32, independent of each other.
+
+    They are a part of one long draw, from a drawn place on: no pixel of two pictures has the same, and to draw half a
+    million for each picture takes longer than what is tested.
+    """
+    count = math.prod(shape)
+    place = int(rng.integers(0, _NUMBERS - count))
+    return _drawn()[place : place + count].reshape(shape)
 
 
 def panorama(rng: np.random.Generator, size: tuple[int, int] = (1400, 700), horizon: int = 430) -> ImageArray:
@@ -81,8 +92,7 @@ class Film:
         grey = cv2.warpAffine(self._grey, shifted, SIZE, flags=cv2.INTER_LINEAR).astype(np.float32)
         if k not in self.hidden:
             grey += self.level * self._silhouette(k)
-        picture = normal(self.rng, (*grey.shape, 3))
-        picture *= np.float32(self.noise)
+        picture = np.float32(self.noise) * normal(self.rng, (*grey.shape, 3))
         picture += cv2.GaussianBlur(grey, (0, 0), 0.7)[:, :, None]
         # rounds to even and limits to a byte
         return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0.0, out=picture)))

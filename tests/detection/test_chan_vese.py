@@ -59,9 +59,12 @@ _AT_REST = (SHIPPED.time_step, 4000, 0.0, 300)
 
 
 def ellipse_in_noise(rng: np.random.Generator, radius_px: float) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """An ellipse of this smaller radius in noise, and the inside of a start contour about it."""
-    y, x = np.mgrid[0:70, 0:160]
-    (u0, v0), stretch = rng.uniform([60, 28], [100, 42]), rng.uniform(1.0, 2.5)
+    """An ellipse of this smaller radius in noise, and the inside of a start contour about it; small ones in a part."""
+    w, h = (160, 70) if radius_px > 6.0 else (96, 48)
+    y, x = np.mgrid[0:h, 0:w]
+    middle = np.array([0.5 * w, 0.5 * h])
+    away_px = np.array([20.0, 7.0]) if radius_px > 6.0 else np.array([12.0, 5.0])
+    (u0, v0), stretch = rng.uniform(middle - away_px, middle + away_px), rng.uniform(1.0, 2.5)
     away = np.hypot((x - u0) / stretch, y - v0)
     u = 0.2 + rng.uniform(0.3, 0.7) / (1 + np.exp((away - radius_px) / 0.7)) + rng.normal(0, 0.04, x.shape)
     u = ((u - u.min()) / (u.max() - u.min())).astype(np.float32)

@@ -18,8 +18,8 @@ LANDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
 TABLES = ("track.csv", "triangulation.csv", "detections.csv", "track.tum")
 
 
-def _request(out: Path) -> ReplayRequest:
-    return ReplayRequest(session=LANDING, out=out, to_s=0.75, report=False)
+def _request(out: Path, tuning: Path) -> ReplayRequest:
+    return ReplayRequest(session=LANDING, out=out, config=tuning, to_s=0.75, report=False)
 
 
 def _names(folder: Path) -> list[str]:
@@ -31,9 +31,12 @@ def _whole_lines(path: Path) -> bool:
     return not text or text.endswith(b"\n")
 
 
-def test_results_are_whole_where_the_recording_has_no_room(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.usefixtures("unrendered_figures")
+def test_results_are_whole_where_the_recording_has_no_room(
+    classic_tuning: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
-    words = ["replay", str(LANDING), "--out", str(out), "--to", "0.75"]
+    words = ["replay", str(LANDING), "--out", str(out), "--config", str(classic_tuning), "--to", "0.75"]
     with files_of_at_most(1_000_000):
         code = main(words)
     printed = capsys.readouterr()
@@ -46,15 +49,17 @@ def test_results_are_whole_where_the_recording_has_no_room(tmp_path: Path, capsy
     assert (out / "report.html").read_text().endswith("</html>\n")
 
 
-def test_a_table_that_has_no_room_ends_with_a_whole_line(tmp_path: Path) -> None:
+def test_a_table_that_has_no_room_ends_with_a_whole_line(classic_tuning: Path, tmp_path: Path) -> None:
     with pytest.raises(OSError, match=r"csv|tum") as fault, files_of_at_most(120):
-        replay(_request(tmp_path))
+        replay(_request(tmp_path, classic_tuning))
     assert str(tmp_path) in str(fault.value)
     assert sorted(_names(tmp_path)) == sorted(TABLES)
     assert all(_whole_lines(tmp_path / name) for name in TABLES)
 
 
-def test_a_result_takes_the_room_of_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_result_takes_the_room_of_the_recording(
+    classic_tuning: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The summary finds the disk full until the recording's draft is gone."""
     import groundstation.replay.replay_outputs as outputs
 
@@ -67,7 +72,7 @@ def test_a_result_takes_the_room_of_the_recording(tmp_path: Path, monkeypatch: p
         write(path, evaluation)  # type: ignore[arg-type]
 
     monkeypatch.setattr(outputs, "write_summary", full)
-    result = replay(_request(tmp_path))
+    result = replay(_request(tmp_path, classic_tuning))
     assert [len(found) for found in drafts] == [1, 0]
     assert result.given_up == {tmp_path / "session.rrd": "no room left after the results"}
     assert not any(name.endswith("session.rrd") for name in _names(tmp_path))
@@ -78,6 +83,7 @@ def test_a_result_takes_the_room_of_the_recording(tmp_path: Path, monkeypatch: p
 @pytest.mark.parametrize("measurements_with_room", [0, 3])
 def test_a_recording_without_room_ends_and_the_replay_does_not(
     landing_from_20_s: Path,
+    classic_tuning: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -90,7 +96,7 @@ def test_a_recording_without_room_ends_and_the_replay_does_not(
     monkeypatch.setattr("groundstation.recording.writer_thread._MEASURE_S", 0.0)
     out, recorded = tmp_path / "out", tmp_path / "flight.mcap"
     words = ["replay", str(landing_from_20_s), "--out", str(out), "--from", "20", "--to", "21.5", "--no-rerun"]
-    assert main([*words, "--record", str(recorded)]) == 1
+    assert main([*words, "--config", str(classic_tuning), "--record", str(recorded)]) == 1
     printed = capsys.readouterr()
     assert f"groundstation: {recorded} was given up: disk full, 0 MB free; the results are whole" in printed.err
     assert not recorded.exists()
@@ -98,20 +104,20 @@ def test_a_recording_without_room_ends_and_the_replay_does_not(
     assert len((out / "track.csv").read_text().splitlines()) == 1 + 15
 
 
-def test_an_interrupt_leaves_whole_lines_and_no_draft(tmp_path: Path) -> None:
+def test_an_interrupt_leaves_whole_lines_and_no_draft(classic_tuning: Path, tmp_path: Path) -> None:
     (tmp_path / "session.rrd").write_bytes(b"of an earlier run")
 
     def interrupted(done: int, total: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        replay(_request(tmp_path), interrupted)
+        replay(_request(tmp_path, classic_tuning), interrupted)
     assert sorted(_names(tmp_path)) == sorted(TABLES)
     assert all(_whole_lines(tmp_path / name) and (tmp_path / name).stat().st_size for name in TABLES[:3])
 
 
 def test_an_interrupt_right_after_the_recordings_draft_leaves_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    classic_tuning: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Expected: before anything has been told of the draft that was just made."""
     import groundstation.viewer.session_view as opening
@@ -125,6 +131,6 @@ def test_an_interrupt_right_after_the_recordings_draft_leaves_none(
 
     monkeypatch.setattr(opening, "session_view", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        replay(_request(tmp_path))
+        replay(_request(tmp_path, classic_tuning))
     assert any(".part.session.rrd" in name for name in found)
     assert not any("session.rrd" in name for name in _names(tmp_path))

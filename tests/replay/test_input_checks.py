@@ -53,11 +53,11 @@ def session(landing_from_20_s: Path, tmp_path: Path) -> Callable[[Edit], Path]:
 
 
 def test_exchanged_stations_are_named_and_the_exit_is_1(
-    session: Callable[[Edit], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    session: Callable[[Edit], Path], classic_tuning: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    span = ["--from", f"{FROM_S}", "--to", f"{TO_S}"]
-    assert main(["replay", str(session(exchanged)), "--out", str(out), "--no-rerun", *span]) == 1
+    words = ["--no-rerun", "--config", str(classic_tuning), "--from", f"{FROM_S}", "--to", f"{TO_S}"]
+    assert main(["replay", str(session(exchanged)), "--out", str(out), *words]) == 1
     shown = capsys.readouterr()
     assert "inputs that cannot be right: stations left and right: the pictures of each move" in shown.err
     assert "exchanged" in shown.out
@@ -68,9 +68,17 @@ def test_exchanged_stations_are_named_and_the_exit_is_1(
     assert (out / "track.csv").is_file()
 
 
-def test_a_session_as_it_should_be_is_not_doubted(session: Callable[[Edit], Path], tmp_path: Path) -> None:
+def test_a_session_as_it_should_be_is_not_doubted(
+    session: Callable[[Edit], Path], classic_tuning: Path, tmp_path: Path
+) -> None:
     request = ReplayRequest(
-        session=session(as_they_are), out=tmp_path / "out", rerun=False, report=False, from_s=FROM_S, to_s=TO_S
+        session=session(as_they_are),
+        out=tmp_path / "out",
+        config=classic_tuning,
+        rerun=False,
+        report=False,
+        from_s=FROM_S,
+        to_s=TO_S,
     )
     summary = replay(request).evaluation.summary
     assert summary["contradictions"] == []

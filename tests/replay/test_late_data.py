@@ -25,7 +25,7 @@ from groundstation.messages import (
 )
 from groundstation.session import load_session
 from groundstation.sources.folder_source import FolderSource
-from groundstation.tracking.config import Config
+from groundstation.tracking.config import Config, load_config
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame, SynchroniseConfig, Synchroniser
 from tests.stereo_rig import flight_events, glide, make_rig
@@ -223,11 +223,11 @@ def test_the_window_is_bounded_in_time_and_in_number() -> None:
     assert len(by_number._late_buffer) <= 30
 
 
-def test_late_pictures_are_processed_without_a_disturbance(landing_from_20_s: Path) -> None:
+def test_late_pictures_are_processed_without_a_disturbance(landing_from_20_s: Path, classic_tuning: Path) -> None:
     """Every third right picture of two seconds of the bundled landing comes 0.3 s late: nearly all give their pixel,
     and the cameras miss nothing more than without them."""
     session = load_session(landing_from_20_s, None)
-    pipeline = Pipeline(session.rig, Config(), span_m=session.target.span_m)
+    pipeline = Pipeline(session.rig, load_config(classic_tuning), span_m=session.target.span_m)
     with FolderSource(session, 23.0, 27.0) as source:
         events = iter(source)
         for event in events:

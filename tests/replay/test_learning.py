@@ -20,7 +20,7 @@ LANDING = Path(__file__).parents[2] / "recordings" / "landing-1"
 SIGMA_RAD = np.radians(0.05)
 # pan and tilt of each mount, deg: two of them beyond two sigmas
 OFF_DEG = {"left": (0.102, -0.128), "right": (0.021, -0.028)}
-UNTIL_S = 16.0
+FROM_S, UNTIL_S = 4.0, 16.0
 
 
 def wrong_rig(folder: Path, *, admitted: bool) -> Path:
@@ -66,7 +66,16 @@ def taught(lossless_landing: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     # the evaluated part: y = 150 m is passed at 27.3 s
     session = lossless_landing
     replay(
-        ReplayRequest(session=session, rig=rig, out=out, to_s=27.5, rerun=False, report=False, learn_until_s=UNTIL_S)
+        ReplayRequest(
+            session=session,
+            rig=rig,
+            out=out,
+            from_s=FROM_S,
+            to_s=27.5,
+            rerun=False,
+            report=False,
+            learn_until_s=UNTIL_S,
+        )
     )
     return out
 
@@ -101,7 +110,7 @@ def test_a_rig_without_stated_errors_is_not_estimated(tmp_path: Path) -> None:
     # the estimated parameters are fixed by the rig, before the first picture
     replay(
         ReplayRequest(
-            session=LANDING, rig=rig, out=tmp_path, to_s=1.5, rerun=False, report=False, learn_until_s=UNTIL_S
+            session=LANDING, rig=rig, out=tmp_path, to_s=0.75, rerun=False, report=False, learn_until_s=UNTIL_S
         )
     )
     names = [e["name"] for e in json.loads((tmp_path / "summary.json").read_text())["calibration"]["errors"]]

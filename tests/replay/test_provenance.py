@@ -3,6 +3,8 @@
 import hashlib
 import json
 import subprocess
+import time
+from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -65,6 +67,30 @@ def test_the_hash_is_of_names_sizes_and_contents(tmp_path: Path) -> None:
     b.write_bytes(b"two")
     assert provenance.hash_of([a, b]) == hashlib.sha256(b"a\x003\x00oneb\x003\x00two").hexdigest()
     assert provenance.hash_of([a, tmp_path / "none"]) is None
+
+
+def test_a_hash_is_remembered_until_a_file_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: read once while nothing changes; again after a change that keeps the size, and while it is fresh."""
+    read: list[int] = []
+    parts = provenance._parts
+
+    def counted(size: int) -> Iterable[tuple[int, int]]:
+        read.append(size)
+        return parts(size)
+
+    monkeypatch.setattr(provenance, "_parts", counted)
+    file = tmp_path / "a"
+    file.write_bytes(b"one")
+    assert len({provenance.hash_of([file]) for _ in range(2)}) == 1
+    # a file that was written this moment may be written again within the same tick of its time
+    assert len(read) == 2
+    monkeypatch.setattr(provenance, "_SETTLED_NS", 0)
+    first = [provenance.hash_of([file]) for _ in range(3)]
+    assert len(read) == 3
+    time.sleep(0.02)
+    file.write_bytes(b"two")
+    assert provenance.hash_of([file]) not in first
+    assert len(read) == 4
 
 
 def test_a_large_file_is_hashed_in_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

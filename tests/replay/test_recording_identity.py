@@ -16,7 +16,7 @@ from groundstation.sinks.output_comparison import OutputComparisonSink
 
 pytestmark = pytest.mark.usefixtures("unrendered_figures")
 
-FROM_S, TO_S = 21.0, 23.5
+FROM_S, TO_S = 21.0, 22.7
 
 
 @pytest.fixture(scope="module")
