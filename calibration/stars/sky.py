@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -25,6 +25,7 @@ FIRST_UTC_S, LAST_UTC_S = -2_000_000_000.0, 2_500_000_000.0
 SEA_LEVEL_HPA, SCALE_HEIGHT_M = 1013.25, 8434.0
 STANDARD_AIR_C, LAPSE_C_PER_M = 15.0, 0.0065
 _MOON_RADIUS_KM = 1737.4
+_KEPT_TIMES = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +70,11 @@ class SkyOverSite:
         loaded = _load_skyfield()
         self._skyfield, self._planets, self._scale = loaded
         place = self._skyfield.wgs84.latlon(site.lat_deg, site.lon_deg, elevation_m=site.height_m)
-        self._place, self._observer = place, self._planets["earth"] + place
+        observer = self._planets["earth"] + place
+        self._place = place
+        # directions of several things at one time share what is computed of the time: nutation, the observer's place
+        self._observed_at = lru_cache(maxsize=_KEPT_TIMES)(lambda utc_s: observer.at(self._at(utc_s)))
+        self._body_at = lru_cache(maxsize=_KEPT_TIMES)(self._direction_of_body)
 
     def stars(self, ra_rad: FloatArray, dec_rad: FloatArray, utc_s: float) -> FloatArray:
         """Return apparent directions (n, 3), refraction included, of catalogue places (n,) in ICRS at a Unix time."""
@@ -78,11 +83,11 @@ class SkyOverSite:
 
     def body(self, name: str, utc_s: float) -> FloatArray:
         """Return the apparent direction (3,) of "sun" or "moon", refraction included, at a Unix time."""
-        return self._directions(self._planets[name], utc_s)
+        return self._body_at(name, utc_s).copy()
 
     def moon_radius_rad(self, utc_s: float) -> float:
         """Return the Moon's radius as seen from the site at a Unix time, rad."""
-        away = self._observer.at(self._at(utc_s)).observe(self._planets["moon"]).apparent().distance()
+        away = self._observed_at(utc_s).observe(self._planets["moon"]).apparent().distance()
         return math.asin(_MOON_RADIUS_KM / float(away.km))
 
     def pole(self) -> FloatArray:
@@ -92,15 +97,18 @@ class SkyOverSite:
 
     def icrs_from_runway(self, utc_s: float) -> FloatArray:
         """Return the rotation (3, 3) from the runway frame to ICRS at a Unix time; no aberration, no refraction."""
-        north_east_up = np.asarray(self._place.rotation_at(self._at(utc_s)))
+        north_east_up = np.asarray(self._place.rotation_at(self._observed_at(utc_s).t))
         east_north_up = north_east_up[[1, 0, 2]]
         return np.asarray(east_north_up.T @ runway_axes(self.site.y_axis_azimuth_deg).T)
+
+    def _direction_of_body(self, name: str, utc_s: float) -> FloatArray:
+        return self._directions(self._planets[name], utc_s)
 
     def _at(self, utc_s: float) -> Any:
         return self._scale.from_datetime(datetime.fromtimestamp(utc_s, UTC))
 
     def _directions(self, body: object, utc_s: float) -> FloatArray:
-        apparent = self._observer.at(self._at(utc_s)).observe(body).apparent()
+        apparent = self._observed_at(utc_s).observe(body).apparent()
         altitude, azimuth, _ = apparent.altaz(temperature_C=self.site.temperature, pressure_mbar=self.site.pressure)
         aside = np.asarray(azimuth.radians) - math.radians(self.site.y_axis_azimuth_deg)
         up = np.asarray(altitude.radians)

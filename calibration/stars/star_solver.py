@@ -4,6 +4,7 @@ The catalogue is the solver's own, Gaia DR3 to G 10 with bright stars of Hipparc
 motions applied to the pictures' year.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -93,9 +94,8 @@ class StarSolver:
             raise InputError("stars", got=got, wanted=f"{LEAST_FIELD_DEG:g} to {MOST_FIELD_DEG:g} deg")
         self._camera = tetra3rs.CameraModel(float(lens.focal_px.mean()), *(int(n) for n in lens.image_size_px))
         # stars move by less than a tenth of an arc second in a tenth of a year
-        self._database, self._catalogue = _load_catalogue(round(self._field_deg, 3), round(year, 1))
-        self._units = icrs_units(self._catalogue.ra_rad, self._catalogue.dec_rad)
-        self._rows = {int(n): k for k, n in enumerate(self._catalogue.number)}
+        loaded = _load_catalogue(round(self._field_deg, 3), round(year, 1))
+        self._database, self._catalogue, self._units, self._rows = loaded
 
     def solve(self, seen: StarImages) -> SolvedPicture | str:
         """Return the attitude of a picture, or why there is none."""
@@ -137,8 +137,11 @@ class StarSolver:
 
 
 @lru_cache(maxsize=4)
-def _load_catalogue(field_deg: float, year: float) -> tuple[Any, CatalogueStars]:
-    """Return the solver's patterns and stars for a field of view and a year: a second's work, shared by all heads."""
+def _load_catalogue(field_deg: float, year: float) -> tuple[Any, CatalogueStars, FloatArray, Mapping[int, int]]:
+    """Return the solver's patterns for a field of view and a year, and the stars, their units and rows by number.
+
+    It is a second's work, shared by all heads.
+    """
     database = load_tetra3rs().SolverDatabase.generate_from_gaia(
         max_fov_deg=field_deg * (1.0 + 2.0 * FOCAL_TOLERANCE),
         min_fov_deg=field_deg * (1.0 - 2.0 * FOCAL_TOLERANCE),
@@ -148,12 +151,14 @@ def _load_catalogue(field_deg: float, year: float) -> tuple[Any, CatalogueStars]
     stars = [database.get_star(k) for k in range(database.num_stars)]
     rows = [(s.id, s.ra_deg, s.dec_deg, s.magnitude) for s in stars if s.magnitude <= _FAINTEST]
     number, ra, dec, magnitude = zip(*rows, strict=True)
-    return database, CatalogueStars(
+    catalogue = CatalogueStars(
         number=np.array(number, dtype=np.int64),
         ra_rad=np.radians(ra),
         dec_rad=np.radians(dec),
         magnitude=np.array(magnitude),
     )
+    units = icrs_units(catalogue.ra_rad, catalogue.dec_rad)
+    return database, catalogue, units, {n: k for k, n in enumerate(number)}
 
 
 def match_stars(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from groundstation.simulation.scenery import Scenery
-from groundstation.simulation.scenery.scenery_kernels import column_at, radiance
+from groundstation.simulation.scenery.scenery_kernels import column_at, radiance, row_at
 from groundstation.simulation.scenery.tones import tables_of, tones_of
 
 
@@ -14,7 +14,7 @@ def colours(elevation: float) -> np.ndarray:
     found = np.zeros((400, 3))
     for row, azimuth in zip(found, np.linspace(-3.0, 3.0, 400), strict=True):
         column = column_at(tones, azimuth, 2e-4, eye)
-        radiance(tones, tables, column, elevation, 2e-4, eye, row, room)
+        radiance(tones, tables, column, row_at(tones, elevation, eye), 2e-4, eye, row, room)
     return found
 
 

@@ -4,7 +4,15 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.simulation.scenery.noise_kernels import lattice, layers, mix, noise, smooth, within
+from groundstation.simulation.scenery.noise_kernels import (
+    lattice,
+    layers,
+    layers_within,
+    mix,
+    noise,
+    smooth,
+    within,
+)
 from groundstation.simulation.scenery.tones import (
     FIRST_PATCH,
     GROUND,
@@ -41,7 +49,7 @@ def _surface(
             c[n] *= factor
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _fields(fields: FieldTones, x: float, y: float, covered: float, seed: int, c: FloatArray) -> None:
     """Lay distant fields over the ground."""
     iy = int(np.floor(y / _FIELD_Y_M))
@@ -92,7 +100,7 @@ def _paint(way: RunwayTones, x: float, y: float, covered_x: float, covered_y: fl
     return min(edge + middle + way.aim_blocks * block + way.end_bars * bars, 1.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _runway(
     table: np.ndarray,
     way: RunwayTones,
@@ -125,7 +133,7 @@ def _runway(
     mix(c, paved * paint, way.paint.b, way.paint.g, way.paint.r)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def ground(
     tones: Tones,
     tables: Tables,
@@ -164,7 +172,8 @@ def ground(
     if abs(x) < tones.runway.half and tones.runway.start < y < tones.runway.end:
         gloss = 0.0
     if tones.fields.cloud_shadow > 0.0:
-        thick = layers(x, y, _CLOUD_SHADOW_M, covered, 4, seed + 91) + 0.5
+        edge = 0.5 - tones.sky.cover
+        thick = layers_within(x, y, _CLOUD_SHADOW_M, covered, 4, seed + 91, edge - 0.08, edge + 0.08) + 0.5
         dark = tones.fields.cloud_shadow * smooth((thick - 1.0 + tones.sky.cover) / 0.16 + 0.5)
         mix(c, dark, 0.0, 0.0, 0.0)
     return gloss

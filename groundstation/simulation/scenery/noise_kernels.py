@@ -5,6 +5,10 @@ from numba import njit
 
 from groundstation.arrays import FloatArray
 
+# weight of a layer by that of the one before
+_WEAKER = 0.62
+_ROUNDING = 1e-9
+
 
 @njit(cache=True, nogil=True)
 def lattice(ix: int, iy: int, seed: int) -> float:
@@ -40,8 +44,31 @@ def layers(x: float, y: float, cell: float, covered: float, count: int, seed: in
             break
         fade = 1.0 / (1.0 + 4.0 * ratio * ratio)
         total += weight * fade * (noise(x / cell, y / cell, seed + k) - 0.5)
-        weight *= 0.62
+        weight *= _WEAKER
         cell *= 0.5
+    return total
+
+
+@njit(cache=True, nogil=True)
+def layers_within(
+    x: float, y: float, cell: float, covered: float, count: int, seed: int, low: float, high: float
+) -> float:
+    """Return `layers` where they are between two bounds, otherwise any value beyond the same bound.
+
+    The layers not yet added are below a geometric series.
+    """
+    total, weight = 0.0, 1.0
+    for k in range(count):
+        ratio = covered / cell
+        if ratio > 2.0:
+            break
+        fade = 1.0 / (1.0 + 4.0 * ratio * ratio)
+        total += weight * fade * (noise(x / cell, y / cell, seed + k) - 0.5)
+        weight *= _WEAKER
+        cell *= 0.5
+        most = 0.5 * weight / (1.0 - _WEAKER) + _ROUNDING
+        if total + most < low or total - most > high:
+            break
     return total
 
 

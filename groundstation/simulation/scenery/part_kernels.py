@@ -52,7 +52,7 @@ class PartTable(NamedTuple):
     azimuth_to: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _cut(corners: FloatArray, k: int, azimuth: float, out: FloatArray) -> bool:
     """Fill the lowest and highest elevation (2,) at which face k is seen under an azimuth; False where it is not."""
     sine, cosine = np.sin(azimuth), np.cos(azimuth)
@@ -74,7 +74,7 @@ def _cut(corners: FloatArray, k: int, azimuth: float, out: FloatArray) -> bool:
     return out[1] > out[0]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _shade(
     faces: FaceTable, k: int, azimuth: float, elevation: float, pixel: float, sky: SkyTones, c: FloatArray
 ) -> tuple[float, float]:
@@ -103,7 +103,7 @@ def _shade(
     return opacity, distance
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _cuts(
     faces: FaceTable, first: int, end: int, azimuth: float, top: float, density: float, cuts: FloatArray
 ) -> tuple[int, int]:
@@ -122,7 +122,7 @@ def _cuts(
     return int(np.floor(max(low, -1e6) + 0.5)), int(np.floor(min(high, 1e6) + 0.5))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _column(
     faces: FaceTable,
     first: int,

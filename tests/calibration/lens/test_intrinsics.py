@@ -9,7 +9,7 @@ import pytest
 
 from calibration.errors import IntrinsicsError
 from calibration.lens.boards import parse_board
-from calibration.lens.intrinsics import calibrate_intrinsics
+from calibration.lens.intrinsics import Intrinsics, calibrate_intrinsics
 from calibration.lens.model import PARAMETERS, CalibratedLens
 from calibration.lens.rig import write_rig_with_lens
 from calibration.lens.view_choice import Choice
@@ -45,6 +45,11 @@ def shots() -> list[GreyPicture]:
     return [*taken, GreyPicture(name="twice.png", grey=taken[2].grey)]
 
 
+@pytest.fixture(scope="module")
+def found(shots: list[GreyPicture]) -> Intrinsics:
+    return calibrate_intrinsics(shots, parse_board(CHARUCO))
+
+
 def held_to(error: np.ndarray, sigma: np.ndarray, usual: Sequence[float]) -> None:
     """Hold errors and sigmas of PARAMETERS to sigmas written down here, measured on the same pictures."""
     assert np.all(np.abs(error) < 4.0 * np.array(usual))
@@ -59,8 +64,7 @@ def _folder(path: Path, shots: list[GreyPicture]) -> Path:
     return path
 
 
-def test_rendered_pictures_give_the_lens(shots: list[GreyPicture]) -> None:
-    found = calibrate_intrinsics(shots, parse_board(CHARUCO))
+def test_rendered_pictures_give_the_lens(shots: list[GreyPicture], found: Intrinsics) -> None:
     error = parameters(found.fit.lens) - parameters(LENS)
     # a rendered corner's error is not quite white, so the sigmas are a little small
     assert np.all(np.abs(error) < 4.0 * found.fit.sigma)
@@ -74,9 +78,8 @@ def test_rendered_pictures_give_the_lens(shots: list[GreyPicture]) -> None:
     assert list(reported) == [s.name for s in shots]
 
 
-def test_plain_opencv_finds_the_same_in_the_same_pictures(shots: list[GreyPicture]) -> None:
+def test_plain_opencv_finds_the_same_in_the_same_pictures(shots: list[GreyPicture], found: Intrinsics) -> None:
     """OpenCV from end to end: its detector's corners, its `calibrateCamera`, in the pictures that were used."""
-    found = calibrate_intrinsics(shots, parse_board(CHARUCO))
     used = {v.name for v in found.verdicts if v.choice is Choice.USED}
     board = cv2.aruco.CharucoBoard((7, 5), 0.04, 0.03, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
     detector = cv2.aruco.CharucoDetector(board)
