@@ -41,7 +41,8 @@ class Interrupts:
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        sys.unraisablehook = self._hook_before
+        # Python still destroys what the interrupt has left half made
+        sys.unraisablehook = self._after_interrupt if self.received else self._hook_before
 
     def _on_interrupt(self, *_: object) -> None:
         self.received = True
@@ -55,6 +56,12 @@ class Interrupts:
             again.daemon = True
             again.start()
         else:
+            self._after_interrupt(lost)
+
+    def _after_interrupt(self, lost: "UnraisableHookArgs") -> None:
+        """Report it, but for a destructor that misses what an interrupted constructor has not set."""
+        half_made = lost.exc_type is not None and issubclass(lost.exc_type, AttributeError)
+        if not (self.received and half_made):
             self._hook_before(lost)
 
 

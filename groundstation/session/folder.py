@@ -10,7 +10,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError, RecordingError, SessionError
 from groundstation.files.csv_table import CsvTable
-from groundstation.files.text_file import TextFolder
+from groundstation.files.text_file import TextFolder, absence, is_other_kind
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.messages import InitialState
 from groundstation.recording.mcap_metadata import RecordingHeader
@@ -129,7 +129,8 @@ def load_folder(folder: Path, rig_path: Path | None = None) -> Session:
     Raises `SessionError` or `RigError` with the place, the value found and the value expected.
     """
     if not folder.is_dir():
-        raise SessionError(str(folder), got="no such folder", wanted="a session folder with session.toml")
+        got = absence(folder) if is_other_kind(folder) else "no such folder"
+        raise SessionError(str(folder), got=got, wanted="a session folder with session.toml")
     rig = load_rig(rig_path if rig_path is not None else folder / "rig.toml")
     left_out = _left_out(folder, rig) if rig_path is not None else frozenset()
     session = read_session(folder, Path(os.path.realpath(folder)).name, rig, left_out, find_media(folder, rig))
