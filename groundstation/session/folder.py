@@ -24,6 +24,8 @@ _TABLES = ("clocks", "target", "initial", "origin", "phase", "dgps")
 _MAX_PHASES = 10_000
 # the recorder's own notes are few; searching for misspelt keys costs a comparison with each known key
 _MAX_ENTRIES = 1_000
+# how this program's files of other kinds call themselves
+_OTHER_FILES = ("groundstation-", "stereo-ptu-rig/")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -151,6 +153,9 @@ def read_session(
     path = folder / "session.toml"
     top = TomlTable(load_toml(path, SessionError), str(path), SessionError)
     _refuse_misspelt(top)
+    kind = top.values.get("format")
+    if isinstance(kind, str) and kind.startswith(_OTHER_FILES):
+        raise top.fail("format", quoted(kind), "a session's description, which has none")
     clocks = _clocks(top.table("clocks"), {*rig.names, *left_out})
     frame = top.text("frame", "runway")
     if frame not in ("runway", "east-north-up"):
