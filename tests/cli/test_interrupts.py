@@ -62,6 +62,14 @@ HALF_MADE = """
     Handle()
     return 0
 """
+# the frames of a library whose objects are not to be left half made
+WITHIN_LLVM = """
+    space = {"__name__": "llvmlite.binding.a_test", "signal": signal, "time": time}
+    exec("def make():\\n signal.raise_signal(signal.SIGINT)\\n time.sleep(0.1)\\n print('made')", space)
+    space["make"]()
+    time.sleep(20)
+    return 0
+"""
 AT_THE_END = """
     import atexit
     atexit.register(signal.raise_signal, signal.SIGINT)
@@ -89,6 +97,11 @@ def test_an_interrupt_is_never_lost_and_no_traceback(command: str) -> None:
 def test_what_an_interrupt_leaves_half_made_is_destroyed_without_a_word() -> None:
     done = _run(HALF_MADE.format(raised="signal.raise_signal(signal.SIGINT); time.sleep(0)"))
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "groundstation: interrupted\n")
+
+
+def test_an_interrupt_within_llvm_comes_when_it_is_left() -> None:
+    done = _run(WITHIN_LLVM)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "made\n", "groundstation: interrupted\n")
 
 
 def test_what_a_destructor_misses_without_an_interrupt_is_reported() -> None:
