@@ -1,5 +1,6 @@
 """The URL of a link to a vehicle, as MAVProxy and MAVSDK users write it."""
 
+import ipaddress
 import re
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ _WANTED = (
     "/dev/SERIAL[:BAUD]"
 )
 _BAUD = 57_600
+_NUMBERS = re.compile(r"[\d.]+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,14 +30,26 @@ class LinkUrl:
 def parse_link_url(text: str) -> LinkUrl:
     """Return the link of a URL; raises `ConfigError`. A listener without a host listens at the loopback interface."""
     if match := _UDP_OUT.fullmatch(text):
-        return LinkUrl(text=text, device=f"udpout:{match[1]}:{_port(text, match[2])}")
+        return LinkUrl(text=text, device=f"udpout:{_host(text, match[1])}:{_port(text, match[2])}")
     if match := _UDP_IN.fullmatch(text):
-        return LinkUrl(text=text, device=f"udpin:{match[1] or '127.0.0.1'}:{_port(text, match[2])}")
+        return LinkUrl(text=text, device=f"udpin:{_host(text, match[1] or '127.0.0.1')}:{_port(text, match[2])}")
     if match := _TCP.fullmatch(text):
-        return LinkUrl(text=text, device=f"tcp:{match[1]}:{_port(text, match[2])}")
+        return LinkUrl(text=text, device=f"tcp:{_host(text, match[1])}:{_port(text, match[2])}")
     if match := _SERIAL.fullmatch(text):
         return LinkUrl(text=text, device=match[1], baud=int(match[2] or _BAUD))
     raise ConfigError("autopilot URL", got=repr(text), wanted=_WANTED)
+
+
+def _host(text: str, host: str) -> str:
+    """Return a host; pymavlink would send to one that cannot be, as 192.168.0.256, without a word."""
+    if _NUMBERS.fullmatch(host):
+        try:
+            ipaddress.IPv4Address(host)
+        except ValueError as fault:
+            raise ConfigError(
+                "autopilot URL", got=repr(text), wanted="four numbers from 0 to 255, or a name"
+            ) from fault
+    return host
 
 
 def _port(text: str, port: str) -> int:

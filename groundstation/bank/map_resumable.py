@@ -17,6 +17,7 @@ from groundstation.bank.dispatcher import Dispatcher, FinishedJob, JobFailure
 from groundstation.bank.program_version import identity_of
 from groundstation.bank.result_store import JobResult, ResultStore
 from groundstation.errors import InputError
+from groundstation.files.new_folder import make_folder
 from groundstation.files.output_names import name_fault
 
 ItemT = TypeVar("ItemT")
@@ -71,7 +72,7 @@ def map_resumable(
     if waiting:
         require_dask()
         traces = out / _TRACES
-        traces.mkdir(parents=True, exist_ok=True)
+        make_folder(traces)
         count = min(workers or usable_cores(), len(waiting))
         with open_cluster(count, scheduler) as client:
             dispatcher = Dispatcher(client, function, waiting.items(), limit_s=limit_s, traces=traces.resolve())

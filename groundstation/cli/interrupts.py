@@ -7,7 +7,7 @@ would be printed with a traceback and forgotten, and in a module that is being i
 import signal
 import sys
 import threading
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import TYPE_CHECKING
 
 from groundstation.cli.terminated import Terminated
@@ -41,21 +41,44 @@ class Interrupts:
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        sys.unraisablehook = self._hook_before
+        # Python still destroys what the interrupt has left half made
+        sys.unraisablehook = self._after_interrupt if self.received else self._hook_before
 
-    def _on_interrupt(self, *_: object) -> None:
+    def _on_interrupt(self, _: int, frame: FrameType | None) -> None:
         self.received = True
+        if _in_llvm(frame):
+            _send_again(signal.SIGINT)
+            return
         raise KeyboardInterrupt
 
     def _on_unraisable(self, lost: "UnraisableHookArgs") -> None:
         if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
             # not from here: a hook is another place that an interrupt cannot leave
             number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
-            again = threading.Timer(_AGAIN_S, _interrupt_main_thread, (number,))
-            again.daemon = True
-            again.start()
+            _send_again(number)
         else:
+            self._after_interrupt(lost)
+
+    def _after_interrupt(self, lost: "UnraisableHookArgs") -> None:
+        """Report it, but for a destructor that misses what an interrupted constructor has not set."""
+        half_made = lost.exc_type is not None and issubclass(lost.exc_type, AttributeError)
+        if not (self.received and half_made):
             self._hook_before(lost)
+
+
+def _in_llvm(frame: FrameType | None) -> bool:
+    """Return whether LLVM is being called: an object whose owner is not noted yet would be freed twice, a crash."""
+    while frame is not None:
+        if str(frame.f_globals.get("__name__", "")).startswith("llvmlite."):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _send_again(number: signal.Signals) -> None:
+    again = threading.Timer(_AGAIN_S, _interrupt_main_thread, (number,))
+    again.daemon = True
+    again.start()
 
 
 def _interrupt_main_thread(number: signal.Signals) -> None:

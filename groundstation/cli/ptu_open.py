@@ -16,7 +16,7 @@ def open_unit(options: argparse.Namespace):  # type: ignore[no-untyped-def] # it
     if options.station is not None:
         return _open_of_station(options)
     if options.url is None:
-        raise UsageError(f"groundstation ptu {options.ptu}", got="no URL", wanted="one, or --station FILE NAME")
+        raise UsageError(f"ptu {options.ptu}", got="no URL", wanted="one, or --station FILE NAME")
 
     def soft(limits: tuple[float, float] | None) -> AxisSettings:
         if limits is None:
@@ -46,7 +46,7 @@ def _open_of_station(options: argparse.Namespace):  # type: ignore[no-untyped-de
     }
     conflicting = [option for option, given in own.items() if given]
     if conflicting:
-        where = f"groundstation ptu {options.ptu}"
+        where = f"ptu {options.ptu}"
         raise UsageError(
             where, got=f"{conflicting[0]} and --station", wanted="one of them: the file holds the connection"
         )

@@ -146,7 +146,7 @@ def run_train(options: argparse.Namespace) -> int:
         from training.fit import FitSettings
         from training.request import TrainRequest, material_of, train
     except ModuleNotFoundError as fault:
-        raise InputError("groundstation train", got=str(fault), wanted="pip install 'groundstation[train]'") from fault
+        raise InputError("train", got=str(fault), wanted="pip install 'groundstation[train]'") from fault
     from training.material import MaterialRequest
 
     if options.hard and options.start is None:

@@ -68,7 +68,7 @@ def run_train_proposals(options: argparse.Namespace) -> int:
         from training.proposal_request import ProposalRequest, train_proposals
     except ModuleNotFoundError as fault:
         wanted = "pip install 'groundstation[train]'"
-        raise InputError("groundstation train-proposals", got=str(fault), wanted=wanted) from fault
+        raise InputError("train-proposals", got=str(fault), wanted=wanted) from fault
     from training.filmed_pictures import PictureRequest
 
     request = ProposalRequest(

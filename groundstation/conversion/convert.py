@@ -10,6 +10,7 @@ from groundstation.conversion.reference_cut import SessionPart, cut_references, 
 from groundstation.conversion.session_folder_writer import SessionFolderWriter, WrittenCounts
 from groundstation.errors import InputError, UsageError
 from groundstation.files.output_names import below
+from groundstation.files.text_file import absence, is_other_kind
 from groundstation.messages import Epoch, Event
 from groundstation.recording.recorder import PATIENT, Recorder, RecorderState
 from groundstation.session import Session, load_session
@@ -50,6 +51,8 @@ def convert(
             "a recording (.mcap) or a folder; a map of the track is one of the results of replay and evaluate --out"
         )
         raise UsageError(str(out), got=f"a name that ends in {out.suffix}", wanted=wanted)
+    if is_other_kind(out) and not out.is_dir():
+        raise InputError(str(out), got=absence(out), wanted="a file that ends in .mcap, or a new folder")
     session = load_session(source)
     packs = out.suffix == ".mcap"
     if not packs and session.recorded is None and out.suffix and not out.is_dir():

@@ -1,6 +1,7 @@
 """Import of videos, a log and tables as a session folder; on invalid input nothing is written."""
 
 import errno
+import itertools
 import os
 import shutil
 from collections.abc import Callable
@@ -79,6 +80,9 @@ def _check_rig(request: ImportRequest, rig: Rig) -> None:
     if set(request.videos) != set(rig.names):
         got = f"videos of {', '.join(request.videos) or 'nothing'}"
         raise InputError(request.rig.name, got=got, wanted=f"one for each station: {', '.join(rig.names)}")
+    for (first, one), (second, other) in itertools.combinations(request.videos.items(), 2):
+        if os.path.realpath(one) == os.path.realpath(other):
+            raise InputError(str(other), got=f"one video for {first} and {second}", wanted="each station's own")
     for name in request.starts:
         if name not in rig.names:
             raise InputError("--start", got=f"station {name!r}", wanted=f"one of {', '.join(rig.names)}")

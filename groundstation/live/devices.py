@@ -9,6 +9,7 @@ from groundstation.files.nearest_word import one_of
 from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile
 from groundstation.rig.rig import Rig
+from groundstation.rig.stations_apart import require_one_sight
 from groundstation.sources.cameras.camera import (
     CameraError,
     CameraEvent,
@@ -26,7 +27,7 @@ Tell = Callable[[CameraEvent], None]
 
 
 def check_against_rig(file: StationFile, rig: Rig) -> None:
-    """Raise `ConfigError` where station file and rig do not speak of the same stations."""
+    """Raise `ConfigError` where station file and rig do not speak of the same stations, `RigError` for one in mm."""
     ours, theirs = tuple(s.name for s in file.stations), rig.names
     if set(ours) != set(theirs):
         raise ConfigError(
@@ -43,6 +44,7 @@ def check_against_rig(file: StationFile, rig: Rig) -> None:
                 got="none",
                 wanted="the PTU's URL, or fixed = true in the rig",
             )
+    require_one_sight(rig, file.span_m)
     # raises where it cannot be used: before any device is opened
     file.registered_heads(rig)
 

@@ -16,6 +16,8 @@ from groundstation.messages import Kinematics
 
 # steps of a quarter of a view's dwell in which a sweep is evaluated ahead
 _SKIPPED = 120
+# the pattern is of points on a plane across the runway
+_MOST_DEG = 80.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +45,8 @@ class SearchConfig:
     def __post_init__(self) -> None:
         if not (self.azimuth_deg[0] < self.azimuth_deg[1] and self.elevation_deg[0] < self.elevation_deg[1]):
             raise ValueError("azimuth_deg and elevation_deg must be low, high")
+        if max(map(abs, (*self.azimuth_deg, *self.elevation_deg))) > _MOST_DEG:
+            raise ValueError(f"azimuth_deg and elevation_deg must be from -{_MOST_DEG:g} to {_MOST_DEG:g}")
         if min(self.range_m, self.dwell_s, self.sigmas) <= 0 or min(self.lost_s, self.acceleration_psd_m2_s3) < 0:
             raise ValueError("range_m, dwell_s and sigmas must be > 0, lost_s and acceleration_psd_m2_s3 ≥ 0")
 

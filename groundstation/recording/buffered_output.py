@@ -28,7 +28,9 @@ def new_file(path: Path) -> RawOutput:
     except FileExistsError as fault:
         raise InputError(str(path), got="a file that exists", wanted="a new one: recordings are kept") from fault
     except OSError as fault:
-        raise InputError(str(path), got=os_words(fault), wanted="a file that can be made") from fault
+        missing = not path.parent.exists()
+        wanted = f"a file in a folder that is there: {path.parent} is not" if missing else "a file that can be made"
+        raise InputError(str(path), got=os_words(fault), wanted=wanted) from fault
     return raw
 
 

@@ -22,6 +22,7 @@ from mcap.records import Attachment, Channel, Chunk, McapRecord, Metadata, Schem
 
 from groundstation.errors import RecordingError, os_words
 from groundstation.files.read_budget import ReadBudget
+from groundstation.files.text_file import absence
 from groundstation.files.toml_table import quoted, shown
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -87,7 +88,7 @@ class McapReader:
         self.path = path
         # a pipe or a device has no end and cannot seek
         if not path.is_file():
-            raise RecordingError(str(path), got="no such file", wanted="a recording, .mcap")
+            raise RecordingError(str(path), got=absence(path), wanted="a recording, .mcap")
         try:
             self._stream: BinaryIO = path.open("rb")
         except OSError as fault:

@@ -10,9 +10,7 @@ from groundstation.integrity.ray_agreement import RayAgreementMonitor
 from groundstation.integrity.relative_pan import RelativePanMonitor
 from groundstation.messages import Event, StepReport
 from groundstation.rig.rig import Rig
-
-# the longest runways; stations of one landing stand at its threshold
-_FAR_APART_M = 4000.0
+from groundstation.rig.stations_apart import FAR_APART_M
 
 
 class InputChecks:
@@ -52,7 +50,7 @@ class InputChecks:
         A near target that fills a picture or a flock of birds can look like a fault of no known kind.
         ``tracked`` is whether a target was tracked in a good part of the epochs.
         """
-        if not tracked and self._apart_m > _FAR_APART_M:
+        if not tracked and self._apart_m > FAR_APART_M:
             return (f"the stations are {self._apart_m:.0f} m apart: is the rig in metres?",)
         faults = [f for f in self._heads.faults() if f.hypothesis is not None or not tracked]
         if faults:

@@ -12,6 +12,7 @@ from groundstation.messages import DgpsFix, ReferenceFix
 from groundstation.replay.recording_replay import load_replay_config
 from groundstation.replay.reference_prior import ReferencePrior, reference_prior
 from groundstation.replay.replay_request import ReplayRequest
+from groundstation.rig.stations_apart import require_one_sight
 from groundstation.session import Session, Truth, load_dgps, load_session, load_truth
 from groundstation.session.time_units import TIME_UNITS_S
 from groundstation.sources.reference_fixes import reference_fixes
@@ -50,12 +51,13 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
     tuning = load_replay_config(session, request.config)
     config = with_weights(tuning, request.weights)
     broken: list[SessionError] = []
-    dgps_notes: list[str] = []
-    dgps = load_dgps(session, broken.append, dgps_notes.append)
+    table_notes: list[str] = []
+    dgps = load_dgps(session, broken.append, table_notes.append)
     notes = _unstated(session)
-    notes += [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken] + dgps_notes
+    notes += [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken]
     broken.clear()
-    truth = load_truth(session, broken.append)
+    truth = load_truth(session, broken.append, table_notes.append)
+    notes += table_notes
     notes += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
     notes += _clock_notes(session)
     prior = reference_prior(session, config.estimation)
@@ -129,6 +131,7 @@ def _usable_session(request: ReplayRequest) -> Session:
     if len(session.rig.stations) < 2:
         raise RigError(session.rig.path, got="one station", wanted="two or more: one alone gives no distance")
     session.rig.require_known()
+    require_one_sight(session.rig, session.target.span_m)
     places = np.array([s.ptu_position_m for s in session.rig.stations])
     if float(np.ptp(places, axis=0).max()) < _MIN_BASELINE_M:
         raise RigError(session.rig.path, got="all stations in one place", wanted="stations that stand apart")

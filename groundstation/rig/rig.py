@@ -39,6 +39,10 @@ _STATION_KEYS = frozenset(
 )
 # farther from the threshold than any station
 _FARTHEST_M = 100_000.0
+# a view of 157 degrees, more than the lens model is for
+_LEAST_FOCAL_SHARE = 0.1
+# of an angle reading; units of seconds of arc are tens
+_COARSEST_DEG = 5.0
 _CLOCK_KEYS = frozenset({"offset_s", "drift_ppm", "sigma_s"})
 PARTS = ("position", "orientation", "lens")
 
@@ -242,7 +246,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
     known = _known(table)
     oriented = "orientation" in known
     identity = (1.0, 0.0, 0.0, 0.0)
-    resolution_rad = np.radians(table.number("ptu_resolution_deg", 0.0, minimum=0.0))
+    resolution_rad = np.radians(table.number("ptu_resolution_deg", 0.0, minimum=0.0, maximum=_COARSEST_DEG))
     default_sigma_deg = float(np.degrees(resolution_rad) / np.sqrt(12.0))
     covariance = read_covariance(table.table("covariance"))
     return Station(
@@ -259,7 +263,9 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
         camera_in_head_m=table.vector("camera_in_head_m", 3, (0.0, 0.0, 0.0)),
         lens=_lens(table, required="lens" in known),
         ptu_resolution_rad=float(resolution_rad),
-        ptu_sigma_rad=float(np.radians(table.number("ptu_sigma_deg", default_sigma_deg, minimum=0.0))),
+        ptu_sigma_rad=float(
+            np.radians(table.number("ptu_sigma_deg", default_sigma_deg, minimum=0.0, maximum=_COARSEST_DEG))
+        ),
         ptu_clock=parse_clock(table.table("ptu_clock")),
         camera_clock=parse_clock(table.table("camera_clock")) if "camera_clock" in table else None,
         readout_s=table.number("readout_s", 0.0),
@@ -309,7 +315,12 @@ def _lens(table: TomlTable, required: bool) -> Lens:
     focal = table.vector("focal_px", 2, None if required else (1.0, 1.0), names="[fx, fy]")
     if np.any(focal <= 0):
         raise table.fail("focal_px", str(focal.tolist()), "two numbers > 0")
+    if required and np.any(focal < _LEAST_FOCAL_SHARE * size):
+        wanted = f"pixels, not mm: at least {_LEAST_FOCAL_SHARE:g} of the picture's {size[0]:.0f} × {size[1]:.0f} px"
+        raise table.fail("focal_px", str(focal.tolist()), wanted)
     middle = table.vector("principal_point_px", 2, None if required else (0.0, 0.0), names="[cx, cy]")
+    if required and np.all((middle > 0) & (middle < 1)):
+        raise table.fail("principal_point_px", str(middle.tolist()), "pixels, not shares of the picture")
     # a part of a sensor that is read out, or a shifted lens, may have it outside, but not far
     if np.any(middle < -size) or np.any(middle > 2 * size):
         wanted = f"a point in the picture of {size[0]:.0f} × {size[1]:.0f} px, or at most its size away"

@@ -10,7 +10,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError, RecordingError, SessionError
 from groundstation.files.csv_table import CsvTable
-from groundstation.files.text_file import TextFolder
+from groundstation.files.text_file import TextFolder, absence, is_other_kind
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.messages import InitialState
 from groundstation.recording.mcap_metadata import RecordingHeader
@@ -24,6 +24,8 @@ _TABLES = ("clocks", "target", "initial", "origin", "phase", "dgps")
 _MAX_PHASES = 10_000
 # the recorder's own notes are few; searching for misspelt keys costs a comparison with each known key
 _MAX_ENTRIES = 1_000
+# how this program's files of other kinds call themselves
+_OTHER_FILES = ("groundstation-", "stereo-ptu-rig/")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -129,7 +131,8 @@ def load_folder(folder: Path, rig_path: Path | None = None) -> Session:
     Raises `SessionError` or `RigError` with the place, the value found and the value expected.
     """
     if not folder.is_dir():
-        raise SessionError(str(folder), got="no such folder", wanted="a session folder with session.toml")
+        got = absence(folder) if is_other_kind(folder) else "no such folder"
+        raise SessionError(str(folder), got=got, wanted="a session folder with session.toml")
     rig = load_rig(rig_path if rig_path is not None else folder / "rig.toml")
     left_out = _left_out(folder, rig) if rig_path is not None else frozenset()
     session = read_session(folder, Path(os.path.realpath(folder)).name, rig, left_out, find_media(folder, rig))
@@ -150,6 +153,9 @@ def read_session(
     path = folder / "session.toml"
     top = TomlTable(load_toml(path, SessionError), str(path), SessionError)
     _refuse_misspelt(top)
+    kind = top.values.get("format")
+    if isinstance(kind, str) and kind.startswith(_OTHER_FILES):
+        raise top.fail("format", quoted(kind), "a session's description, which has none")
     clocks = _clocks(top.table("clocks"), {*rig.names, *left_out})
     frame = top.text("frame", "runway")
     if frame not in ("runway", "east-north-up"):

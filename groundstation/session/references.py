@@ -153,8 +153,12 @@ def _sigma(table: CsvTable, row: Row) -> FloatArray | None:
     return np.array(known)
 
 
-def load_truth(session: Session, on_fault: Callable[[SessionError], None] = _raise) -> Truth | None:
-    """Read truth.csv if there is one; faults go to ``on_fault`` as in `load_dgps`."""
+def load_truth(
+    session: Session,
+    on_fault: Callable[[SessionError], None] = _raise,
+    on_note: Callable[[str], None] = _pass_over,
+) -> Truth | None:
+    """Read truth.csv if there is one; faults and notes go to ``on_fault`` and ``on_note`` as in `load_dgps`."""
     path = session.folder / "truth.csv"
     if not path.is_file() and not is_other_kind(path):
         return None
@@ -167,6 +171,9 @@ def load_truth(session: Session, on_fault: Callable[[SessionError], None] = _rai
         _read_truth(table, session.clocks.get("truth", ClockModel()), names, rows)
     except SessionError as fault:
         on_fault(fault)
+    else:
+        if not rows:
+            on_note(f"{path.name}: no position in it: there is no truth to compare with")
     if not rows:
         return None
     values = np.array(rows)

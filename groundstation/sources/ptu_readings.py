@@ -2,7 +2,7 @@
 
 import heapq
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from groundstation.session.time_units import picture_unit_hint, unit_hint
 
 # no head turns further; thousandths of degrees and encoder counts are beyond it
 _MOST_DEG = 3600.0
+# one row has the readings of all stations, so their clocks differ by latencies
+_CLOCKS_APART_S = 3600.0
 
 
 class PtuReadings:
@@ -33,6 +35,7 @@ class PtuReadings:
         self._clocks = {s.name: session.ptu_clock(s) for s in session.rig.stations if not s.fixed}
         self._axes = {s.name: s.ptu_axes for s in session.rig.stations if not s.fixed}
         self._table = ptu_table(session)
+        self._file = "" if self._table is None else self._table.path.name
         self._stream: Iterator[PtuSample] = iter(())
         self._next: PtuSample | None = None
         self._read_s = (np.inf, -np.inf)
@@ -75,6 +78,15 @@ class PtuReadings:
         """Return whether a fault has ended the stream and all before it has been handed out, earlier than ``t_s``."""
         return self.fault is not None and self._next is None and self.newest_s < t_s
 
+    def _require_one_time(self, row: Sequence[PtuSample]) -> None:
+        """Raise `SessionError` if the stations' clocks spread the readings of a row."""
+        if len(row) < 2:
+            return
+        first, *_, last = sorted(row, key=lambda sample: sample.t_s)
+        if last.t_s - first.t_s > _CLOCKS_APART_S:
+            got = f"{first.station} at {first.t_s:.13g} s and {last.station} at {last.t_s:.13g} s by their ptu_clock"
+            raise SessionError(f"{self._file}: a row", got=got, wanted=f"at most {_CLOCKS_APART_S:g} s between them")
+
     def _readings(self, table: CsvTable, from_s: float) -> Iterator[PtuSample]:
         waiting: list[tuple[float, int, PtuSample]] = []
         cells = {name: (f"{name}_pan_deg", f"{name}_tilt_deg", AxisCorrection(a)) for name, a in self._axes.items()}
@@ -89,6 +101,7 @@ class PtuReadings:
                 self._read_s = (min(self._read_s[0], settled), max(self._read_s[1], *times.values()))
                 # the whole row first: of a row at fault nothing is used
                 samples = [_reading(table, row, name, t_s, *cells[name]) for name, t_s in times.items()]
+                self._require_one_time([sample for sample in samples if sample is not None])
                 for sample in samples:
                     if sample is not None and sample.t_s >= from_s:
                         number += 1

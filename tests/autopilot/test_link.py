@@ -231,6 +231,13 @@ def test_what_is_no_url_is_refused(url: str) -> None:
         parse_link_url(url)
 
 
+@pytest.mark.parametrize("link", ["udpout:192.168.0.256:14550", "tcp:10.1.2:5760", "udpin:1.2.3.4.5:14550"])
+def test_a_host_of_numbers_that_is_none_is_refused(link: str) -> None:
+    """Expected: not a vehicle that keeps silent."""
+    with pytest.raises(ConfigError, match="wanted four numbers from 0 to 255, or a name"):
+        parse_link_url(link)
+
+
 def test_a_serial_port_that_is_not_there_is_a_clear_error() -> None:
     with pytest.raises(ConfigError, match="ttyNONE"):
         _link("/dev/ttyNONE")

@@ -182,3 +182,11 @@ def test_what_a_worker_compiles_is_told_to_the_display(tmp_path: Path) -> None:
         ("detection.kernel_1", 1, 2),
         ("detection.kernel_2", 2, 2),
     ]
+
+
+def test_a_file_in_place_of_the_results_folder_is_one_line(tmp_path: Path) -> None:
+    """Expected: told before a worker starts."""
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(InputError, match=r"out/traces: got Not a directory; wanted a folder that can be written"):
+        map_resumable(fake_jobs.misbehave, {"a": "a"}, tmp_path / "out", 1)
+    assert (tmp_path / "out").read_text() == "mine"

@@ -49,6 +49,27 @@ AS_ANOTHER_ERROR = """
     except KeyboardInterrupt:
         raise ImportError("a module that could not be read") from None
 """
+# as a library's object whose constructor takes a handle; one is destroyed by Python's own end
+HALF_MADE = """
+    import builtins
+    class Handle:
+        def __init__(self):
+            {raised}
+            self.number = 1
+        def __del__(self):
+            del self.number
+    builtins.kept = Handle.__new__(Handle)
+    Handle()
+    return 0
+"""
+# the frames of a library whose objects are not to be left half made
+WITHIN_LLVM = """
+    space = {"__name__": "llvmlite.binding.a_test", "signal": signal, "time": time}
+    exec("def make():\\n signal.raise_signal(signal.SIGINT)\\n time.sleep(0.1)\\n print('made')", space)
+    space["make"]()
+    time.sleep(20)
+    return 0
+"""
 AT_THE_END = """
     import atexit
     atexit.register(signal.raise_signal, signal.SIGINT)
@@ -71,6 +92,22 @@ def _run(command: str) -> "subprocess.CompletedProcess[str]":
 def test_an_interrupt_is_never_lost_and_no_traceback(command: str) -> None:
     done = _run(command)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "groundstation: interrupted\n")
+
+
+def test_what_an_interrupt_leaves_half_made_is_destroyed_without_a_word() -> None:
+    done = _run(HALF_MADE.format(raised="signal.raise_signal(signal.SIGINT); time.sleep(0)"))
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "groundstation: interrupted\n")
+
+
+def test_an_interrupt_within_llvm_comes_when_it_is_left() -> None:
+    done = _run(WITHIN_LLVM)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "made\n", "groundstation: interrupted\n")
+
+
+def test_what_a_destructor_misses_without_an_interrupt_is_reported() -> None:
+    done = _run(HALF_MADE.format(raised="return"))
+    assert done.returncode == 0
+    assert done.stderr.count("AttributeError") == 2
 
 
 def test_a_termination_that_would_be_lost_comes_again_as_one() -> None:

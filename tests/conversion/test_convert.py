@@ -157,15 +157,24 @@ def test_the_commands_report_errors_in_one_line(tmp_path: Path, capsys: pytest.C
             ["convert", str(folder), str(tmp_path / "y.mpac")],
             "a name that ends in .mpac; wanted a file that ends in .mcap",
         ),
-        (["convert", str(folder), str(folder / "none" / "x.mcap")], "No such file"),
+        (
+            ["convert", str(folder), str(folder / "none" / "x.mcap")],
+            f"No such file or directory; wanted a file in a folder that is there: {folder / 'none'} is not",
+        ),
+        (
+            ["convert", str(folder), "/dev/null"],
+            "a pipe or a device; wanted a file that ends in .mcap, or a new folder",
+        ),
+        (["convert", "/dev/null", str(tmp_path / "other")], "a pipe or a device; wanted a session folder"),
         (["convert", str(tmp_path / "text.mcap"), str(tmp_path / "other")], "no MCAP"),
         (["convert", str(tmp_path / "none.mcap"), str(tmp_path / "other")], "no such file"),
         (["convert", str(folder), str(tmp_path / "track.kml")], "one of the results of replay and evaluate --out"),
         (["convert", str(tmp_path / "none.mcap"), str(tmp_path / "x.GeoJSON")], "a name that ends in .GeoJSON"),
         (["recover", str(tmp_path / "none.mcap")], "no such file"),
-        (["recover", "."], "no such file"),
+        (["recover", "."], ".: got a folder; wanted a recording, .mcap"),
         (["recover", str(tmp_path / "text.mcap")], "no MCAP"),
-        (["recover", str(folder)], "no such file"),
+        (["recover", str(folder)], "got a folder; wanted a recording, .mcap"),
+        (["recover", "/dev/null"], "got a pipe or a device; wanted a recording, .mcap"),
         (["replay", str(tmp_path / "text.mcap"), "--out", str(tmp_path / "out")], "no MCAP"),
     ):
         # what a folder is converted to is read off the name that is typed

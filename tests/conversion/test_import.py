@@ -120,6 +120,14 @@ def test_uneven_stamps_are_the_containers(parts: Path) -> None:
     assert video.summary() == "uneven.mkv: 11 frames in 0.47 s, one each 33.00 ms, 1 gaps up to 0.167 s"
 
 
+def test_one_video_for_two_stations_is_refused(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (parts / "R.avi").unlink()
+    (parts / "R.avi").symlink_to("L.avi")
+    assert run(parts) == 1
+    assert "R.avi: got one video for left and right; wanted each station's own" in capsys.readouterr().err
+    assert not (parts / "session").exists()
+
+
 USAGE = ("--left-start: ", "--right-start: ", "--epoch: ")
 
 

@@ -126,6 +126,8 @@ def test_the_example_of_the_docs_is_one() -> None:
         ("pan_low_deg = -80", "pan_low = -80", "pan_low: got an unknown key"),
         ("gain_per_s = 3.0", "gain = 3.0", "gain"),
         ("azimuth_deg = [-8, 4.5]", "azimuth_deg = [4.5, -8]", "azimuth_deg"),
+        # a compass bearing
+        ("azimuth_deg = [-8, 4.5]", "azimuth_deg = [262, 275]", "azimuth_deg and elevation_deg must be from -80 to 80"),
         ("park_deg = [0, 20]", "park_deg = [0]", "park_deg: got [0]"),
         ('camera = "opencv:0"', "", "camera: got nothing"),
         ("learn = false", "learn = 0", "reference: learn: got 0"),

@@ -78,6 +78,26 @@ def test_clocks_and_covariance(tmp_path: Path) -> None:
             "focal_px = [300.0, -1.0]",
             "focal_px: got [300.0, -1.0]; wanted two numbers > 0",
         ),
+        # a wide lens, and that of 25 mm with its millimetres
+        *(
+            (
+                "focal_px = [300.0, 300.0]",
+                f"focal_px = [{f}, {f}]",
+                f"focal_px: got [{f}, {f}]; wanted pixels, not mm: at least 0.1 of the picture's 64 × 48 px",
+            )
+            for f in (6.3, 0.025)
+        ),
+        (
+            "[31.5, 23.5]",
+            "[0.5, 0.49]",
+            "principal_point_px: got [0.5, 0.49]; wanted pixels, not shares of the picture",
+        ),
+        ("ptu_resolution_deg = 0.00625", "ptu_resolution_deg = 22.5", "got 22.5; wanted a finite number ≥ 0 ≤ 5"),
+        (
+            "ptu_resolution_deg",
+            "ptu_sigma_deg = 36\nptu_resolution_deg",
+            "ptu_sigma_deg: got 36; wanted a finite number",
+        ),
         (
             "focal_px",
             "focal_length_px",

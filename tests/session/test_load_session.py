@@ -138,6 +138,11 @@ def test_without_clocks_all_files_share_one(tmp_path: Path) -> None:
         ('"sky"', '"clouds"', "phase 1: background: got 'clouds'; wanted 'sky', 'mixed' or 'ground'"),
         ("[[phase]]", "[phase]", "phase: got {'from_s': 0.5"),
         ("[initial]", "[intial]", "intial: got an unknown table; wanted [initial], if that is what is meant"),
+        (
+            "licence",
+            'format = "stereo-ptu-rig/1"\nlicence',
+            "format: got 'stereo-ptu-rig/1'; wanted a session's description",
+        ),
         ("[[phase]]", "[[phases]]", "phases: got an unknown table; wanted [phase]"),
         ("[target]", "target", "got not TOML"),
     ],

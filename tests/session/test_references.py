@@ -146,3 +146,10 @@ def test_a_log_of_no_position_is_noted(session: Session) -> None:
     notes: list[str] = []
     assert load_dgps(session, on_note=notes.append) == ()
     assert notes == ["dgps.csv: no position in it: there is no DGPS to compare with"]
+
+
+def test_a_truth_of_a_header_alone_is_noted(session: Session) -> None:
+    (session.folder / "truth.csv").write_text("t_s,x_m,y_m,z_m\n")
+    notes: list[str] = []
+    assert load_truth(session, on_note=notes.append) is None
+    assert notes == ["truth.csv: no position in it: there is no truth to compare with"]

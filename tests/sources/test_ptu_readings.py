@@ -41,6 +41,17 @@ def test_clocks_that_differ_give_one_ordered_stream(tmp_path: Path, offset_s: fl
     assert len(times) == 2 * 37
 
 
+@pytest.mark.parametrize(
+    ("offset_s", "got"),
+    [(1.7e9, "left at 0.7 s and right at 1700000000.7 s"), (-1.7e9, "right at -1699999999.3 s and left at 0.7 s")],
+)
+def test_a_clock_that_takes_one_station_away_is_named(tmp_path: Path, offset_s: float, got: str) -> None:
+    """Expected: as where the offset to an epoch is stated of one station."""
+    clock = {"right": f"ptu_clock = {{ offset_s = {offset_s} }}"}
+    reported = complaint(SessionError, lambda: opened(tmp_path, rig_more=clock))
+    assert reported == f"ptu.csv: a row: got {got} by their ptu_clock; wanted at most 3600 s between them"
+
+
 def test_it_starts_at_the_requested_time(tmp_path: Path) -> None:
     assert next(opened(tmp_path, from_s=1.01).until(1e9)).t_s == pytest.approx(1.05)
 
