@@ -138,7 +138,9 @@ def _learns_as_recorded(request: ReplayRequest, inputs: ReplayInputs) -> bool:
 
 def _registered_heads(request: ReplayRequest, session: Session) -> RegisteredHeads | None:
     """Return what takes angles from the pictures, where a panorama was given."""
-    return None if request.panorama is None else RegisteredHeads(session.rig, read_panoramas(request.panorama))
+    if request.panorama is None:
+        return None
+    return RegisteredHeads(session.rig, read_panoramas(request.panorama), where=str(request.panorama))
 
 
 def _pipeline_notes(pipeline: Pipeline, fixes: list[ReferenceFix]) -> list[str]:

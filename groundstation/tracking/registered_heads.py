@@ -22,19 +22,22 @@ class RegisteredHeads:
     Parameters
     ----------
     rig : its stations. panoramas : by station; none where angles come from a recording alone.
+    where : what the panoramas came from, for the error.
     search_every : of a head whose encoder is so poor that a frame has to be searched for, every how many frames are
         registered: in operation a search takes too long for each.
 
     Angles of a recording's `FrameAngles` are taken as they are of stations without a panorama, and of frames of which
-    only parts were recorded. Raises `RigError` for a panorama
-    of a station that the rig has not, or that does not turn.
+    only parts were recorded. Raises `RigError` for a panorama of a station that the rig has not, or that does not turn.
     """
 
-    def __init__(self, rig: Rig, panoramas: Mapping[str, GroundPanorama], search_every: int = 1) -> None:
+    def __init__(
+        self, rig: Rig, panoramas: Mapping[str, GroundPanorama], search_every: int = 1, where: str = "panorama"
+    ) -> None:
         for name in panoramas:
             if name not in rig.names or rig[name].fixed:
                 turning = ", ".join(s.name for s in rig.stations if not s.fixed)
-                raise RigError("panorama", got=f"one of station {name}", wanted=f"some of {turning}, which turn")
+                wanted = f"some of {turning}, which turn" if turning else "none: no station of the rig turns"
+                raise RigError(where, got=f"one of station {name}", wanted=wanted)
         self._heads = {name: HeadRegistration(rig[name], panorama) for name, panorama in panoramas.items()}
         self._sigma_rad = {s.name: s.angle_sigma_rad for s in rig.stations}
         self._every = {
@@ -47,6 +50,11 @@ class RegisteredHeads:
         self._recalled: dict[tuple[str, float], FrameAngles] = {}
         # the oldest are dropped where no recording takes them
         self._found: deque[FrameAngles] = deque(maxlen=_MOST_RECALLED)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The stations that have a panorama."""
+        return tuple(self._heads)
 
     def recall(self, angles: FrameAngles) -> None:
         """Note the angles of a frame that is not processed yet, from a recording."""

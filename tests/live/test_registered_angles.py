@@ -1,13 +1,20 @@
 """Head angles from the picture in operation: recorded, so that a replay has them without panorama or whole frames."""
 
+import re
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calibration.panorama.mosaic import PanoramaFrame, make_mosaic
+from groundstation.detection.panorama import GroundPanorama
 from groundstation.errors import ConfigError, InputError
+from groundstation.live.check import check_station
+from groundstation.live.command import LiveRequest
+from groundstation.live.command import live as operate_live
 from groundstation.live.core import LiveCore, LiveStep, live_config
 from groundstation.live.devices import check_against_rig
 from groundstation.live.frame_pairing import FramePairer
@@ -157,24 +164,55 @@ def test_registration_does_not_make_a_recording_keep_whole_frames() -> None:
     assert read == [False] * (2 * PAIRS)
 
 
-def test_a_station_file_names_a_panorama(tmp_path: Path) -> None:
-    path = write_station(tmp_path, true_rig())
-    assert load_station(path).panorama is None
-    text = path.read_text()
-    path.write_text(text.replace('rig = "rig.toml"\n', 'rig = "rig.toml"\npanorama = "p.npz"\n'))
-    with pytest.raises(ConfigError, match=r"panorama: got .*p\.npz .*wanted a file"):
-        load_station(path).load_rig()
-    (tmp_path / "p.npz").write_bytes(b"no panorama")
-    file = load_station(path)
-    with pytest.raises(InputError, match=r"p\.npz: got .*; wanted .*calibrate panorama"):
-        check_against_rig(file, file.load_rig())
-    made = make_mosaic(
+def with_panorama(folder: Path) -> Path:
+    """Return a station file of two heads, left and right, that names a panorama p.npz, which is not there yet."""
+    path = write_station(folder, true_rig())
+    path.write_text(path.read_text().replace('rig = "rig.toml"\n', 'rig = "rig.toml"\npanorama = "p.npz"\n'))
+    return path
+
+
+def drawn_panorama() -> GroundPanorama:
+    return make_mosaic(
         station(),
         [
             PanoramaFrame(grey=frame(pan, -1.5, np.random.default_rng(1)), angles_rad=np.radians([pan, -1.5]))
             for pan in (0.0, 0.5, 1.0)
         ],
         np.radians(3.0),
-    )
-    write_panoramas(tmp_path / "p.npz", {"left": made.panorama})
-    check_against_rig(file, file.load_rig())
+    ).panorama
+
+
+def test_a_station_file_names_a_panorama(tmp_path: Path) -> None:
+    assert load_station(write_station(tmp_path, true_rig())).panorama is None
+    file = load_station(with_panorama(tmp_path))
+    rig_of_file = file.load_rig()
+    with pytest.raises(ConfigError, match=r"field\.toml: panorama: got .*p\.npz .*wanted a file"):
+        file.registered_heads(rig_of_file)
+    (tmp_path / "p.npz").write_bytes(b"no panorama")
+    wrong = r"field\.toml: panorama: .*p\.npz: got .*; wanted .*calibrate panorama"
+    with pytest.raises(InputError, match=wrong):
+        file.registered_heads(rig_of_file)
+    write_panoramas(tmp_path / "p.npz", {"left": drawn_panorama()})
+    assert file.registered_heads(rig_of_file).names == ("left",)
+    check_against_rig(file, rig_of_file)
+
+
+@pytest.mark.parametrize("content", [None, b"no panorama", {"third": ...}])
+def test_a_panorama_that_cannot_be_used_stops_only_what_uses_it(tmp_path: Path, content: Any) -> None:
+    """Expected: `live` names file and key before a device is opened; `check` has one failed line; others do not ask."""
+    path = with_panorama(tmp_path)
+    if isinstance(content, bytes):
+        (tmp_path / "p.npz").write_bytes(content)
+    elif content is not None:
+        write_panoramas(tmp_path / "p.npz", {name: drawn_panorama() for name in content})
+    said = r"field\.toml: panorama: .*p\.npz"
+    request = LiveRequest(station=path, out=tmp_path / "out", seconds=1.0)
+    with pytest.raises(ConfigError, match=said):
+        operate_live(request, stop=lambda: False, tell=lambda _: None, say=lambda _: None)
+    assert not (tmp_path / "out").exists()
+    file = load_station(path)
+    rig_of_file = file.load_rig()
+    check_against_rig(file, rig_of_file)
+    lines = list(islice(check_station(path, 0.1, move=False), 3))
+    assert [line.good for line in lines] == [True, lines[1].good, False]
+    assert re.search(said, lines[2].text)
