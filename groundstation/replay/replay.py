@@ -84,7 +84,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         outputs = ReplayOutputs(request, session, comparison, opened)
         unfinished.callback(outputs.discard)
         if request.record is not None:
-            outputs.recorder = ReplayRecorder(request.record, session, request.rig, config, initial, learns)
+            outputs.recorder = ReplayRecorder(request.record, session, request.rig, config, initial, learns, heads)
             opened.enter_context(closing(outputs.recorder))
         pipeline = Pipeline(
             session.rig,

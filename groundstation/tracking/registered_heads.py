@@ -64,7 +64,7 @@ class RegisteredHeads:
             self._recalled.pop(next(iter(self._recalled)))
 
     def take_found(self) -> list[FrameAngles]:
-        """Return the angles that were found since the last call, for a recording."""
+        """Return the angles that were taken since the last call, for a recording."""
         found = list(self._found)
         self._found.clear()
         return found
@@ -78,6 +78,9 @@ class RegisteredHeads:
         found = self._recalled.pop((name, record.t_s), None)
         if found is not None and (name not in self._heads or not as_picture(record.image).has_all):
             self._recorded[name] += 1
+            if self._heads:
+                # those of a recording of this run are what the run used
+                self._found.append(found)
         else:
             found = self._register(record, angles)
             if found is None:

@@ -20,7 +20,7 @@ from groundstation.live.devices import check_against_rig
 from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.input_queue import TimedPicture
 from groundstation.live.station_file import load_station
-from groundstation.messages import CameraReport, Event, Frame, FrameAngles, PtuSample, StepReport
+from groundstation.messages import CameraReport, Event, FilterReset, Frame, FrameAngles, PtuSample, StepReport
 from groundstation.picture import as_picture
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.recording.mcap_metadata import RecordingHeader
@@ -57,8 +57,11 @@ def core(heads: RegisteredHeads) -> LiveCore:
     return LiveCore(pipeline, FramePairer(one.names, 1.0 / RATE_HZ), {}, pattern)
 
 
-def operate(live: LiveCore) -> LiveStep:
-    """Give a core frames of the ground and readings that are off, and return all that it made of them."""
+def operate(live: LiveCore, last: int = PAIRS) -> LiveStep:
+    """Give a core frames of the ground and readings that are off, and return all that it made of them.
+
+    No reading of the other head follows pair ``last``.
+    """
     random, done = np.random.default_rng(21), LiveStep()
 
     def add(step: LiveStep) -> None:
@@ -68,7 +71,7 @@ def operate(live: LiveCore) -> LiveStep:
     for k in range(PAIRS):
         t_s = 1.0 + k / RATE_HZ
         for name in rig().names:
-            for at_s in (t_s - 0.005, t_s + 0.005):
+            for at_s in (t_s - 0.005, t_s + 0.005)[: 1 if k == last and name == "other" else 2]:
                 pan, tilt = np.radians(TRUE_DEG) + random.normal(0.0, 0.7 * NOISE_RAD, 2)
                 add(live.take(PtuSample(t_s=at_s, station=name, pan_rad=float(pan), tilt_rad=float(tilt)), at_s))
                 if at_s < t_s:
@@ -137,6 +140,24 @@ def test_the_operation_says_how_often_the_pictures_told() -> None:
     plain = operate(core(RegisteredHeads(rig(), {})))
     assert not any("head angles" in event.text for report in plain.reports for event in report.events)
     assert not any(isinstance(event, FrameAngles) for event in plain.consumed)
+
+
+def test_a_filter_that_fails_at_the_end_leaves_angles_before_its_reset_and_notes_in_time() -> None:
+    """Expected: what the last frames' pictures told is recorded before the reset; notes come after it, not at zero."""
+    live = core(RegisteredHeads(rig(), {station().name: mosaic().panorama}))
+    finish = live.pipeline.finish
+
+    def failing() -> StepReport:
+        finish()
+        raise ArithmeticError("made up")
+
+    live.pipeline.finish = failing  # type: ignore[method-assign]
+    # the last pair waits for a reading of the other head: its angles are taken in the end only
+    done = operate(live, PAIRS - 1)
+    kinds = [type(event) for event in done.consumed]
+    assert kinds[-2:] == [FrameAngles, FilterReset]
+    (notes,) = ([e for e in report.events if "head angles" in e.text] for report in done.reports[-1:])
+    assert [note.t_s for note in notes] == pytest.approx([1.0 + (PAIRS - 1) / RATE_HZ], abs=0.02)
 
 
 def test_a_search_is_not_made_for_each_frame() -> None:

@@ -19,10 +19,9 @@ from groundstation.detection.panorama import (
     RegistrationFault,
     halved_grey,
 )
-from groundstation.errors import InputError, RigError, UsageError
+from groundstation.errors import InputError, RigError
 from groundstation.messages import Frame, PtuSample
 from groundstation.picture import as_picture
-from groundstation.replay.replay_request import ReplayRequest
 from groundstation.rig.rig import Rig, Station
 from groundstation.sources.panorama_file import read_panoramas, write_panoramas
 from groundstation.tracking.registered_heads import RegisteredHeads
@@ -231,11 +230,6 @@ def test_a_frame_gets_its_picture_s_angles_or_keeps_the_encoder_s() -> None:
     ]
     with pytest.raises(RigError, match="panorama: got one of station third; wanted some of"):
         RegisteredHeads(rig, {"third": mosaic().panorama})
-
-
-def test_a_recording_is_not_made_of_what_it_cannot_hold(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--record: got --panorama as well"):
-        ReplayRequest(session=tmp_path, out=tmp_path, record=tmp_path / "a.mcap", panorama=tmp_path / "p.npz")
 
 
 def test_a_colour_picture_is_halved() -> None:
