@@ -1,5 +1,6 @@
 """The result of a combination in words: what each rig says, how they agree, what is known together."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -31,6 +32,18 @@ def common_direction(rig: Rig) -> DirectionSigma | None:
 
 
 def _direction_sigma(rig: Rig, factors: dict[str, float]) -> DirectionSigma | None:
+    covariance = direction_covariance(rig, factors)
+    if covariance is None:
+        return None
+    pan, tilt = np.degrees(np.sqrt(np.einsum("nii->ni", covariance).mean(axis=0))).tolist()
+    return DirectionSigma(pan_deg=pan, tilt_deg=tilt)
+
+
+def direction_covariance(rig: Rig, factors: Mapping[str, float]) -> FloatArray | None:
+    """Return the covariance (n, 2, 2), rad², of a sum of stations' directions, across and up, by the rig's own.
+
+    One for each pair of pan and tilt of operation; ``factors`` are by station. None where a base is not stated.
+    """
     names = stated_names(rig)
     known = rig.calibration_covariance()
     places = [known.names.index(name) for name in names]
@@ -42,9 +55,7 @@ def _direction_sigma(rig: Rig, factors: dict[str, float]) -> DirectionSigma | No
         columns, jacobian = _of_station(rig[station], names)
         whole[:, :, columns] += factor * jacobian[:count]
     covariance = known.matrix[np.ix_(places, places)]
-    variance = np.einsum("nik,kl,nil->ni", whole, covariance, whole).mean(axis=0)
-    pan, tilt = np.degrees(np.sqrt(variance)).tolist()
-    return DirectionSigma(pan_deg=pan, tilt_deg=tilt)
+    return np.asarray(np.einsum("nik,kl,njl->nij", whole, covariance, whole))
 
 
 def _of_station(station: Station, names: tuple[str, ...]) -> tuple[list[int], FloatArray]:

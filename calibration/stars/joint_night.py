@@ -5,6 +5,7 @@ once for all heads, and solved together; nothing of a head's own residuals is ap
 its own solution and the common one, a thousandth of a sigma.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from calibration.flight.problem import left_jacobian
 from calibration.information import inverse
 from calibration.mount.covariance import BASE, BORESIGHT, information
 from calibration.mount.parameters import FLOOR_ROTATION_RAD
+from calibration.mount.problem import MountProblem
 from calibration.stars.operating_range import work_jacobian
 from calibration.stars.station_night import StationNight
 from groundstation.arrays import FloatArray
@@ -22,6 +24,8 @@ from groundstation.rig.covariance import ParameterCovariance
 
 CLOCK, REFRACTION = "mark sky.clock", "mark sky.refraction"
 _BACKLASH_EFFECT = 0.5
+# what is left over across and up: the boresight's turns about the head's z and x
+_LEFT_TO = (BORESIGHT[2], BORESIGHT[0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,17 +102,17 @@ def rig_covariance(joint: JointNight) -> ParameterCovariance:
 
     A rig's covariance has no names for errors of the axes. What they do to the camera's direction over the angles of
     operation is given to base and boresight, by least squares, so that errors that cancel there do so in it, too; what
-    no rotation describes is added to the boresight. Clock and refraction are in the others' correlations.
+    no rotation describes is added to the boresights, with what stations have in common: airliners' paths that bend
+    turn the axes of all heads alike. Clock and refraction are in the others' correlations.
     """
     names: list[str] = []
-    rows = []
-    extra: list[float] = []
+    rows, left = [], []
     for k, night in enumerate(joint.nights):
         problem, places = night.fit.problem, joint.columns[k]
         own = [n for n in problem.names if n in CALIBRATION_PARAMETERS]
         rotations = [n for n in own if n in (*BORESIGHT, *BASE)]
         axes = [n for n in problem.names if n not in own and not n.startswith("mark ")]
-        central, aside = (work_jacobian(problem, joint.change[k], part) for part in (0.0, 0.25))
+        central, aside = (small_angle_jacobian(problem, joint.change[k], part) for part in (0.0, 0.25))
         jacobian = np.concatenate([central, aside], axis=1).reshape(-1, len(problem.names))
         of_rotations = jacobian[:, [problem.names.index(n) for n in rotations]]
         of_axes = jacobian[:, [problem.names.index(n) for n in axes]]
@@ -121,25 +125,55 @@ def rig_covariance(joint: JointNight) -> ParameterCovariance:
                 matrix[own.index(name), places[problem.names.index(axis)]] += share[row, column]
         rows.append(matrix)
         names += [f"{night.before.name}.{n}" for n in own]
-        extra += _leftover(joint, k, own, axes, of_axes - of_rotations @ share)
-    whole = np.concatenate(rows)
-    covariance = whole @ joint.covariance @ whole.T + np.diag(extra)
+        whole = np.zeros((len(jacobian), len(joint.names)))
+        whole[:, [places[problem.names.index(n)] for n in axes]] = of_axes - of_rotations @ share
+        left.append(whole.reshape(-1, 2, len(joint.names)) * _senses(of_rotations, rotations)[:, None])
+    mapping = np.concatenate(rows)
+    covariance = mapping @ joint.covariance @ mapping.T + _leftover(joint, names, left)
     return ParameterCovariance(names=tuple(names), matrix=0.5 * (covariance + covariance.T))
 
 
-def _leftover(joint: JointNight, k: int, own: Sequence[str], axes: Sequence[str], left: FloatArray) -> list[float]:
-    """Return the variances that a station's parameters get besides: what rotations do not describe, and the floor."""
-    problem, places = joint.nights[k].fit.problem, joint.columns[k]
-    columns = [places[problem.names.index(n)] for n in axes]
-    variance = np.einsum("na,ab,nb->n", left, joint.covariance[np.ix_(columns, columns)], left).reshape(-1, 2)
-    across, up = variance.mean(axis=0).tolist()
-    by_axis = {BORESIGHT[2]: across, BORESIGHT[0]: up}
-    for name, axis in ((BORESIGHT[2], "pan_backlash"), (BORESIGHT[0], "tilt_backlash")):
-        if axis in axes:
-            place = places[problem.names.index(axis)]
-            by_axis[name] += _BACKLASH_EFFECT**2 * float(joint.covariance[place, place])
-    floor = FLOOR_ROTATION_RAD**2
-    return [by_axis.get(n, 0.0) + (floor if n in BORESIGHT else 0.0) for n in own]
+def _senses(of_rotations: FloatArray, rotations: Sequence[str]) -> FloatArray:
+    """Return the signs (2,) with which turns of the boresight that are given what is left over move a pixel."""
+    moved = of_rotations.reshape(-1, 2, len(rotations)).mean(axis=0)
+    return np.array(
+        [1.0 if n not in rotations else np.sign(moved[i, rotations.index(n)]) for i, n in enumerate(_LEFT_TO)]
+    )
+
+
+def _leftover(joint: JointNight, names: Sequence[str], left: Sequence[FloatArray]) -> FloatArray:
+    """Return the covariance (p, p) that the rig's parameters get besides: what rotations leave, and the floor.
+
+    ``left`` (n, 2, q) of each station: the derivatives of a direction by all parameters that no rotation describes.
+    """
+    found = np.zeros((len(names), len(names)))
+    keys = [[f"{night.before.name}.{n}" for n in _LEFT_TO] for night in joint.nights]
+    for one, of_one in zip(keys, left, strict=True):
+        for other, of_other in zip(keys, left, strict=True):
+            block = np.einsum("nia,ab,njb->ij", of_one, joint.covariance, of_other) / len(of_one)
+            for (i, first), (j, second) in itertools.product(enumerate(one), enumerate(other)):
+                if first in names and second in names:
+                    found[names.index(first), names.index(second)] += block[i, j]
+    for night, own in zip(joint.nights, keys, strict=True):
+        for name, axis in zip(own, ("pan_backlash", "tilt_backlash"), strict=True):
+            backlash = f"{night.before.name}.{axis}"
+            if name in names and backlash in joint.names:
+                found[names.index(name), names.index(name)] += (_BACKLASH_EFFECT * joint.sigma(backlash)) ** 2
+        for n in BORESIGHT:
+            if f"{night.before.name}.{n}" in names:
+                place = names.index(f"{night.before.name}.{n}")
+                found[place, place] += FLOOR_ROTATION_RAD**2
+    return found
+
+
+def small_angle_jacobian(problem: MountProblem, change: FloatArray, aside: float = 0.0) -> FloatArray:
+    """Return `work_jacobian` with rotations as small angles about the solution, as covariances have them."""
+    jacobian = work_jacobian(problem, change, aside)
+    for group in (BORESIGHT, BASE):
+        columns = [problem.names.index(n) for n in group if n in problem.names]
+        if len(columns) == len(group):
+            jacobian[:, :, columns] = jacobian[:, :, columns] @ np.linalg.inv(left_jacobian(change[columns]))
+    return jacobian
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +202,7 @@ def common_sigma(joint: JointNight) -> RelativeSigma:
 
 def _directions(joint: JointNight, k: int) -> FloatArray:
     """Return the derivatives (n, 2, q) of a station's direction by all parameters, over the angles of operation."""
-    jacobian = work_jacobian(joint.nights[k].fit.problem, joint.change[k])
+    jacobian = small_angle_jacobian(joint.nights[k].fit.problem, joint.change[k])
     whole = np.zeros((*jacobian.shape[:2], len(joint.names)))
     whole[:, :, list(joint.columns[k])] = jacobian
     return whole

@@ -127,16 +127,23 @@ def _partial(done: WrittenCounts) -> tuple[str, ...]:
     return (f"{done.partial} of {done.frames} pictures hold only what detection read; the rest is black",)
 
 
+def missing_notes(stream: Source) -> list[str]:
+    """Return a note on what a recording itself lacks."""
+    if not isinstance(stream, RecordingSource) or not stream.missing:
+        return []
+    missing = stream.missing
+    return [f"the recording lacks the pictures of {missing.frames} frames and {missing.events} events"]
+
+
 def _notes(done: WrittenCounts, stream: Source) -> list[str]:
     """Return notes on data that the folder lacks."""
-    notes = []
-    if isinstance(stream, RecordingSource) and stream.missing:
-        missing = stream.missing
-        notes.append(f"the recording lacks the pictures of {missing.frames} frames and {missing.events} events")
+    notes = missing_notes(stream)
     if done.out_of_order:
         notes.append(f"{done.out_of_order} records came twice or out of order, which a folder cannot represent")
     if done.references:
         notes.append(f"{done.references} positions that the filter learnt from are not in the folder, only dgps.csv")
     if done.heartbeats:
         notes.append(f"{done.heartbeats} heartbeats are not in the folder, which has no time but that of its records")
+    if done.resets:
+        notes.append(f"{done.resets} resets of the filter are not in the folder: a replay of it has its own")
     return notes

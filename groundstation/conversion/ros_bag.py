@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
-from groundstation.conversion.convert import ConversionResult, pass_on
+from groundstation.conversion.convert import ConversionResult, missing_notes, pass_on
 from groundstation.conversion.corrected_rig import corrected_rig
 from groundstation.conversion.reference_cut import cut_fixes, cut_references, session_part
 from groundstation.conversion.ros_bag_reader import RosBag
@@ -71,6 +71,8 @@ def to_ros_bag(
             notes.append(f"{bag.partial_pictures} pictures hold only what detection read; the rest is grey")
         if bag.pixels_with_sigma:
             notes.append(f"the sigmas of {bag.pixels_with_sigma} pixels are not in the bag")
+        notes += [f"{count} {what} are not in the bag" for what, count in sorted(bag.left_out.items())]
+        notes += missing_notes(stream)
     return ConversionResult(out=out, events=events, notes=tuple(notes), fault=fault)
 
 

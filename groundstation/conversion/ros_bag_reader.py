@@ -15,19 +15,19 @@ import numpy as np
 from mcap.reader import make_reader
 
 from groundstation.conversion.ros_messages import pan_tilt, plain_image
-from groundstation.conversion.ros_types import OFFSET_KEY, UNKNOWN_VARIANCE, RosTypes, pixel_topic
+from groundstation.conversion.ros_types import OFFSET_KEY, UNKNOWN_VARIANCE, RosTypes, frame_topic, pixel_topic
 from groundstation.conversion.video_frame_pairing import frames_rows
 from groundstation.errors import SessionError
 from groundstation.files.image_header import is_decodable
 from groundstation.files.output_names import name_fault
 from groundstation.files.toml_table import quoted, shown
-from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample
+from groundstation.messages import Epoch, Event, Frame, FrameAngles, PixelMeasurement, PtuSample
 from groundstation.picture import BgrPicture, Picture
 from groundstation.rig.rig import Rig
 
 IMAGE_KINDS = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 JOINT_KIND, REFERENCE_KIND = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseWithCovarianceStamped"
-PIXEL_KIND = "geometry_msgs/msg/PointStamped"
+POINT_KIND = "geometry_msgs/msg/PointStamped"
 OWN_REFERENCE = "/reference"
 # three bytes for each pixel of the largest picture that is decoded, three times over
 _MOST_MESSAGE_BYTES = 250_000_000
@@ -38,11 +38,15 @@ _LISTED = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosTopics:
-    """Topics by station; ``images`` is empty for a bag of pixels. ``reference`` is None without one."""
+    """Topics by station; ``images`` is empty for a bag of pixels. ``reference`` is None without one.
+
+    ``angles`` are the stations, by topic, of which pictures told the angles.
+    """
 
     images: Mapping[str, str]
     joints: Mapping[str, str]
     pixels: Mapping[str, str] = field(default_factory=dict)
+    angles: Mapping[str, str] = field(default_factory=dict)
     reference: str | None = None
 
 
@@ -169,7 +173,8 @@ class RosBag:
             allowed = [*(f"{n}.image" for n in rig.names), *(f"{n}.joints" for n in turning), "reference"]
             if key not in allowed:
                 raise SessionError("--topic", got=quoted(key), wanted="one of " + ", ".join(allowed))
-        pixels = {n: pixel_topic(n) for n in rig.names if self.kinds.get(pixel_topic(n)) == PIXEL_KIND}
+        pixels = {n: pixel_topic(n) for n in rig.names if self.kinds.get(pixel_topic(n)) == POINT_KIND}
+        angles = {frame_topic(n): n for n in turning if self.is_ours and self.kinds.get(frame_topic(n)) == POINT_KIND}
         images = {} if pixels else {n: self._topic(f"{n}.image", n, IMAGE_KINDS, given) for n in rig.names}
         for n, topic in images.items():
             others = [other for other, t in images.items() if t == topic and other != n]
@@ -181,7 +186,7 @@ class RosBag:
         reference = given.get("reference", own)
         if reference is not None and self.kinds.get(reference) != REFERENCE_KIND:
             raise self._no_topic("reference", f"{quoted(reference)}", (REFERENCE_KIND,))
-        return RosTopics(images=images, joints=joints, pixels=pixels, reference=reference)
+        return RosTopics(images=images, joints=joints, pixels=pixels, angles=angles, reference=reference)
 
     def events(self, topics: RosTopics, rig: Rig) -> Iterator[Event]:
         """Yield readings, frames and epochs in the bag's order. Raises `SessionError` for a damaged message."""
@@ -191,9 +196,12 @@ class RosBag:
         read: set[str] = set()
         stamps: dict[int, list[float]] = {}
         for topic, message in self._messages(
-            {*topics.images.values(), *topics.joints.values(), *topics.pixels.values()}
+            {*topics.images.values(), *topics.joints.values(), *topics.pixels.values(), *topics.angles}
         ):
             t_s = self._time_s(message)
+            if topic in topics.angles:
+                pan, tilt, sigma = (float(getattr(message.point, axis)) for axis in "xyz")
+                yield FrameAngles(t_s=t_s, station=topics.angles[topic], pan_rad=pan, tilt_rad=tilt, sigma_rad=sigma)
             for station in (n for n, t in topics.joints.items() if t == topic):
                 angles = pan_tilt(message, station, alone=list(topics.joints.values()).count(topic) == 1)
                 if angles is None:

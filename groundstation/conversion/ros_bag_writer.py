@@ -6,6 +6,7 @@ keep that number and the session's own files, so that the bag can be turned into
 
 import math
 import shutil
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -15,12 +16,31 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.conversion.ros_types import MAP_FRAME, OFFSET_KEY, UNKNOWN_VARIANCE, RosTypes, pixel_topic, topic_of
+from groundstation.conversion.ros_types import (
+    MAP_FRAME,
+    OFFSET_KEY,
+    UNKNOWN_VARIANCE,
+    RosTypes,
+    frame_topic,
+    pixel_topic,
+    topic_of,
+)
 from groundstation.errors import InputError, os_words
 from groundstation.files.csv_table import CsvTable
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.geometry.station import StationGeometry
-from groundstation.messages import DgpsFix, Event, Frame, PixelMeasurement, PtuSample
+from groundstation.messages import (
+    DgpsFix,
+    Epoch,
+    Event,
+    FilterReset,
+    Frame,
+    FrameAngles,
+    Heartbeat,
+    PixelMeasurement,
+    PtuSample,
+    ReferenceFix,
+)
 from groundstation.rig.rig import Station
 from groundstation.session import Session
 
@@ -30,6 +50,11 @@ if TYPE_CHECKING:
 _POSITION = ("x_m", "y_m", "z_m")
 _VELOCITY = ("vx_m_s", "vy_m_s", "vz_m_s")
 _COVARIANCE = ("cov_xx_m2", "cov_xy_m2", "cov_xz_m2", "cov_yy_m2", "cov_yz_m2", "cov_zz_m2")
+_WORDS: dict[type[Event], str] = {
+    Heartbeat: "heartbeats",
+    ReferenceFix: "positions that the filter learnt from",
+    FilterReset: "resets of the filter",
+}
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -65,6 +90,8 @@ class RosBagWriter:
         self._topics: dict[str, Connection] = {}
         self._begins_s = begins_s
         self.pixels_with_sigma = self.partial_pictures = 0
+        # records that have no counterpart in ROS, by what they are
+        self.left_out: Counter[str] = Counter()
 
     def __enter__(self) -> "RosBagWriter":
         """Open the bag and write the static transforms."""
@@ -84,17 +111,20 @@ class RosBagWriter:
             shutil.rmtree(self._writer.path, ignore_errors=True)
 
     def take(self, event: Event) -> None:
-        """Write one event; those without a counterpart in ROS are left out."""
+        """Write one event; those without a counterpart in ROS are left out and counted."""
         if isinstance(event, Frame):
             self._write_picture(event)
         elif isinstance(event, PtuSample):
             self._write_reading(event)
         elif isinstance(event, PixelMeasurement):
-            point = self._ros.new("geometry_msgs/msg/Point", x=event.u_px, y=event.v_px, z=0.0)
-            header = self._header(event.t_s, f"{event.station}_optical")
-            stamped = self._ros.new("geometry_msgs/msg/PointStamped", header=header, point=point)
-            self._write(pixel_topic(event.station), event.t_s, stamped)
+            xyz = (event.u_px, event.v_px, 0.0)
+            self._write_point(pixel_topic(event.station), event.t_s, f"{event.station}_optical", xyz)
             self.pixels_with_sigma += event.sigma_px is not None
+        elif isinstance(event, FrameAngles):
+            xyz = (event.pan_rad, event.tilt_rad, event.sigma_rad)
+            self._write_point(frame_topic(event.station), event.t_s, f"{event.station}_base", xyz)
+        elif not isinstance(event, Epoch):
+            self.left_out[_WORDS[type(event)]] += 1
 
     def write_reference(self, fixes: tuple[DgpsFix, ...]) -> None:
         """Write positions of the reference; the offset of its clock is not applied."""
@@ -160,6 +190,12 @@ class RosBagWriter:
         rotation = self._geometries[event.station].base_from_head(event.pan_rad, event.tilt_rad)
         turned = self._transform(event.t_s, f"{event.station}_base", f"{event.station}_head", np.zeros(3), rotation)
         self._write("/tf", event.t_s, self._ros.new("tf2_msgs/msg/TFMessage", transforms=[turned]))
+
+    def _write_point(self, topic: str, t_s: float, frame: str, xyz: tuple[float, float, float]) -> None:
+        x, y, z = xyz
+        point = self._ros.new("geometry_msgs/msg/Point", x=x, y=y, z=z)
+        stamped = self._ros.new("geometry_msgs/msg/PointStamped", header=self._header(t_s, frame), point=point)
+        self._write(topic, t_s, stamped)
 
     def _write_static(self) -> None:
         """Write where the stations' bases are, and the cameras in their heads."""

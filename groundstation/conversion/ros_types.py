@@ -31,6 +31,11 @@ def pixel_topic(station: str) -> str:
     return f"/{station}/target_pixel"
 
 
+def frame_topic(station: str) -> str:
+    """Return the topic of what pictures told of a head's angles: pan, tilt and one sigma as x, y and z, rad."""
+    return f"/{station}/frame_angles"
+
+
 class RosTypes:
     """The message types of ROS 2 Humble, with makers of those used here.
 

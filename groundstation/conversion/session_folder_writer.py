@@ -16,10 +16,20 @@ from groundstation.arrays import ImageArray
 from groundstation.box import Box
 from groundstation.errors import InputError, os_words
 from groundstation.files.output_names import below
-from groundstation.messages import Event, Frame, Heartbeat, PixelMeasurement, PtuSample, ReferenceFix
+from groundstation.messages import (
+    Event,
+    FilterReset,
+    Frame,
+    FrameAngles,
+    Heartbeat,
+    PixelMeasurement,
+    PtuSample,
+    ReferenceFix,
+)
 from groundstation.picture import PartialPicture, Picture
 from groundstation.rig.rig import ClockModel
 from groundstation.session import Session
+from groundstation.sources import frame_angles_table
 
 # what colours at a kept part's border lean on beyond it, in px
 _BORDER_PX = 4
@@ -37,6 +47,7 @@ class WrittenCounts:
     out_of_order: int = 0
     references: int = 0
     heartbeats: int = 0
+    resets: int = 0
 
 
 class SessionFolderWriter:
@@ -52,6 +63,7 @@ class SessionFolderWriter:
         self._rows: dict[int, dict[str, float]] = {}
         self._readings = {s.name: array("d") for s in session.rig.stations if not s.fixed}
         self._pixels: dict[str, list[tuple[float, ...]]] = {}
+        self._angles: list[list[str]] = []
         self.done = WrittenCounts()
         with _writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -73,10 +85,17 @@ class SessionFolderWriter:
             t_s = _device_time(self._session.camera_clock(self._stations[event.station]), event.t_s)
             self._pixels.setdefault(event.station, []).append((t_s, event.u_px, event.v_px, *(event.sigma_px or ())))
             self.done.pixels += 1
+        elif isinstance(event, FrameAngles):
+            t_s = _device_time(self._session.camera_clock(self._stations[event.station]), event.t_s)
+            self._angles.append(
+                [repr(t_s), event.station, *map(repr, (event.pan_rad, event.tilt_rad, event.sigma_rad))]
+            )
         elif isinstance(event, ReferenceFix):
             self.done.references += 1
         elif isinstance(event, Heartbeat):
             self.done.heartbeats += 1
+        elif isinstance(event, FilterReset):
+            self.done.resets += 1
 
     def finish(self, files: Mapping[str, bytes], note: str) -> None:
         """Write the session's own files and the tables; ``note`` goes on top of session.toml as a remark."""
@@ -90,6 +109,8 @@ class SessionFolderWriter:
                 self._write_pixels()
             else:
                 self._table("frames.csv", ["index", *(f"{n}_t_s" for n in self._stations)], self._frame_rows())
+            if self._angles:
+                self._table(frame_angles_table.NAME, [*frame_angles_table.COLUMNS], self._angles)
             if self._readings:
                 columns = [f"{n}_{axis}_deg" for n in self._readings for axis in ("pan", "tilt")]
                 self._table("ptu.csv", ["t_s", *columns], self._reading_rows())

@@ -15,7 +15,7 @@ from groundstation.live.check_result import CheckResult, failed, passed
 from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import HeadDevice, open_head
 from groundstation.live.keep_out_zones import sun_text, with_keep_out
-from groundstation.live.station_file import StationDevices, load_station
+from groundstation.live.station_file import StationDevices, StationFile, load_station
 from groundstation.rig.rig import Rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
 from groundstation.tracking.config import load_config
@@ -43,6 +43,8 @@ def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckRe
         return
     yield passed(f"station file, rig and tuning: {', '.join(rig.names)}")
     yield _known(rig)
+    if file.panorama is not None:
+        yield _panorama(file, rig)
     if any(s.head is not None for s in file.stations):
         avoided, words = sun_text(file, rig, time.time())
         yield CheckResult(good=avoided, text=words)
@@ -66,6 +68,15 @@ def _known(rig: Rig) -> CheckResult:
         text = f"rig: {', '.join(sure)} without a covariance: the track's covariance will be too small"
         return failed(text)
     return passed("rig: calibrated, with covariance")
+
+
+def _panorama(file: StationFile, rig: Rig) -> CheckResult:
+    """Read the panorama: one that cannot be used stops the operation, and nothing else."""
+    try:
+        names = file.registered_heads(rig).names
+    except GroundstationError as fault:
+        return failed(str(fault))
+    return passed(f"panorama: {', '.join(names)}")
 
 
 def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, raw: dict[str, bool]) -> CheckResult:

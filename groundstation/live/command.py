@@ -212,6 +212,8 @@ def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -
     file = _file(request) if simulator is None else simulator.station_file(request.station, out)
     rig = file.load_rig()
     check_against_rig(file, rig)
+    # a panorama that cannot be used is an error before any device is opened
+    file.registered_heads(rig)
     file = with_keep_out(file, rig, time.monotonic(), time.time())
     if simulator is not None:
         simulator.check(rig)

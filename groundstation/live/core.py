@@ -181,12 +181,18 @@ class LiveCore:
         step = LiveStep()
         for epoch in self._pairing.flush():
             self._step(epoch, step)
+        t_s = self.pipeline.time_s or 0.0
         try:
-            step.reports.append(self.pipeline.finish())
+            report = self.pipeline.finish()
         except _FAILED as fault:
-            self._reset_filter(fault, self.pipeline.time_s or 0.0, step, in_vain=False)
-        step.consumed += self.pipeline.heads.take_found()
-        t_s, notes = self.pipeline.time_s or 0.0, self.pipeline.heads.notes()
+            # angles before the reset: a replay has to know them when it comes to these frames
+            step.consumed += self.pipeline.heads.take_found()
+            self._reset_filter(fault, self.pipeline.time_s or t_s, step, in_vain=False)
+        else:
+            step.consumed += self.pipeline.heads.take_found()
+            step.reports.append(report)
+        # time is unknown after a reset
+        t_s, notes = self.pipeline.time_s or t_s, self.pipeline.heads.notes()
         if notes:
             lines = (TrackEvent(t_s=t_s, level="info", text=text) for text in notes)
             step.reports.append(StepReport(events=tuple(lines)))

@@ -45,8 +45,6 @@ def check_against_rig(file: StationFile, rig: Rig) -> None:
                 wanted="the PTU's URL, or fixed = true in the rig",
             )
     require_one_sight(rig, file.span_m)
-    # raises where it cannot be used: before any device is opened
-    file.registered_heads(rig)
 
 
 def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: float) -> LiveCamera:

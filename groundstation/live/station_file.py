@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from groundstation.autopilot.settings import AutopilotSettings, parse_autopilot
-from groundstation.errors import ConfigError
+from groundstation.errors import ConfigError, InputError
 from groundstation.files.text_file import absence
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.live.head_device import HeadDevice
@@ -99,20 +99,36 @@ class StationFile:
 
     def load_rig(self) -> Rig:
         """Read the rig; raises `ConfigError` with the station file's key where a file that it names is missing."""
-        named = {key: getattr(self, key) for key in ("rig", "config", "landing_site", "panorama")}
-        for key, path in named.items():
-            if path is not None and not path.is_file():
-                raise ConfigError(
-                    f"{self.path}: {key}",
-                    got=f"{path} ({absence(path)})",
-                    wanted="a file, its path seen from the station file's folder",
-                )
+        for key in ("rig", "config", "landing_site"):
+            self._require_file(key)
         return load_rig(self.rig)
 
+    def _require_file(self, key: str) -> None:
+        """Raise `ConfigError` where a file that a key names is missing."""
+        path: Path | None = getattr(self, key)
+        if path is not None and not path.is_file():
+            raise ConfigError(
+                f"{self.path}: {key}",
+                got=f"{path} ({absence(path)})",
+                wanted="a file, its path seen from the station file's folder",
+            )
+
     def registered_heads(self, rig: Rig) -> RegisteredHeads:
-        """Return what takes angles from pictures by the panorama; raises `InputError` for one that cannot be used."""
-        panoramas = {} if self.panorama is None else read_panoramas(self.panorama)
-        return RegisteredHeads(rig, panoramas, search_every=_SEARCH_EVERY)
+        """Return what takes angles from pictures by the panorama, where there is one.
+
+        Raises `ConfigError`, which names this file's key, the panorama's file, and the key in it, for one that is
+        missing, damaged or not of this rig.
+        """
+        if self.panorama is None:
+            return RegisteredHeads(rig, {})
+        self._require_file("panorama")
+        try:
+            panoramas = read_panoramas(self.panorama)
+            return RegisteredHeads(rig, panoramas, search_every=_SEARCH_EVERY, where=str(self.panorama))
+        except InputError as fault:
+            # it does not know which key names its file
+            where = f"{self.path}: panorama: {fault.where}"
+            raise ConfigError(where, got=fault.got, wanted=fault.wanted) from fault
 
 
 def load_station(path: Path) -> StationFile:

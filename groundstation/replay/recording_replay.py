@@ -6,13 +6,14 @@ from pathlib import Path
 
 from groundstation.conversion.recording_header import build_header
 from groundstation.errors import InputError
-from groundstation.messages import Event, FilterReset, InitialState, ReferenceFix, StepReport
+from groundstation.messages import Event, FilterReset, FrameAngles, InitialState, ReferenceFix, StepReport
 from groundstation.recording.mcap_metadata import CONFIG
 from groundstation.recording.recorder import PATIENT, Recorder, RecorderState
 from groundstation.session import Session
 from groundstation.sources.folder_source import FolderSource
 from groundstation.sources.recording_source import RecordingSource
 from groundstation.tracking.config import Config, load_config
+from groundstation.tracking.registered_heads import RegisteredHeads
 
 
 def load_replay_config(session: Session, path: Path | None) -> Config:
@@ -51,6 +52,8 @@ class ReplayRecorder:
     ----------
     path : a file that does not exist yet, .mcap; raises `InputError` if it exists or cannot be created.
     learns : whether reference fixes update the filter.
+    heads : those of the pipeline: angles that it takes from pictures are recorded before the event that made it do so,
+        instead of those that a source has.
     """
 
     def __init__(
@@ -61,31 +64,45 @@ class ReplayRecorder:
         config: Config,
         initial: InitialState | None,
         learns: bool,
+        heads: RegisteredHeads | None = None,
     ) -> None:
         header = build_header(session, rig, config, initial=initial, learns_from_reference=learns)
         self.path = path
         self.fault: str | None = None
         # it waits for the disk instead of dropping pictures
         self._recorder = Recorder(path, session.rig, header, PATIENT)
+        self._heads = heads
+        self._held: Event | None = None
 
     def taken(self, events: Iterable[Event]) -> Iterator[Event]:
-        """Yield the events, each one recorded first."""
+        """Yield the events, each one recorded once its step is done, before the step's output."""
         for event in events:
-            if self.fault is None:
-                try:
-                    self._recorder.take(event)
-                except InputError as fault:
-                    self.fault = fault.got
-                    self._recorder.abandon()
+            self._held = event
             yield event
+            self._record_held()
 
     def write(self, report: StepReport) -> None:
         """Record the output of one step."""
+        self._record_held()
         if self.fault is None:
             self._recorder.write(report)
 
+    def _record_held(self) -> None:
+        """Record the angles that were taken from pictures lately, and the event that made it so."""
+        events: list[Event] = [] if self._heads is None else list(self._heads.take_found())
+        if self._held is not None and not (self._heads is not None and isinstance(self._held, FrameAngles)):
+            events.append(self._held)
+        self._held = None
+        try:
+            for event in events if self.fault is None else ():
+                self._recorder.take(event)
+        except InputError as fault:
+            self.fault = fault.got
+            self._recorder.abandon()
+
     def close(self) -> None:
         """Write what is queued; may be called twice."""
+        self._record_held()
         self._recorder.close()
         status = self._recorder.status
         if self.fault is None and status.state is RecorderState.FAILED:

@@ -84,7 +84,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         outputs = ReplayOutputs(request, session, comparison, opened)
         unfinished.callback(outputs.discard)
         if request.record is not None:
-            outputs.recorder = ReplayRecorder(request.record, session, request.rig, config, initial, learns)
+            outputs.recorder = ReplayRecorder(request.record, session, request.rig, config, initial, learns, heads)
             opened.enter_context(closing(outputs.recorder))
         pipeline = Pipeline(
             session.rig,
@@ -138,7 +138,9 @@ def _learns_as_recorded(request: ReplayRequest, inputs: ReplayInputs) -> bool:
 
 def _registered_heads(request: ReplayRequest, session: Session) -> RegisteredHeads | None:
     """Return what takes angles from the pictures, where a panorama was given."""
-    return None if request.panorama is None else RegisteredHeads(session.rig, read_panoramas(request.panorama))
+    if request.panorama is None:
+        return None
+    return RegisteredHeads(session.rig, read_panoramas(request.panorama), where=str(request.panorama))
 
 
 def _pipeline_notes(pipeline: Pipeline, fixes: list[ReferenceFix]) -> list[str]:

@@ -46,8 +46,6 @@ class ReplayRequest:
     realtime: bool = False
 
     def __post_init__(self) -> None:
-        if self.record is not None and self.panorama is not None:
-            raise UsageError("--record", got="--panorama as well", wanted="one of them: a recording has no panorama")
         if (self.approach.autopilot is not None or self.approach.udp is not None) and not self.realtime:
             raise UsageError("--autopilot, --udp", got="no --realtime", wanted="it: a stream is of its own time")
 

@@ -17,6 +17,7 @@ from groundstation.picture import BgrPicture
 from groundstation.session import Session
 from groundstation.session.time_units import unit_hint
 from groundstation.sources.external_detections import detection_events, read_detections
+from groundstation.sources.frame_angles_table import FrameAnglesTable
 from groundstation.sources.frame_table import FrameTable, read_frames
 from groundstation.sources.picture_reader import PictureReader
 from groundstation.sources.ptu_readings import PtuReadings
@@ -47,6 +48,7 @@ class FolderSource:
         self._listed: dict[str, int] = {}
         self._readers: dict[str, PictureReader] = {}
         self._table: FrameTable | None = None
+        self._angles: FrameAnglesTable
         self._labels: dict[str, FloatArray] = {}
         # stamps of the first and the last picture or pixel; an epoch's own stamp is a mean
         self._observed_span_s = (0.0, 0.0)
@@ -55,6 +57,7 @@ class FolderSource:
 
     def __enter__(self) -> "FolderSource":
         self._readings = PtuReadings(self._session)
+        self._angles = FrameAnglesTable(self._session)
         if self._session.media:
             self._enter_frames()
         else:
@@ -81,7 +84,7 @@ class FolderSource:
             last = t_s
             yield event
         yield from self._readings.until(last + LEAD_S)
-        fault = self._fault or self._readings.fault
+        fault = self._fault or self._readings.fault or self._angles.fault
         if fault is not None:
             raise fault
 
@@ -167,6 +170,9 @@ class FolderSource:
                 self._fault = fault
                 return
             if picture is not None:
+                angles = self._angles.of_frame(names[rank], t)
+                if angles is not None:
+                    yield t, angles
                 yield t, Frame(t_s=t, station=names[rank], epoch=epoch, image=BgrPicture(picture.image))
         self._check_ends()
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 
 from groundstation.detection.panorama import GroundPanorama
 from groundstation.errors import InputError, os_words
@@ -17,6 +18,7 @@ from groundstation.files.whole_file import write_whole
 FORMAT = "groundstation-panorama/1"
 _MOST_BYTES, _MOST_PIXELS = 500_000_000, 200_000_000
 _KEYS = ("grey", "known", "place")
+_WANTED = "a file of `calibrate panorama`"
 # what zipfile and NumPy raise for bytes that are wrong
 _DAMAGED = (
     *(ValueError, KeyError, EOFError, SyntaxError, NotImplementedError, RuntimeError, OverflowError, MemoryError),
@@ -41,31 +43,68 @@ def write_panoramas(path: Path, panoramas: Mapping[str, GroundPanorama]) -> None
 
 
 def read_panoramas(path: Path) -> dict[str, GroundPanorama]:
-    """Return the panoramas of a file by station; raises `InputError` for one that is none."""
+    """Return the panoramas of a file by station; raises `InputError`, which names file and key, where it is none."""
     try:
         if path.stat().st_size > _MOST_BYTES:
             raise InputError(str(path), got=f"{path.stat().st_size} bytes", wanted=f"at most {_MOST_BYTES}")
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            if "format" not in file or str(file["format"]) != FORMAT:
-                raise InputError(str(path), got="no format", wanted=f"{FORMAT}, as `calibrate panorama` writes it")
-            names = sorted({key.rpartition(".")[0] for key in file.files} - {""})
-            found = {name: _panorama(path, name, {key: file[f"{name}.{key}"] for key in _KEYS}) for name in names}
+        content = path.read_bytes()
     except OSError as fault:
-        got = os_words(fault)
-        raise InputError(str(path), got=got, wanted="a file of `calibrate panorama`") from fault
-    except _DAMAGED as fault:
-        raise InputError(str(path), got="no panorama", wanted="a file of `calibrate panorama`") from fault
-    if not found:
+        raise InputError(str(path), got=os_words(fault), wanted=_WANTED) from fault
+    try:
+        file = np.load(io.BytesIO(content), allow_pickle=False)
+    except (OSError, *_DAMAGED) as fault:
+        raise InputError(str(path), got="no archive, or a damaged one", wanted=_WANTED) from fault
+    if not isinstance(file, NpzFile):
+        raise InputError(str(path), got="a single array", wanted=_WANTED)
+    with file:
+        return _panoramas(path, file)
+
+
+def _panoramas(path: Path, file: NpzFile) -> dict[str, GroundPanorama]:
+    written = _array(path, file, "format")
+    if written.shape or str(written) != FORMAT:
+        got = repr(str(written)[:40]) if not written.shape else f"an array of {written.shape}"
+        raise InputError(f"{path}: format", got=got, wanted=f"{FORMAT}, as `calibrate panorama` writes it")
+    names = sorted({key.rpartition(".")[0] for key in file.files if key != "format"})
+    for key in file.files:
+        name, _, which = key.rpartition(".")
+        if key != "format" and (not name or which not in _KEYS):
+            raise InputError(f"{path}: {key}", got="an unknown key", wanted=f"STATION.{', .'.join(_KEYS)}")
+    if not names:
         raise InputError(str(path), got="no station", wanted="a panorama of one or more")
+    return {name: _panorama(path, name, {key: _array(path, file, f"{name}.{key}") for key in _KEYS}) for name in names}
+
+
+def _array(path: Path, file: NpzFile, key: str) -> np.ndarray:
+    """Return what stands under a key."""
+    if key not in file.files:
+        raise InputError(f"{path}: {key}", got="nothing", wanted=_WANTED)
+    try:
+        found = file[key]
+    except (OSError, *_DAMAGED) as fault:
+        raise InputError(f"{path}: {key}", got="damaged bytes", wanted=_WANTED) from fault
+    if not isinstance(found, np.ndarray):
+        raise InputError(f"{path}: {key}", got="no array", wanted=_WANTED)
     return found
 
 
 def _panorama(path: Path, name: str, arrays: Mapping[str, np.ndarray]) -> GroundPanorama:
     grey, known, place = (arrays[key] for key in _KEYS)
-    whole = grey.ndim == 2 and grey.shape == known.shape and min(grey.shape) > 1 and grey.size <= _MOST_PIXELS
-    right = grey.dtype == known.dtype == np.uint8 and place.shape == (4,) and place.dtype == np.float64
-    if not whole or not right or not np.isfinite(place).all() or not (1e-6 < place[2] < 0.1 and place[3] >= 0.0):
-        raise InputError(f"{path}: {name}", got="no panorama", wanted="a file of `calibrate panorama`")
+
+    def refuse(key: str, wanted: str) -> InputError:
+        got = f"{arrays[key].dtype} of {arrays[key].shape}"
+        if key == "place" and arrays[key].size == 4:
+            got = ", ".join(f"{v}" for v in arrays[key].ravel())
+        return InputError(f"{path}: {name}.{key}", got=got, wanted=wanted)
+
+    if grey.dtype != np.uint8 or grey.ndim != 2 or min(grey.shape) < 2 or grey.size > _MOST_PIXELS:
+        raise refuse("grey", f"uint8 of two dimensions, at most {_MOST_PIXELS} pixels")
+    if known.dtype != np.uint8 or known.shape != grey.shape:
+        raise refuse("known", f"uint8 of {grey.shape}, as {name}.grey")
+    if place.dtype != np.float64 or place.shape != (4,):
+        raise refuse("place", "float64 of (4,): left, top, step and sigma, rad")
+    if not np.isfinite(place).all() or not (1e-6 < place[2] < 0.1 and place[3] >= 0.0):
+        raise refuse("place", "left, top, step (1e-6 to 0.1) and sigma (0 or more), rad")
     return GroundPanorama(
         grey=np.asarray(grey, dtype=np.float32),
         known=known,

@@ -22,19 +22,22 @@ class RegisteredHeads:
     Parameters
     ----------
     rig : its stations. panoramas : by station; none where angles come from a recording alone.
+    where : what the panoramas came from, for the error.
     search_every : of a head whose encoder is so poor that a frame has to be searched for, every how many frames are
         registered: in operation a search takes too long for each.
 
     Angles of a recording's `FrameAngles` are taken as they are of stations without a panorama, and of frames of which
-    only parts were recorded. Raises `RigError` for a panorama
-    of a station that the rig has not, or that does not turn.
+    only parts were recorded. Raises `RigError` for a panorama of a station that the rig has not, or that does not turn.
     """
 
-    def __init__(self, rig: Rig, panoramas: Mapping[str, GroundPanorama], search_every: int = 1) -> None:
+    def __init__(
+        self, rig: Rig, panoramas: Mapping[str, GroundPanorama], search_every: int = 1, where: str = "panorama"
+    ) -> None:
         for name in panoramas:
             if name not in rig.names or rig[name].fixed:
                 turning = ", ".join(s.name for s in rig.stations if not s.fixed)
-                raise RigError("panorama", got=f"one of station {name}", wanted=f"some of {turning}, which turn")
+                wanted = f"some of {turning}, which turn" if turning else "none: no station of the rig turns"
+                raise RigError(where, got=f"one of station {name}", wanted=wanted)
         self._heads = {name: HeadRegistration(rig[name], panorama) for name, panorama in panoramas.items()}
         self._sigma_rad = {s.name: s.angle_sigma_rad for s in rig.stations}
         self._every = {
@@ -48,6 +51,11 @@ class RegisteredHeads:
         # the oldest are dropped where no recording takes them
         self._found: deque[FrameAngles] = deque(maxlen=_MOST_RECALLED)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The stations that have a panorama."""
+        return tuple(self._heads)
+
     def recall(self, angles: FrameAngles) -> None:
         """Note the angles of a frame that is not processed yet, from a recording."""
         self._recalled[angles.station, angles.t_s] = angles
@@ -56,7 +64,7 @@ class RegisteredHeads:
             self._recalled.pop(next(iter(self._recalled)))
 
     def take_found(self) -> list[FrameAngles]:
-        """Return the angles that were found since the last call, for a recording."""
+        """Return the angles that were taken since the last call, for a recording."""
         found = list(self._found)
         self._found.clear()
         return found
@@ -70,6 +78,9 @@ class RegisteredHeads:
         found = self._recalled.pop((name, record.t_s), None)
         if found is not None and (name not in self._heads or not as_picture(record.image).has_all):
             self._recorded[name] += 1
+            if self._heads:
+                # those of a recording of this run are what the run used
+                self._found.append(found)
         else:
             found = self._register(record, angles)
             if found is None:

@@ -1,20 +1,27 @@
 """Head angles from the picture in operation: recorded, so that a replay has them without panorama or whole frames."""
 
+import re
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calibration.panorama.mosaic import PanoramaFrame, make_mosaic
 from groundstation.detection.config import DetectionConfig, DetectorKind
+from groundstation.detection.panorama import GroundPanorama
 from groundstation.errors import ConfigError, InputError
+from groundstation.live.check import check_station
+from groundstation.live.command import LiveRequest
+from groundstation.live.command import live as operate_live
 from groundstation.live.core import LiveCore, LiveStep, live_config
 from groundstation.live.devices import check_against_rig
 from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.input_queue import TimedPicture
 from groundstation.live.station_file import load_station
-from groundstation.messages import CameraReport, Event, Frame, FrameAngles, PtuSample, StepReport
+from groundstation.messages import CameraReport, Event, FilterReset, Frame, FrameAngles, PtuSample, StepReport
 from groundstation.picture import as_picture
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.recording.mcap_metadata import RecordingHeader
@@ -53,8 +60,11 @@ def core(heads: RegisteredHeads) -> LiveCore:
     return LiveCore(pipeline, FramePairer(one.names, 1.0 / RATE_HZ), {}, pattern)
 
 
-def operate(live: LiveCore) -> LiveStep:
-    """Give a core frames of the ground and readings that are off, and return all that it made of them."""
+def operate(live: LiveCore, last: int = PAIRS) -> LiveStep:
+    """Give a core frames of the ground and readings that are off, and return all that it made of them.
+
+    No reading of the other head follows pair ``last``.
+    """
     random, done = np.random.default_rng(21), LiveStep()
 
     def add(step: LiveStep) -> None:
@@ -64,7 +74,7 @@ def operate(live: LiveCore) -> LiveStep:
     for k in range(PAIRS):
         t_s = 1.0 + k / RATE_HZ
         for name in rig().names:
-            for at_s in (t_s - 0.005, t_s + 0.005):
+            for at_s in (t_s - 0.005, t_s + 0.005)[: 1 if k == last and name == "other" else 2]:
                 pan, tilt = np.radians(TRUE_DEG) + random.normal(0.0, 0.7 * NOISE_RAD, 2)
                 add(live.take(PtuSample(t_s=at_s, station=name, pan_rad=float(pan), tilt_rad=float(tilt)), at_s))
                 if at_s < t_s:
@@ -135,6 +145,24 @@ def test_the_operation_says_how_often_the_pictures_told() -> None:
     assert not any(isinstance(event, FrameAngles) for event in plain.consumed)
 
 
+def test_a_filter_that_fails_at_the_end_leaves_angles_before_its_reset_and_notes_in_time() -> None:
+    """Expected: what the last frames' pictures told is recorded before the reset; notes come after it, not at zero."""
+    live = core(RegisteredHeads(rig(), {station().name: mosaic().panorama}))
+    finish = live.pipeline.finish
+
+    def failing() -> StepReport:
+        finish()
+        raise ArithmeticError("made up")
+
+    live.pipeline.finish = failing  # type: ignore[method-assign]
+    # the last pair waits for a reading of the other head: its angles are taken in the end only
+    done = operate(live, PAIRS - 1)
+    kinds = [type(event) for event in done.consumed]
+    assert kinds[-2:] == [FrameAngles, FilterReset]
+    (notes,) = ([e for e in report.events if "head angles" in e.text] for report in done.reports[-1:])
+    assert [note.t_s for note in notes] == pytest.approx([1.0 + (PAIRS - 1) / RATE_HZ], abs=0.02)
+
+
 def test_a_search_is_not_made_for_each_frame() -> None:
     """Expected: an encoder of half a degree wants a search: of eight frames one, the others counted."""
     poor = Rig(stations=tuple(replace(s, ptu_sigma_rad=np.radians(0.5)) for s in rig().stations))
@@ -160,24 +188,55 @@ def test_registration_does_not_make_a_recording_keep_whole_frames() -> None:
     assert read == [False] * (2 * PAIRS)
 
 
-def test_a_station_file_names_a_panorama(tmp_path: Path) -> None:
-    path = write_station(tmp_path, true_rig())
-    assert load_station(path).panorama is None
-    text = path.read_text()
-    path.write_text(text.replace('rig = "rig.toml"\n', 'rig = "rig.toml"\npanorama = "p.npz"\n'))
-    with pytest.raises(ConfigError, match=r"panorama: got .*p\.npz .*wanted a file"):
-        load_station(path).load_rig()
-    (tmp_path / "p.npz").write_bytes(b"no panorama")
-    file = load_station(path)
-    with pytest.raises(InputError, match=r"p\.npz: got .*; wanted .*calibrate panorama"):
-        check_against_rig(file, file.load_rig())
-    made = make_mosaic(
+def with_panorama(folder: Path) -> Path:
+    """Return a station file of two heads, left and right, that names a panorama p.npz, which is not there yet."""
+    path = write_station(folder, true_rig())
+    path.write_text(path.read_text().replace('rig = "rig.toml"\n', 'rig = "rig.toml"\npanorama = "p.npz"\n'))
+    return path
+
+
+def drawn_panorama() -> GroundPanorama:
+    return make_mosaic(
         station(),
         [
             PanoramaFrame(grey=frame(pan, -1.5, np.random.default_rng(1)), angles_rad=np.radians([pan, -1.5]))
             for pan in (0.0, 0.5, 1.0)
         ],
         np.radians(3.0),
-    )
-    write_panoramas(tmp_path / "p.npz", {"left": made.panorama})
-    check_against_rig(file, file.load_rig())
+    ).panorama
+
+
+def test_a_station_file_names_a_panorama(tmp_path: Path) -> None:
+    assert load_station(write_station(tmp_path, true_rig())).panorama is None
+    file = load_station(with_panorama(tmp_path))
+    rig_of_file = file.load_rig()
+    with pytest.raises(ConfigError, match=r"field\.toml: panorama: got .*p\.npz .*wanted a file"):
+        file.registered_heads(rig_of_file)
+    (tmp_path / "p.npz").write_bytes(b"no panorama")
+    wrong = r"field\.toml: panorama: .*p\.npz: got .*; wanted .*calibrate panorama"
+    with pytest.raises(InputError, match=wrong):
+        file.registered_heads(rig_of_file)
+    write_panoramas(tmp_path / "p.npz", {"left": drawn_panorama()})
+    assert file.registered_heads(rig_of_file).names == ("left",)
+    check_against_rig(file, rig_of_file)
+
+
+@pytest.mark.parametrize("content", [None, b"no panorama", {"third": ...}])
+def test_a_panorama_that_cannot_be_used_stops_only_what_uses_it(tmp_path: Path, content: Any) -> None:
+    """Expected: `live` names file and key before a device is opened; `check` has one failed line; others do not ask."""
+    path = with_panorama(tmp_path)
+    if isinstance(content, bytes):
+        (tmp_path / "p.npz").write_bytes(content)
+    elif content is not None:
+        write_panoramas(tmp_path / "p.npz", {name: drawn_panorama() for name in content})
+    said = r"field\.toml: panorama: .*p\.npz"
+    request = LiveRequest(station=path, out=tmp_path / "out", seconds=1.0)
+    with pytest.raises(ConfigError, match=said):
+        operate_live(request, stop=lambda: False, tell=lambda _: None, say=lambda _: None)
+    assert not (tmp_path / "out").exists()
+    file = load_station(path)
+    rig_of_file = file.load_rig()
+    check_against_rig(file, rig_of_file)
+    lines = list(islice(check_station(path, 0.1, move=False), 3))
+    assert [line.good for line in lines] == [True, lines[1].good, False]
+    assert re.search(said, lines[2].text)

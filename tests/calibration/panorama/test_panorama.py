@@ -19,10 +19,9 @@ from groundstation.detection.panorama import (
     RegistrationFault,
     halved_grey,
 )
-from groundstation.errors import InputError, RigError, UsageError
+from groundstation.errors import InputError, RigError
 from groundstation.messages import Frame, PtuSample
 from groundstation.picture import as_picture
-from groundstation.replay.replay_request import ReplayRequest
 from groundstation.rig.rig import Rig, Station
 from groundstation.sources.panorama_file import read_panoramas, write_panoramas
 from groundstation.tracking.registered_heads import RegisteredHeads
@@ -149,10 +148,54 @@ def test_panoramas_are_read_as_they_are_written(tmp_path: Path) -> None:
         with suppress(InputError):
             read_panoramas(tmp_path / "q.npz")
     np.savez(tmp_path / "r.npz", format=np.array("groundstation-panorama/1"), **{"left.grey": np.zeros((3, 3))})
-    with pytest.raises(InputError, match=r"r\.npz: got no panorama"):
+    with pytest.raises(InputError, match=r"r\.npz: left\.known: got nothing"):
         read_panoramas(tmp_path / "r.npz")
     with pytest.raises(InputError, match="No such file"):
         read_panoramas(tmp_path / "none.npz")
+
+
+GOOD = {
+    "format": np.array("groundstation-panorama/1"),
+    "left.grey": np.full((4, 6), 90, dtype=np.uint8),
+    "left.known": np.ones((4, 6), dtype=np.uint8),
+    "left.place": np.array([0.1, 0.05, 1e-3, 0.0]),
+}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("format", np.array("groundstation-panorama/9"), "got 'groundstation-panorama/9'; wanted groundstation-pan"),
+        ("format", np.zeros(2), "got an array of \\(2,\\)"),
+        ("left.grey", np.zeros((4, 6)), "got float64 of \\(4, 6\\); wanted uint8"),
+        ("left.known", np.ones((4, 5), dtype=np.uint8), "got uint8 of \\(4, 5\\); wanted uint8 of \\(4, 6\\), as left"),
+        ("left.place", np.array([0.1, 0.05, 1.0, 0.0]), "got 0.1, 0.05, 1.0, 0.0; wanted left, top, step"),
+        ("left.place", np.zeros(3), "got float64 of \\(3,\\); wanted float64 of \\(4,\\)"),
+        ("left.height", np.zeros(3), "got an unknown key; wanted STATION.grey, .known, .place"),
+        ("right.place", np.zeros(4), "right.grey: got nothing"),
+    ],
+)
+def test_an_error_in_a_panorama_names_file_and_key(tmp_path: Path, key: str, value: FloatArray, said: str) -> None:
+    path = tmp_path / "p.npz"
+    np.savez(path, allow_pickle=False, **GOOD)
+    assert list(read_panoramas(path)) == ["left"]
+    np.savez(path, allow_pickle=False, **{**GOOD, key: value})
+    place = "" if key.startswith("right") else f"{key}: "
+    with pytest.raises(InputError, match=rf"p\.npz: {place}{said}"):
+        read_panoramas(path)
+
+
+def test_damaged_bytes_are_told_with_their_key(tmp_path: Path) -> None:
+    path = tmp_path / "p.npz"
+    np.savez(path, allow_pickle=False, **GOOD)
+    whole = path.read_bytes()
+    at = whole.index(b"Z" * 24)
+    path.write_bytes(whole[:at] + b"?" + whole[at + 1 :])
+    with pytest.raises(InputError, match=r"p\.npz: left\.grey: got damaged bytes; wanted .*calibrate panorama"):
+        read_panoramas(path)
+    np.save(tmp_path / "one.npy", np.zeros(3))
+    with pytest.raises(InputError, match=r"one\.npy: got a single array; wanted .*calibrate panorama"):
+        read_panoramas(tmp_path / "one.npy")
 
 
 def ready(pan_deg: float, grey: FloatArray, name: str) -> ReadyFrame:
@@ -187,11 +230,6 @@ def test_a_frame_gets_its_picture_s_angles_or_keeps_the_encoder_s() -> None:
     ]
     with pytest.raises(RigError, match="panorama: got one of station third; wanted some of"):
         RegisteredHeads(rig, {"third": mosaic().panorama})
-
-
-def test_a_recording_is_not_made_of_what_it_cannot_hold(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--record: got --panorama as well"):
-        ReplayRequest(session=tmp_path, out=tmp_path, record=tmp_path / "a.mcap", panorama=tmp_path / "p.npz")
 
 
 def test_a_colour_picture_is_halved() -> None:

@@ -36,8 +36,9 @@ from groundstation.live.head_device import DeviceError
 from groundstation.live.keep_out_unit import KeepOutError
 from groundstation.live.sighting_station import StandingPicture
 from ptu_drivers.monitor import MoveResult
+from ptu_drivers.simulated.server import SimulatedServer
 from tests.calibration.landmarks.sighting_set_up import brisk_unit, true_rig, write_station
-from tests.live.test_heads import pan_rate_of, until
+from tests.live.test_heads import COUNT_RAD, pan_rate_of, until
 
 NOON = 1_779_364_800.0
 SITE = ObservingSite(lat_deg=47.0, lon_deg=8.0, height_m=500.0, y_axis_azimuth_deg=0.0)
@@ -477,6 +478,25 @@ def test_heads_stand_after_ctrl_c(tmp_path: Path) -> None:
         assert process.returncode == 130
         assert "pictures until now are in" in out
         assert until(lambda: pan_rate_of(left) == 0.0, 2.0)
+
+
+def test_heads_stand_where_the_program_is_killed(tmp_path: Path) -> None:
+    """Expected: the motion guard halts the head on its way to the airliner, long before it is there."""
+    words = write_field(tmp_path, 90.0)
+    with brisk_unit(tmp_path / "left") as left, brisk_unit(tmp_path / "right") as right:
+        command = [sys.executable, "-m", "groundstation", *words, "--rate", "1.5"]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, text=True) as process:
+            assert until(lambda: abs(tilt_of(left, "speed")) > np.radians(1.0), 60.0)
+            process.kill()
+        assert until(lambda: all(tilt_of(s, "speed") == pan_rate_of(s) == 0.0 for s in (left, right)), 6.0)
+        # the airliner is 17 deg high and more: at 1.5 deg/s that is 11 s
+        assert np.degrees(tilt_of(left, "head")) < 14.0
+
+
+def tilt_of(server: SimulatedServer, what: str) -> float:
+    """Return a head's tilt, rad ("head"), or its speed, rad/s ("speed"), now."""
+    with server.lock:
+        return float(getattr(server.line.unit.flir.axes["T"], what)(time.monotonic())) * COUNT_RAD
 
 
 def test_heads_that_would_not_be_kept_off_the_sun_do_not_turn(tmp_path: Path, capsys) -> None:

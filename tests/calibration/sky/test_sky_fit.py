@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from calibration.combination.text_report import relative_direction
 from calibration.sky.adsb import as_json
 from calibration.sky.aircraft_mark import LATENCY, REFRACTION, aircraft_mark, lift_below
 from calibration.sky.calibrate import SkyCalibration, calibrate_sky, passes
@@ -59,6 +60,20 @@ def test_three_airliners_tell_the_heads_relative_direction_and_how_well(seed: in
     assert -0.3 < found.latency_s - day(seed).latency_s < 0.7
     # most of 10 pictures of each pass are found: one in ten shows none, and some have flown out
     assert all(count >= 4 for counts in found.pictures for count in counts.values())
+
+
+def test_a_rig_file_states_the_relative_direction_as_well_as_the_fit_knows_it() -> None:
+    """Expected: what both heads have in common, and what base and boresight do against each other, stays in it."""
+    total, seeds = 0.0, (*SEEDS, 7, 8)
+    for seed in seeds:
+        found = calibrated(seed)
+        by_fit, by_rig = relative_sigma(found.night.joint, 0, 1), relative_direction(found.night.rig, "left", "right")
+        assert by_rig is not None
+        assert 0.9 < by_rig.pan_deg / by_fit.pan_deg < 1.2
+        assert 0.9 < by_rig.tilt_deg / by_fit.tilt_deg < 1.3
+        total += score_day(found, day(seed)).written_nees
+    low, high = chi2.ppf([0.0005, 0.9995], 2 * len(seeds))
+    assert low < total < high
 
 
 def test_the_report_says_what_was_used_and_what_it_is_good_for() -> None:
