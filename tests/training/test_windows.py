@@ -1,5 +1,7 @@
 """What the network is trained on: sprites, windows with their truth, and material that is read back the same."""
 
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from groundstation.errors import InputError
 from groundstation.files.channel_weights import channel_weights
 from groundstation.simulation.traffic import TrafficSpec, traffic_bodies
 from groundstation.simulation.world.draw_world import draw_world
+from groundstation.simulation.world.world import World
 from groundstation.sources.true_silhouettes import TrueSilhouette
 from training.backgrounds import Background, world_background
 from training.filmed_targets import filmed_targets
@@ -178,11 +181,11 @@ def test_materials_are_joined(material: Material) -> None:
 
 def test_a_mined_place_is_one_that_the_channel_mistakes_and_the_target_is_not_there() -> None:
     """A picture with two aircraft, one of them labelled: the other one is what the channel is wrong about."""
+    world = draw_world(4)
     sprite = next(
         found
         for seed in range(9)
-        if (found := SpriteStudio().aircraft(draw_world(4), np.random.default_rng(seed))) is not None
-        and found.width_px > 60.0
+        if (found := SpriteStudio().aircraft(world, np.random.default_rng(seed))) is not None and found.width_px > 60.0
     )
     image = np.full((480, 640, 3), (230, 190, 150), np.uint8)
     h, w = sprite.light.shape[:2]
@@ -208,11 +211,15 @@ def test_a_mined_place_is_one_that_the_channel_mistakes_and_the_target_is_not_th
 
 def test_traffic_is_learned_as_what_it_is() -> None:
     """Expected: birds are others, another aircraft in the air is an aircraft, a car is background."""
-    worlds = [draw_world(seed) for seed in range(40)]
+    drawn = cache(draw_world)
+
+    def worlds() -> Iterator[World]:
+        return (drawn(seed) for seed in range(40))
+
     spec = TrafficSpec(
-        birds=next(w.traffic.birds for w in worlds if w.traffic.birds),
-        aircraft=next(w.traffic.aircraft for w in worlds if w.traffic.aircraft),
-        roads=next(w.traffic.roads for w in worlds if any(road.cars for road in w.traffic.roads)),
+        birds=next(w.traffic.birds for w in worlds() if w.traffic.birds),
+        aircraft=next(w.traffic.aircraft for w in worlds() if w.traffic.aircraft),
+        roads=next(w.traffic.roads for w in worlds() if any(road.cars for road in w.traffic.roads)),
     )
     labels = [label_of(body, 1.0) for body in traffic_bodies(spec)]
     birds, cars = len(spec.birds), sum(len(road.cars) for road in spec.roads)
