@@ -46,6 +46,16 @@ class Sector:
         outside = np.hypot(np.maximum(pan, 0.0), np.maximum(tilt, 0.0))
         return np.asarray(np.where(outside > 0.0, outside, np.maximum(pan, tilt)))
 
+    def clearance_at(self, pan_rad: float, tilt_rad: float) -> float:
+        """Return the same of one pair of angles, to the last bit: arrays of one number take four times as long."""
+        (pan_0, pan_1), (tilt_0, tilt_1) = self.pan_rad, self.tilt_rad
+        pan = abs((pan_rad - (pan_0 + pan_1) / 2.0 + math.pi) % math.tau - math.pi) - 0.5 * (pan_1 - pan_0)
+        tilt = abs(tilt_rad - (tilt_0 + tilt_1) / 2.0) - 0.5 * (tilt_1 - tilt_0)
+        if pan > 0.0 and tilt > 0.0:
+            # not that of `math`, which rounds otherwise
+            return float(np.hypot(pan, tilt))
+        return max(pan, tilt)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensAxis:
@@ -76,6 +86,15 @@ class LensAxis:
         bx, by, bz = (level + c * forward + s * upward for level, forward, upward in self._parts)
         along = np.cos(pan_rad) * (x * bx + y * by) + np.sin(pan_rad) * (y * bx - x * by) + z * bz
         return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
+
+    def angle_at(self, direction_runway: FloatArray, pan_rad: float, tilt_rad: float) -> float:
+        """Return the same at one pair of angles, to the last bit."""
+        x, y, z = (self.base_from_runway @ direction_runway).tolist()
+        # those of `math` round otherwise
+        c, s = float(np.cos(tilt_rad)), float(np.sin(tilt_rad))
+        bx, by, bz = (level + c * forward + s * upward for level, forward, upward in self._parts)
+        along = float(np.cos(pan_rad)) * (x * bx + y * by) + float(np.sin(pan_rad)) * (y * bx - x * by) + z * bz
+        return float(np.arccos(min(max(along, -1.0), 1.0)))
 
     @cached_property
     def _parts(self) -> list[tuple[float, float, float]]:
@@ -156,7 +175,14 @@ class ClosedZones:
 
     def at(self, angles_rad: tuple[float, float]) -> float:
         """Return how far the lens is outside all zones at (pan, tilt), rad."""
-        return float(self.clearance(np.array(angles_rad[0]), np.array(angles_rad[1])))
+        pan_rad, tilt_rad = float(angles_rad[0]), float(angles_rad[1])
+        if not (math.isfinite(pan_rad) and math.isfinite(tilt_rad)):
+            return float(self.clearance(np.array(pan_rad), np.array(tilt_rad)))
+        out = [sector.clearance_at(pan_rad, tilt_rad) for sector in self.keep_out.sectors]
+        if self.sun_runway is not None and self.keep_out.sun is not None:
+            off = self.keep_out.lens.angle_at(self.sun_runway, pan_rad, tilt_rad)
+            out.append(off - self.keep_out.sun.angle_rad)
+        return min(out, default=math.inf)
 
     def words(self, angles_rad: tuple[float, float]) -> str:
         """Return in words which zone is nearest to the lens at (pan, tilt), and how near."""

@@ -83,6 +83,20 @@ def low_sun(elevation_deg: float = 8.0, angle_deg: float = 15.0) -> KeepOut:
     return KeepOut(lens=LENS, sun=sun, sectors=(), utc_zero_s=NOON_S + 60.0 * minute)
 
 
+@pytest.mark.parametrize("sun", [SunZone(sun=PLACE, angle_rad=10 * DEG), None])
+@pytest.mark.parametrize("sectors", [0, 1, 2])
+def test_one_pair_of_angles_is_as_far_out_as_in_an_array(
+    sun: SunZone | None, sectors: int, rng: np.random.Generator
+) -> None:
+    """Expected: to the last bit, all round; and what is no angle is nowhere clear in either way."""
+    corners = rng.uniform([-2.5, -0.5], [2.0, 1.0], (sectors, 2)).tolist()
+    closed = tuple(Sector(pan_rad=(pan, pan + 0.8), tilt_rad=(tilt, tilt + 0.3)) for pan, tilt in corners)
+    found = KeepOut(lens=LENS, sun=sun, sectors=closed, utc_zero_s=NOON_S).zones(0.0)
+    for pan, tilt in [*rng.uniform([-7.0, -2.0], [7.0, 2.0], (300, 2)), (math.nan, 0.0), (0.0, math.nan)]:
+        one, array = found.at((pan, tilt)), float(found.clearance(np.array(pan), np.array(tilt)))
+        assert one == array or (math.isnan(one) and math.isnan(array))
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     zones,
