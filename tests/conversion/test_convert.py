@@ -148,6 +148,20 @@ def test_pixels_that_were_not_recorded_are_black_and_reported(
                 np.testing.assert_array_equal(image, frame.image.whole())
 
 
+def test_a_part_in_which_a_recording_has_nothing_is_told_with_its_times(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: as where a folder has nothing there."""
+    folder, recording = Tiny(rows=3).write(tmp_path / "first"), tmp_path / "first.mcap"
+    assert main(["convert", str(folder), str(recording)]) == 0
+    for source, where in ((recording, "tiny"), (folder, "tiny: frames.csv")):
+        capsys.readouterr()
+        target = tmp_path / ("back" if source is recording else "other.mcap")
+        assert main(["convert", str(source), str(target), "--from", "99"]) == 1
+        told = capsys.readouterr().err.splitlines()[-1]
+        assert told == f"groundstation: {where}: got times from 1 to 1.2 s; wanted some from 99 s on"
+
+
 def test_the_commands_report_errors_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = Tiny(rows=3).write(tmp_path / "first")
     (tmp_path / "text.mcap").write_text("hello")
