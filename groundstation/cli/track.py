@@ -59,8 +59,8 @@ def _box(text: str) -> Box[float]:
         x, y, w, h = (float(part) for part in text.split(","))
     except ValueError:
         x = y = w = h = math.nan
-    if not all(math.isfinite(v) for v in (x, y, w, h)) or w <= 0 or h <= 0:
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted X,Y,W,H in px, W and H above 0")
+    if not all(math.isfinite(v) for v in (x, y, w, h)) or w < 1 or h < 1:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted X,Y,W,H in px, W and H at least 1")
     return box_of_size(x, y, w, h)
 
 

@@ -103,8 +103,7 @@ class SessionFolderWriter:
             for name, data in files.items():
                 remark = f"# {note}\n".encode() if note and name == "session.toml" else b""
                 # "x": the folder was empty, so that a name which is there already is one of ours, or a link
-                with below(self._folder, name).open("xb") as file:
-                    file.write(remark + data.removeprefix(b"\xef\xbb\xbf"))
+                _write_new(below(self._folder, name), remark + data.removeprefix(b"\xef\xbb\xbf"))
             if self._session.detections_only:
                 self._write_pixels()
             else:
@@ -126,7 +125,7 @@ class SessionFolderWriter:
         self.done.partial += not whole
         path = below(below(self._folder, frame.station), f"{frame.epoch:06d}.png")
         with _writing(self._folder):
-            path.write_bytes(cv2.imencode(".png", image, (cv2.IMWRITE_PNG_COMPRESSION, 1))[1].tobytes())
+            _write_new(path, cv2.imencode(".png", image, (cv2.IMWRITE_PNG_COMPRESSION, 1))[1].tobytes())
 
     def _frame_rows(self) -> Iterable[list[str]]:
         """Return the rows of frames.csv; a stamp that does not grow is left out, as a folder cannot have it."""
@@ -174,9 +173,18 @@ class SessionFolderWriter:
                 newest = max(newest, t_s)
 
     def _table(self, name: str, columns: list[str], rows: Iterable[list[str]]) -> None:
-        with below(self._folder, name).open("x", encoding="utf-8", newline="\n") as file:
-            file.write(",".join(columns) + "\n")
-            file.writelines(",".join(cells) + "\n" for cells in rows)
+        _write_new(below(self._folder, name), "".join(",".join(cells) + "\n" for cells in (columns, *rows)).encode())
+
+
+def _write_new(path: Path, data: bytes) -> None:
+    """Write a file that is not there yet; a full disk or an interrupt leaves none rather than half of it."""
+    with path.open("xb") as file:
+        try:
+            file.write(data)
+            file.flush()
+        except BaseException:
+            path.unlink()
+            raise
 
 
 class _writing:  # noqa: N801 - reads as what it is: with _writing(folder)

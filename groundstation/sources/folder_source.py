@@ -16,6 +16,7 @@ from groundstation.messages import Epoch, Event, Frame
 from groundstation.picture import BgrPicture
 from groundstation.session import Session
 from groundstation.session.time_units import unit_hint
+from groundstation.sources.asked_span import asked_span
 from groundstation.sources.external_detections import detection_events, read_detections
 from groundstation.sources.frame_angles_table import FrameAnglesTable
 from groundstation.sources.frame_table import FrameTable, read_frames
@@ -53,7 +54,9 @@ class FolderSource:
         # stamps of the first and the last picture or pixel; an epoch's own stamp is a mean
         self._observed_span_s = (0.0, 0.0)
         if not self._from < self._to:
-            raise SessionError(session.name, got=f"a part {self._asked()}", wanted="a start before the end")
+            raise SessionError(
+                session.name, got=f"a part {asked_span(self._from, self._to)}", wanted="a start before the end"
+            )
 
     def __enter__(self) -> "FolderSource":
         self._readings = PtuReadings(self._session)
@@ -124,14 +127,8 @@ class FolderSource:
             if len(times) > 1:
                 first, second = np.sort(times)[:2]
                 there += unit_hint(float(first), float(second), max(self._from, 0.0), self._to)
-            wanted = f"some {self._asked()}" if len(times) else "at least one"
+            wanted = f"some {asked_span(self._from, self._to)}" if len(times) else "at least one"
             raise SessionError(f"{self._session.name}: {name}", got=there, wanted=wanted)
-
-    def _asked(self) -> str:
-        """Return the description of the requested time span."""
-        if self._to == np.inf:
-            return f"from {self._from:.13g} s on"
-        return f"up to {self._to:.13g} s" if self._from == -np.inf else f"from {self._from:.13g} to {self._to:.13g} s"
 
     def _start_decoders(self, opened: ExitStack, table: FrameTable) -> None:
         """Start one decoder for each station."""

@@ -32,6 +32,7 @@ from groundstation.recording.mcap_metadata import EVENTS_TOPIC, STATES_TOPIC, TR
 from groundstation.recording.mcap_reader import McapMessage, McapReader
 from groundstation.session import Session
 from groundstation.session.folder import RecordingInfo
+from groundstation.sources.asked_span import asked_span
 
 # PTU readings from this long before the part asked for to this long after it, so that all angles are known
 LEAD_S = 1.0
@@ -149,6 +150,7 @@ class RecordingSource:
             self.epoch_count, self.span_s = known.epochs, known.span_s
             return
         times: list[float] = []
+        there_s = (np.inf, -np.inf)
         fault: RecordingError | None = None
         budget = self._budget()
         try:
@@ -156,15 +158,20 @@ class RecordingSource:
                 if message.topic == EVENTS_TOPIC and b'"kind":"epoch"' in message.data:
                     budget.line(len(message.data))
                     parsed = parse_line(message.data, self._sizes, self._reader.path.name)
-                    if isinstance(parsed, NumberedEvent) and self._from <= parsed.event.t_s <= self._to:
-                        times.append(parsed.event.t_s)
+                    if isinstance(parsed, NumberedEvent):
+                        there_s = (min(there_s[0], parsed.event.t_s), max(there_s[1], parsed.event.t_s))
+                        if self._from <= parsed.event.t_s <= self._to:
+                            times.append(parsed.event.t_s)
         except RecordingError as error:
             # raised again at the end of the events; those before it can be used
             fault = error
         if not times and fault is not None:
             raise fault
         if not times:
-            raise SessionError(self._session.name, got="no epoch in the part asked for", wanted="at least one")
+            some = there_s[0] <= there_s[1]
+            got = f"times from {there_s[0]:.13g} to {there_s[1]:.13g} s" if some else "no pair of pictures"
+            wanted = f"some {asked_span(self._from, self._to)}" if some else "at least one"
+            raise SessionError(self._session.name, got=got, wanted=wanted)
         self.epoch_count, self.span_s = len(times), (min(times), max(times))
 
     def _budget(self) -> ReadBudget:

@@ -14,6 +14,7 @@ from groundstation.recording.recorder import PATIENT, Recorder, RecorderConfig
 from groundstation.session import load_session
 from groundstation.sources.session_source import session_source
 from groundstation.tracking.config import Config
+from tests.files.limits import files_of_at_most
 from tests.recording.recorded import WINDOW, events, header, looked_at, small_rig
 from tests.session.folder import Tiny
 
@@ -146,6 +147,33 @@ def test_pixels_that_were_not_recorded_are_black_and_reported(
                 assert not image[:, x1 + 8 :].any()
             else:
                 np.testing.assert_array_equal(image, frame.image.whole())
+
+
+def test_a_full_disk_leaves_no_half_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: of what does not fit nothing is there, as where files may be of 100 bytes at most."""
+    recording, back = tmp_path / "first.mcap", tmp_path / "back"
+    assert main(["convert", str(Tiny(rows=3).write(tmp_path / "first")), str(recording)]) == 0
+    with files_of_at_most(100):
+        code = main(["convert", str(recording), str(back)])
+    assert code == 1
+    assert "back: got File too large; wanted a folder to write to" in capsys.readouterr().err
+    sources = {path.name: path.read_bytes() for path in (tmp_path / "first").iterdir() if path.is_file()}
+    for path in (path for path in back.rglob("*") if path.is_file()):
+        assert path.read_bytes().endswith(sources[path.name])
+
+
+def test_a_part_in_which_a_recording_has_nothing_is_told_with_its_times(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: as where a folder has nothing there."""
+    folder, recording = Tiny(rows=3).write(tmp_path / "first"), tmp_path / "first.mcap"
+    assert main(["convert", str(folder), str(recording)]) == 0
+    for source, where in ((recording, "tiny"), (folder, "tiny: frames.csv")):
+        capsys.readouterr()
+        target = tmp_path / ("back" if source is recording else "other.mcap")
+        assert main(["convert", str(source), str(target), "--from", "99"]) == 1
+        told = capsys.readouterr().err.splitlines()[-1]
+        assert told == f"groundstation: {where}: got times from 1 to 1.2 s; wanted some from 99 s on"
 
 
 def test_the_commands_report_errors_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

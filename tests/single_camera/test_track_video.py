@@ -212,7 +212,8 @@ def test_impossible_requests(
     assert [p.name for p in video.parent.iterdir()] == [video.name]
 
 
-@pytest.mark.parametrize("text", ["1,2,3", "a,b,c,d", "1,2,0,5", "1,2,3,nan", ""])
+# the last one in shares of the picture
+@pytest.mark.parametrize("text", ["1,2,3", "a,b,c,d", "1,2,0,5", "1,2,3,nan", "", "0.5,0.4,0.1,0.1"])
 def test_a_malformed_start_is_wrong_usage(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
         main(["track", "a.mp4", "--out", "b.csv", "--init", text])
