@@ -3,6 +3,8 @@
 import argparse
 import os
 import sys
+from datetime import datetime
+from typing import TYPE_CHECKING
 
 from groundstation.cli.approach_arguments import add_approach, approach_options
 from groundstation.cli.command_arguments import (
@@ -19,6 +21,12 @@ from groundstation.cli.terminated import ended_in_order
 from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import UsageError
 from groundstation.replay.result_files import REPLAY_FILES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from groundstation.session import Session
+    from groundstation.tracking.registered_heads import AnglesFromPicture
 
 _REPLAY = """Replay a recorded session: find the aircraft in every camera, track it in 3-D,
 compare with DGPS and truth, and write track.csv, triangulation.csv,
@@ -56,6 +64,9 @@ def add_replay(commands: Commands) -> None:
     replay.add_argument(
         "--panorama", type=READ, metavar="FILE.npz", help="head angles from the picture, by calibrate panorama's file"
     )
+    replay.add_argument(
+        "--stars", type=_moment, metavar="UTC", help="head angles by the stars; UTC: the moment of session time 0"
+    )
     add_span(replay)
     replay.add_argument(
         "--learn-until",
@@ -81,6 +92,24 @@ def _seconds(text: str) -> float:
     return parse_number(text, "a time in s")
 
 
+def _moment(text: str) -> datetime:
+    """Return a moment in UTC, of ISO 8601."""
+    try:
+        moment: datetime | None = datetime.fromisoformat(text)
+    except ValueError:
+        moment = None
+    if moment is None or moment.tzinfo is None:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a moment with its zone, as 2026-05-17T21:30:00Z")
+    return moment
+
+
+def _by_stars(moment: datetime) -> "Callable[[Session], Mapping[str, AnglesFromPicture]]":
+    """Return what makes of a session what takes its heads' angles from stars."""
+    from calibration.stars.star_angles import star_angles
+
+    return lambda session: star_angles(session, moment.timestamp())
+
+
 def run_replay(options: argparse.Namespace) -> int:
     """Replay, print the table and the paths; 1 if the recording was cut short by a fault."""
     # imported here, so that --help and usage errors respond without delay
@@ -104,6 +133,7 @@ def run_replay(options: argparse.Namespace) -> int:
         smooth=options.smooth,
         weights=options.weights,
         panorama=options.panorama,
+        stars=None if options.stars is None else _by_stars(options.stars),
         command=options.words,
         approach=approach_options(options),
         realtime=options.realtime,

@@ -37,6 +37,7 @@ class RegistrationFault(Enum):
 
     NO_PANORAMA = "no panorama there"
     NO_TEXTURE = "too little ground in view"
+    NO_STARS = "too few stars in view"
     NO_MATCH = "the view is not the panorama's"
     TOO_FAR = "farther from the encoder's angles than they may be off"
 
@@ -123,6 +124,12 @@ class HeadRegistration:
     ) -> RegisteredAngles | RegistrationFault:
         """Return the angles of a frame whose encoders read so, to one sigma; or why the encoders' have to do."""
         return self.register_grey(halved_grey(image), pan_rad, tilt_rad, sigma_rad)
+
+    def register_at(
+        self, image: ImageArray, t_s: float, pan_rad: float, tilt_rad: float, sigma_rad: float
+    ) -> RegisteredAngles | RegistrationFault:
+        """Return `register` of a frame of any time: the ground stands still."""
+        return self.register(image, pan_rad, tilt_rad, sigma_rad)
 
     def register_grey(
         self, grey: FloatArray, pan_rad: float, tilt_rad: float, sigma_rad: float

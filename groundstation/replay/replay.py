@@ -137,10 +137,12 @@ def _learns_as_recorded(request: ReplayRequest, inputs: ReplayInputs) -> bool:
 
 
 def _registered_heads(request: ReplayRequest, session: Session) -> RegisteredHeads | None:
-    """Return what takes angles from the pictures, where a panorama was given."""
-    if request.panorama is None:
+    """Return what takes angles from the pictures, where a panorama was given, or stars are to tell."""
+    if request.panorama is None and request.stars is None:
         return None
-    return RegisteredHeads(session.rig, read_panoramas(request.panorama), where=str(request.panorama))
+    panoramas = {} if request.panorama is None else read_panoramas(request.panorama)
+    stars = {} if request.stars is None else request.stars(session)
+    return RegisteredHeads(session.rig, panoramas, where=str(request.panorama), stars=stars)
 
 
 def _pipeline_notes(pipeline: Pipeline, fixes: list[ReferenceFix]) -> list[str]:

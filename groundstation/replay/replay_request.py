@@ -1,6 +1,6 @@
 """Arguments of a replay and its result."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,7 +9,9 @@ from groundstation.approach.approach_outputs import ApproachSummary
 from groundstation.detection.detector_callback import DetectorCallback
 from groundstation.errors import InputError, UsageError
 from groundstation.evaluation.evaluate import Evaluation
+from groundstation.session import Session
 from groundstation.sinks.output_comparison import OutputComparison
+from groundstation.tracking.registered_heads import AnglesFromPicture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,7 +20,8 @@ class ReplayRequest:
 
     Up to ``learn_until_s`` of its clock the DGPS updates the filter and its calibration states; None uses it for
     comparison only. ``smooth`` also writes the smoothed track. ``record`` is the path of a recording to write.
-    ``panorama`` is a file of `calibrate panorama`: frames' angles are then the pictures' own.
+    ``panorama`` is a file of `calibrate panorama`: frames' angles are then the pictures' own. ``stars`` makes of the
+    session what takes them from stars, by station.
     ``weights`` are one's own for the learned channel, which then detects.
     ``command`` are the words of the command line, if there was one, for the record.
     ``report`` False leaves out report.html, whose figures take longer than a short replay.
@@ -40,6 +43,7 @@ class ReplayRequest:
     report: bool = True
     weights: Path | None = None
     panorama: Path | None = None
+    stars: Callable[[Session], Mapping[str, AnglesFromPicture]] | None = None
     command: tuple[str, ...] = ()
     detector: DetectorCallback | Mapping[str, DetectorCallback] | None = None
     approach: ApproachOptions = field(default_factory=ApproachOptions)
@@ -52,8 +56,8 @@ class ReplayRequest:
     @property
     def unmodified(self) -> bool:
         """Whether a recording is replayed with its own rig, tuning and time span."""
-        others = (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s, self.detector, self.panorama)
-        return all(v is None for v in others)
+        set_up = (self.rig, self.config, self.detector, self.panorama, self.stars)
+        return all(v is None for v in (*set_up, self.from_s, self.to_s, self.learn_until_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

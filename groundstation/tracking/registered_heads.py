@@ -3,8 +3,10 @@
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Protocol
 
-from groundstation.detection.panorama import GroundPanorama, HeadRegistration, RegisteredAngles
+from groundstation.arrays import ImageArray
+from groundstation.detection.panorama import GroundPanorama, HeadRegistration, RegisteredAngles, RegistrationFault
 from groundstation.errors import RigError
 from groundstation.messages import Frame, FrameAngles, PtuSample
 from groundstation.picture import as_picture
@@ -16,12 +18,27 @@ BETWEEN_SEARCHES = "so poor an encoder wants a search, which is not done for eac
 _MOST_RECALLED = 1000
 
 
+class AnglesFromPicture(Protocol):
+    """What tells a head's angles from a frame: the ground, the stars."""
+
+    def searches(self, sigma_rad: float) -> bool:
+        """Return whether encoders of one sigma make a frame take too long for operation."""
+        ...
+
+    def register_at(
+        self, image: ImageArray, t_s: float, pan_rad: float, tilt_rad: float, sigma_rad: float
+    ) -> RegisteredAngles | RegistrationFault:
+        """Return the angles of a frame (h, w, 3) of session time ``t_s`` whose encoders read so; or why not."""
+        ...
+
+
 class RegisteredHeads:
-    """Registers the frames of stations that have a panorama; counts which were, and why others were not.
+    """Registers the frames of stations that have a panorama or stars; counts which were, and why others were not.
 
     Parameters
     ----------
     rig : its stations. panoramas : by station; none where angles come from a recording alone.
+    stars : by station, what is tried where the ground does not tell.
     where : what the panoramas came from, for the error.
     search_every : of a head whose encoder is so poor that a frame has to be searched for, every how many frames are
         registered: in operation a search takes too long for each.
@@ -31,29 +48,39 @@ class RegisteredHeads:
     """
 
     def __init__(
-        self, rig: Rig, panoramas: Mapping[str, GroundPanorama], search_every: int = 1, where: str = "panorama"
+        self,
+        rig: Rig,
+        panoramas: Mapping[str, GroundPanorama],
+        search_every: int = 1,
+        where: str = "panorama",
+        stars: Mapping[str, AnglesFromPicture] | None = None,
     ) -> None:
         for name in panoramas:
             if name not in rig.names or rig[name].fixed:
                 turning = ", ".join(s.name for s in rig.stations if not s.fixed)
                 wanted = f"some of {turning}, which turn" if turning else "none: no station of the rig turns"
                 raise RigError(where, got=f"one of station {name}", wanted=wanted)
-        self._heads = {name: HeadRegistration(rig[name], panorama) for name, panorama in panoramas.items()}
+        self._heads: dict[str, tuple[AnglesFromPicture, ...]] = {
+            name: (HeadRegistration(rig[name], panorama),) for name, panorama in panoramas.items()
+        }
+        for name, by_stars in (stars or {}).items():
+            self._heads[name] = (*self._heads.get(name, ()), by_stars)
         self._sigma_rad = {s.name: s.angle_sigma_rad for s in rig.stations}
         self._every = {
-            name: search_every if head.searches(self._sigma_rad[name]) else 1 for name, head in self._heads.items()
+            name: search_every if any(one.searches(self._sigma_rad[name]) for one in ways) else 1
+            for name, ways in self._heads.items()
         }
         self._frames: Counter[str] = Counter()
         self._registered: Counter[str] = Counter()
         self._recorded: Counter[str] = Counter()
-        self._failed: dict[str, Counter[str]] = {name: Counter() for name in panoramas}
+        self._failed: dict[str, Counter[str]] = {name: Counter() for name in self._heads}
         self._recalled: dict[tuple[str, float], FrameAngles] = {}
         # the oldest are dropped where no recording takes them
         self._found: deque[FrameAngles] = deque(maxlen=_MOST_RECALLED)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The stations that have a panorama."""
+        """The stations that have a panorama or stars."""
         return tuple(self._heads)
 
     def recall(self, angles: FrameAngles) -> None:
@@ -102,8 +129,8 @@ class RegisteredHeads:
     def _register(self, frame: Frame, angles: InterpolatedAngles) -> FrameAngles | None:
         """Return the angles of a frame's picture; None, counted, where the encoder's have to do."""
         name = frame.station
-        head = self._heads.get(name)
-        if head is None:
+        ways = self._heads.get(name)
+        if ways is None:
             return None
         self._frames[name] += 1
         # not counted as read: a recording keeps the parts that the detection reads
@@ -114,9 +141,17 @@ class RegisteredHeads:
         if (self._frames[name] - 1) % self._every[name]:
             self._failed[name][BETWEEN_SEARCHES] += 1
             return None
-        found = head.register(picture.preview(), angles.pan_rad, angles.tilt_rad, self._sigma_rad[name])
-        if not isinstance(found, RegisteredAngles):
-            self._failed[name][found.value] += 1
+        found: RegisteredAngles | None = None
+        why = []
+        for way in ways:
+            sigma = self._sigma_rad[name]
+            told = way.register_at(picture.preview(), frame.t_s, angles.pan_rad, angles.tilt_rad, sigma)
+            if isinstance(told, RegisteredAngles):
+                found = told
+                break
+            why.append(told.value)
+        if found is None:
+            self._failed[name][" and ".join(why)] += 1
             return None
         own = FrameAngles(
             t_s=frame.t_s,
