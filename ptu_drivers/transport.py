@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from ptu_drivers.errors import LineError, MissingPackageError, PtuError, os_words
+from ptu_drivers.shared_line import is_shared_line
 
 _SLICE_S = 0.02
 # a port that takes no bytes for so long is lost; a halt waits behind it
@@ -172,13 +173,17 @@ class SerialTransport:
 
     def _read_file(self, until_s: float) -> bytes:
         """Read from the system's own file: half the work, and no waiting in slices."""
-        ready, _, _ = select.select([self._fileno], [], [], max(0.0, until_s - self._clock()))
-        if not ready:
-            return b""
-        data = os.read(self._fileno, _MOST)
-        if not data:
-            raise OSError("the other side has closed it")
-        return data
+        while True:
+            ready, _, _ = select.select([self._fileno], [], [], max(0.0, until_s - self._clock()))
+            if not ready:
+                return b""
+            data = os.read(self._fileno, _MOST)
+            if data:
+                return data
+            if not is_shared_line(self._fileno):
+                raise OSError("the other side has closed it")
+            if self._clock() >= until_s:
+                return b""
 
     def _read_port(self, port: Any, until_s: float) -> bytes:
         """Read through pyserial, where there is no file: RFC 2217."""

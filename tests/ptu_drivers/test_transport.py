@@ -1,7 +1,9 @@
 """A line's calls end in their time though pyserial, the system's resolver or the network do not."""
 
+import os
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -120,3 +122,18 @@ def test_a_line_that_is_quick_is_open(monkeypatch: pytest.MonkeyPatch, port: Han
     assert not port.closed.is_set()
     line.close()
     assert port.closed.is_set()
+
+
+def test_bytes_that_another_program_took_are_no_closed_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: what comes after them is read; a line whose other end is gone, and a closed connection, are told."""
+    master, slave = os.openpty()
+    transport = SerialTransport(os.ttyname(slave), 9600, time.monotonic)
+    read, taken = os.read, [b""]
+    monkeypatch.setattr("ptu_drivers.transport.os.read", lambda fd, n: taken.pop() if taken else read(fd, n))
+    os.write(master, b"PP * 7\r\n")
+    assert transport.read(time.monotonic() + 5.0).data == b"PP * 7\r\n"
+    os.close(master)
+    with pytest.raises(LineError):
+        transport.read(time.monotonic() + 5.0)
+    transport.close()
+    os.close(slave)

@@ -1,6 +1,7 @@
 """Eight pictures of the night sky by a real mount, whose times and place are known roughly: all solved."""
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -13,10 +14,24 @@ from calibration.stars.calibrate import NightCalibration, calibrate_night, sky_u
 from calibration.stars.night import StarPicture
 from calibration.stars.sky import ObservingSite
 from calibration.stars.star_images import find_stars
+from calibration.stars.star_solver import StarSolver
 from groundstation.geometry.camera import Lens
 from groundstation.rig.rig import ClockModel, Rig, Station
 
 ARCSEC = float(np.radians(1.0 / 3600.0))
+# right ascension and declination of the pictures' centres, deg, by another solver: cedar-solve 0.5.1 with its own
+# catalogue (Hipparcos to magnitude 8) and the sixty brightest dots of each picture. It needs NumPy 1, so that it is not
+# run here
+BY_ANOTHER_SOLVER = {
+    "Alt40_Azi-135": (230.66790, 11.03563),
+    "Alt40_Azi-45": (172.36685, 57.64903),
+    "Alt40_Azi135": (296.75731, 11.31378),
+    "Alt40_Azi45": (355.20445, 58.15136),
+    "Alt60_Azi-135": (240.46431, 28.94003),
+    "Alt60_Azi-45": (212.21152, 64.20059),
+    "Alt60_Azi135": (286.43563, 28.94406),
+    "Alt60_Azi45": (314.69303, 64.22513),
+}
 # the maker's focal length, a few per cent off; pictures were taken within minutes of the time in their names
 FOCAL_PX = 5000.0
 START = datetime(2019, 7, 29, 20, 47, 26, tzinfo=UTC).timestamp()
@@ -92,6 +107,20 @@ def test_stars_fit_to_seven_and_a_half_arc_seconds(found: NightCalibration) -> N
         own = fit.residual_px[rows] - fit.residual_px[rows].mean(axis=0)
         assert rows.sum() > 40, one.picture.label
         assert np.sqrt(np.mean(np.sum(own**2, axis=1))) / focal < 7.5 * ARCSEC, one.picture.label
+
+
+def test_another_solver_agrees_within_two_arc_seconds(found: NightCalibration, shared_data: Path) -> None:
+    """Expected: the camera's axis of each picture alone, by two solvers with catalogues of their own."""
+    # as the other solver has it: centred, without distortion
+    lens = replace(found.rig["mount"].lens, principal_point_px=np.array([511.5, 383.5]), distortion=np.zeros(5))
+    solver = StarSolver(lens, 2019.6)
+    for name, (ra_deg, dec_deg) in BY_ANOTHER_SOLVER.items():
+        path = next((shared_data / "stars").glob(f"*{name}_*.tiff"))
+        solved = solver.solve(find_stars(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)))
+        assert not isinstance(solved, str), solved
+        ra, dec = np.radians([ra_deg, dec_deg])
+        axis = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+        assert np.linalg.norm(np.cross(solved.camera_from_icrs[2], axis)) < 2.0 * ARCSEC, name
 
 
 def test_the_scale_of_the_tilt_is_found_with_its_sigma(found: NightCalibration) -> None:
