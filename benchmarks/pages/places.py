@@ -147,6 +147,9 @@ PLACES: dict[str, tuple[str, ...]] = {
     "seeded faults found by the tests, of 319 tried; 64 more are listed": ("~ found (# %; wanted",),
     "fuzz: inputs of each reader; recordings": ("53 readers, # inputs of each,", "; # recordings of mutated structure"),
     "runway edges from the nose, RMSE; worst approach": ("load ~ to ~): # px, median", "short final 15001 # px (~)"),
+    "300 test approaches: rms px, median; misleading": (
+        "rms of an approach in the median # px, 90 % ~; # of # frames misleading",
+    ),
     "processor time of a tracking frame under load, 99 %": ("Tracking median ~ ms, 99 % # ms, first",),
     "first; acquiring frames, median": ("99 % ~ ms, first #, acquiring #",),
     "the same with the horizon to 0.05°, at 1–2 km; 2–4 km": (_HORIZON.format("0.05") + "# | # |",),
