@@ -7,13 +7,14 @@ fails, by the solver of the calibration. Where stars are too few, or do not fit,
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
 from calibration.stars.identified_stars import expected_pixels
-from calibration.stars.sky import ObservingSite, SkyOverSite, decimal_year
+from calibration.stars.sky import FIRST_UTC_S, LAST_UTC_S, ObservingSite, SkyOverSite, decimal_year
 from calibration.stars.star_images import StarImages, find_stars
 from calibration.stars.star_solver import CatalogueStars, StarSolver, match_stars
 from groundstation.arrays import FloatArray, ImageArray, IntArray
@@ -64,16 +65,19 @@ class StarAngles:
         self, image: ImageArray, t_s: float, pan_rad: float, tilt_rad: float, sigma_rad: float
     ) -> RegisteredAngles | RegistrationFault:
         """Return the angles of a frame of session time ``t_s`` whose encoders read so; or why there are none."""
+        utc_s = self._zero_utc_s + t_s
+        if not FIRST_UTC_S < utc_s < LAST_UTC_S:
+            return RegistrationFault.NO_PLACES
         grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         seen = find_stars(np.asarray(grey, dtype=np.float64))
         if len(seen) < _LEAST_STARS:
             return RegistrationFault.NO_STARS
-        start, utc_s = np.array([pan_rad, tilt_rad]), self._zero_utc_s + t_s
+        start = np.array([pan_rad, tilt_rad])
         reach = _SEARCH_SIGMAS * sigma_rad
         matched = self._expected(seen, start, reach, utc_s) or self._solved(seen, utc_s)
         found = None if matched is None else self._fit(matched, start)
         if found is None:
-            return RegistrationFault.NO_MATCH
+            return RegistrationFault.OTHER_STARS
         away = max(abs(found.pan_rad - pan_rad), abs(found.tilt_rad - tilt_rad))
         if away > _SEARCH_SIGMAS * float(np.hypot(sigma_rad, found.sigma_rad)):
             return RegistrationFault.TOO_FAR
@@ -178,8 +182,17 @@ def _common_shift(seen_px: FloatArray, expected_px: FloatArray, reach_px: float)
 def star_angles(session: Session, zero_utc_s: float) -> Mapping[str, StarAngles]:
     """Return what takes angles of all turning stations of a session from the stars, as of a replay's request.
 
-    Raises `InputError` for a session that does not say where it is, and `MissingExtraError` without the extra `stars`.
+    Raises `InputError` for a session that does not say where it is and for a moment of which no places are known, and
+    `MissingExtraError` without the extra `stars`.
     """
+    if not FIRST_UTC_S < zero_utc_s < LAST_UTC_S:
+        # whole years
+        first, last = (
+            datetime.fromtimestamp(FIRST_UTC_S, UTC).year + 1,
+            datetime.fromtimestamp(LAST_UTC_S, UTC).year - 1,
+        )
+        got, wanted = "a moment of which no places of stars are known", f"one from {first} to {last}"
+        raise InputError("--stars", got=got, wanted=wanted)
     origin = session.origin
     if origin is None:
         wanted = "a table [origin]: where the runway frame lies on Earth"

@@ -6,17 +6,14 @@ would be printed with a traceback and forgotten, and in a module that is being i
 
 import signal
 import sys
-import threading
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING
 
+from groundstation.cli.later_signal import in_llvm, send_again
 from groundstation.cli.terminated import Terminated
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
-
-# longer than a destructor or a callback, and short for who waits
-_AGAIN_S = 0.02
 
 
 class Interrupts:
@@ -46,8 +43,8 @@ class Interrupts:
 
     def _on_interrupt(self, _: int, frame: FrameType | None) -> None:
         self.received = True
-        if _in_llvm(frame):
-            _send_again(signal.SIGINT)
+        if in_llvm(frame):
+            send_again(signal.SIGINT)
             return
         raise KeyboardInterrupt
 
@@ -55,7 +52,7 @@ class Interrupts:
         if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
             # not from here: a hook is another place that an interrupt cannot leave
             number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
-            _send_again(number)
+            send_again(number)
         else:
             self._after_interrupt(lost)
 
@@ -64,23 +61,3 @@ class Interrupts:
         half_made = lost.exc_type is not None and issubclass(lost.exc_type, AttributeError)
         if not (self.received and half_made):
             self._hook_before(lost)
-
-
-def _in_llvm(frame: FrameType | None) -> bool:
-    """Return whether LLVM is being called: an object whose owner is not noted yet would be freed twice, a crash."""
-    while frame is not None:
-        if str(frame.f_globals.get("__name__", "")).startswith("llvmlite."):
-            return True
-        frame = frame.f_back
-    return False
-
-
-def _send_again(number: signal.Signals) -> None:
-    again = threading.Timer(_AGAIN_S, _interrupt_main_thread, (number,))
-    again.daemon = True
-    again.start()
-
-
-def _interrupt_main_thread(number: signal.Signals) -> None:
-    """Send it a true signal, which also ends a system call that waits."""
-    signal.pthread_kill(threading.main_thread().ident or 0, number)

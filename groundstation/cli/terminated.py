@@ -3,6 +3,9 @@
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
+
+from groundstation.cli.later_signal import in_llvm, send_again
 
 TERMINATED = 128 + signal.SIGTERM
 
@@ -24,5 +27,8 @@ def ended_in_order() -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def _raise(*_: object) -> None:
+def _raise(_: int, frame: FrameType | None) -> None:
+    if in_llvm(frame):
+        send_again(signal.SIGTERM)
+        return
     raise Terminated

@@ -5,6 +5,7 @@ bag defines itself are never compiled.
 """
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -201,7 +202,11 @@ class RosBag:
             t_s = self._time_s(message)
             if topic in topics.angles:
                 pan, tilt, sigma = (float(getattr(message.point, axis)) for axis in "xyz")
-                yield FrameAngles(t_s=t_s, station=topics.angles[topic], pan_rad=pan, tilt_rad=tilt, sigma_rad=sigma)
+                # as joints: what is no angle is passed over, and a sigma of zero would be believed without limit
+                if math.isfinite(pan) and math.isfinite(tilt) and 0.0 < sigma < math.inf:
+                    yield FrameAngles(
+                        t_s=t_s, station=topics.angles[topic], pan_rad=pan, tilt_rad=tilt, sigma_rad=sigma
+                    )
             for station in (n for n, t in topics.joints.items() if t == topic):
                 angles = pan_tilt(message, station, alone=list(topics.joints.values()).count(topic) == 1)
                 if angles is None:

@@ -39,6 +39,8 @@ class RegistrationFault(Enum):
     NO_TEXTURE = "too little ground in view"
     NO_STARS = "too few stars in view"
     NO_MATCH = "the view is not the panorama's"
+    OTHER_STARS = "the stars are not those of the time and place"
+    NO_PLACES = "a time of which no places of stars are known"
     TOO_FAR = "farther from the encoder's angles than they may be off"
 
 

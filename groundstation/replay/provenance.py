@@ -88,10 +88,11 @@ def hash_of(files: Sequence[Path]) -> str | None:
     """
     try:
         known = tuple((str(file), _state(file)) for file in files)
+        settled_ns = time.time_ns() - _SETTLED_NS
+        # a file that could not be read is not remembered
+        return (_remembered if all(changed_ns < settled_ns for _, (*_, changed_ns) in known) else _hash_now)(known)
     except OSError:
         return None
-    settled_ns = time.time_ns() - _SETTLED_NS
-    return (_remembered if all(changed_ns < settled_ns for _, (*_, changed_ns) in known) else _hash_now)(known)
 
 
 def _state(file: Path) -> tuple[int, int, int, int, int]:
@@ -100,21 +101,18 @@ def _state(file: Path) -> tuple[int, int, int, int, int]:
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
 
 
-def _hash_now(files: tuple[tuple[str, tuple[int, ...]], ...]) -> str | None:
-    """Return the hash of files, whose states do not matter here."""
+def _hash_now(files: tuple[tuple[str, tuple[int, ...]], ...]) -> str:
+    """Return the hash of files, whose states do not matter here; raises `OSError`."""
     total = hashlib.sha256()
-    try:
-        for name, _ in files:
-            file = Path(name)
-            size = file.stat().st_size
-            total.update(f"{file.name}\0{size}\0".encode())
-            with file.open("rb") as stream:
-                for start, end in _parts(size):
-                    stream.seek(start)
-                    while block := stream.read(min(end - stream.tell(), _READ_BYTES)):
-                        total.update(block)
-    except OSError:
-        return None
+    for name, _ in files:
+        file = Path(name)
+        size = file.stat().st_size
+        total.update(f"{file.name}\0{size}\0".encode())
+        with file.open("rb") as stream:
+            for start, end in _parts(size):
+                stream.seek(start)
+                while block := stream.read(min(end - stream.tell(), _READ_BYTES)):
+                    total.update(block)
     return total.hexdigest()
 
 

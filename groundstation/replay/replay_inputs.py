@@ -131,7 +131,9 @@ def _usable_session(request: ReplayRequest) -> Session:
     if len(session.rig.stations) < 2:
         raise RigError(session.rig.path, got="one station", wanted="two or more: one alone gives no distance")
     session.rig.require_known()
-    require_one_sight(session.rig, session.target.span_m)
+    if request.detector is None and not session.detections_only:
+        # another detector may find what has no outline, as a lamp
+        require_one_sight(session.rig, session.target.span_m)
     places = np.array([s.ptu_position_m for s in session.rig.stations])
     if float(np.ptp(places, axis=0).max()) < _MIN_BASELINE_M:
         raise RigError(session.rig.path, got="all stations in one place", wanted="stations that stand apart")

@@ -44,7 +44,8 @@ class RegisteredHeads:
         registered: in operation a search takes too long for each.
 
     Angles of a recording's `FrameAngles` are taken as they are of stations without a panorama, and of frames of which
-    only parts were recorded. Raises `RigError` for a panorama of a station that the rig has not, or that does not turn.
+    only parts were recorded; where there are stars and no panorama, if the stars do not tell. Raises `RigError` for a
+    panorama of a station that the rig has not, or that does not turn.
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class RegisteredHeads:
         }
         for name, by_stars in (stars or {}).items():
             self._heads[name] = (*self._heads.get(name, ()), by_stars)
+        self._stars_alone = frozenset(self._heads) - frozenset(panoramas)
         self._sigma_rad = {s.name: s.angle_sigma_rad for s in rig.stations}
         self._every = {
             name: search_every if any(one.searches(self._sigma_rad[name]) for one in ways) else 1
@@ -102,17 +104,9 @@ class RegisteredHeads:
         if not isinstance(record, Frame) or not isinstance(angles, InterpolatedAngles):
             return ready
         name, encoder = record.station, self._sigma_rad[record.station]
-        found = self._recalled.pop((name, record.t_s), None)
-        if found is not None and (name not in self._heads or not as_picture(record.image).has_all):
-            self._recorded[name] += 1
-            if self._heads:
-                # those of a recording of this run are what the run used
-                self._found.append(found)
-        else:
-            found = self._register(record, angles)
-            if found is None:
-                return ready
-            self._registered[name] += 1
+        found = self._angles_of(record, angles)
+        if found is None:
+            return ready
         fuse(
             PtuSample(
                 t_s=found.t_s,
@@ -126,8 +120,25 @@ class RegisteredHeads:
         own = InterpolatedAngles(pan_rad=found.pan_rad, tilt_rad=found.tilt_rad, variance_share=share)
         return replace(ready, angles=own)
 
-    def _register(self, frame: Frame, angles: InterpolatedAngles) -> FrameAngles | None:
-        """Return the angles of a frame's picture; None, counted, where the encoder's have to do."""
+    def _angles_of(self, frame: Frame, angles: InterpolatedAngles) -> FrameAngles | None:
+        """Return the angles of a frame's picture, its own or those recorded; None where the encoder's have to do."""
+        name = frame.station
+        recorded = self._recalled.pop((name, frame.t_s), None)
+        if recorded is None:
+            return self._register(frame, angles, spare=False)
+        if name in self._heads and as_picture(frame.image).has_all:
+            spare = name in self._stars_alone
+            own = self._register(frame, angles, spare=spare)
+            if own is not None or not spare:
+                return own
+        self._recorded[name] += 1
+        if self._heads:
+            # those of a recording of this run are what the run used
+            self._found.append(recorded)
+        return recorded
+
+    def _register(self, frame: Frame, angles: InterpolatedAngles, *, spare: bool) -> FrameAngles | None:
+        """Return the angles of a frame's picture; None, counted unless there are spare ones, where it does not tell."""
         name = frame.station
         ways = self._heads.get(name)
         if ways is None:
@@ -151,7 +162,8 @@ class RegisteredHeads:
                 break
             why.append(told.value)
         if found is None:
-            self._failed[name][" and ".join(why)] += 1
+            if not spare:
+                self._failed[name][" and ".join(why)] += 1
             return None
         own = FrameAngles(
             t_s=frame.t_s,
@@ -161,6 +173,7 @@ class RegisteredHeads:
             sigma_rad=found.sigma_rad,
         )
         self._found.append(own)
+        self._registered[name] += 1
         return own
 
     def notes(self) -> list[str]:

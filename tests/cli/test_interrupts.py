@@ -42,6 +42,18 @@ TERMINATED_IN_A_DESTRUCTOR = """
         return TERMINATED
     return 0
 """
+TERMINATED_WITHIN_LLVM = """
+    from groundstation.cli.terminated import TERMINATED, Terminated, ended_in_order
+    space = {"__name__": "llvmlite.binding.a_test", "signal": signal, "time": time}
+    exec("def make():\\n signal.raise_signal(signal.SIGTERM)\\n time.sleep(0.1)\\n print('made')", space)
+    try:
+        with ended_in_order():
+            space["make"]()
+            time.sleep(20)
+    except Terminated:
+        return TERMINATED
+    return 0
+"""
 AS_ANOTHER_ERROR = """
     try:
         signal.raise_signal(signal.SIGINT)
@@ -102,6 +114,11 @@ def test_what_an_interrupt_leaves_half_made_is_destroyed_without_a_word() -> Non
 def test_an_interrupt_within_llvm_comes_when_it_is_left() -> None:
     done = _run(WITHIN_LLVM)
     assert (done.returncode, done.stdout, done.stderr) == (130, "made\n", "groundstation: interrupted\n")
+
+
+def test_a_termination_within_llvm_comes_when_it_is_left() -> None:
+    done = _run(TERMINATED_WITHIN_LLVM)
+    assert (done.returncode, done.stdout, done.stderr) == (143, "made\n", "")
 
 
 def test_what_a_destructor_misses_without_an_interrupt_is_reported() -> None:

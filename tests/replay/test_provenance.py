@@ -93,6 +93,22 @@ def test_a_hash_is_remembered_until_a_file_changes(tmp_path: Path, monkeypatch: 
     assert len(read) == 4
 
 
+def test_a_file_that_could_not_be_read_is_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: as after an error of a disk or of a network, which leaves a file's state as it is."""
+    monkeypatch.setattr(provenance, "_SETTLED_NS", 0)
+    file = tmp_path / "a"
+    file.write_bytes(b"one")
+    time.sleep(0.02)
+    with monkeypatch.context() as patch:
+        patch.setattr(provenance, "_parts", _unreadable)
+        assert provenance.hash_of([file]) is None
+    assert provenance.hash_of([file]) == hashlib.sha256(b"a\x003\x00one").hexdigest()
+
+
+def _unreadable(_: int) -> Iterable[tuple[int, int]]:
+    raise OSError("made up")
+
+
 def test_a_large_file_is_hashed_in_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: its first and last bytes and its size count, and most of it is not read."""
     monkeypatch.setattr(provenance, "_WHOLE_BYTES", 1000)

@@ -1,5 +1,7 @@
 """Angles from pictures in a replay's recording, and in all that a recording is converted to."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 from groundstation.cli.main import main
+from groundstation.conversion.ros_bag_writer import RosBagWriter
 from groundstation.errors import SessionError
 from groundstation.messages import CameraReport, Event, FrameAngles
 from groundstation.rig.rig_toml import rig_to_toml
@@ -127,6 +130,24 @@ def test_a_ros_bag_keeps_the_angles(flight: Path, tmp_path: Path, capsys: pytest
         assert (one.pan_rad, one.tilt_rad, one.sigma_rad) == pytest.approx(
             (two.pan_rad, two.tilt_rad, two.sigma_rad), abs=1e-15
         )
+
+
+@pytest.mark.parametrize("bad", [{"sigma_rad": 0.0}, {"sigma_rad": math.nan}, {"pan_rad": math.inf}])
+def test_what_is_no_angle_in_a_ros_bag_is_passed_over(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bad: dict[str, float]
+) -> None:
+    """Expected: the others are there, and the folder can be read."""
+    pytest.importorskip("rosbags")
+    given, take = angles(flight / "flight.mcap"), RosBagWriter.take
+
+    def spoiled(writer: RosBagWriter, event: Event) -> None:
+        wrong = isinstance(event, FrameAngles) and event == given[2]
+        take(writer, replace(event, **bad) if wrong else event)
+
+    monkeypatch.setattr(RosBagWriter, "take", spoiled)
+    assert main(["convert", str(flight / "flight.mcap"), str(tmp_path / "bag"), "--ros2"]) == 0
+    assert main(["convert", str(tmp_path / "bag"), str(tmp_path / "back")]) == 0
+    assert len(angles(tmp_path / "back")) == len(given) - 1
 
 
 def test_a_fault_in_the_table_is_told_with_its_line(flight: Path, tmp_path: Path) -> None:

@@ -1,10 +1,14 @@
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from groundstation.errors import RigError
+from groundstation.replay.replay_inputs import load_inputs
+from groundstation.replay.replay_request import ReplayRequest
 from groundstation.rig.rig import Rig
 from groundstation.rig.stations_apart import require_one_sight
+from tests.session.folder import Tiny, replace_in
 from tests.stereo_rig import BASELINE_M, FOCAL_PX, make_rig
 
 
@@ -37,3 +41,17 @@ def test_what_may_see_the_aircraft_is_left_alone() -> None:
     near = make_rig(("left", "right", "third"))
     far = replace(near.stations[2], ptu_position_m=100_000.0 * near.stations[2].ptu_position_m)
     require_one_sight(replace(near, stations=(*near.stations[:2], far)), 2.3)
+
+
+def test_what_another_detector_finds_may_have_no_outline(tmp_path: Path) -> None:
+    """Expected: stations five kilometres apart are refused with pictures alone; a lamp's pixels need no span."""
+    folder = Tiny(rows=3).write(tmp_path / "t")
+    replace_in(folder / "rig.toml", "ptu_position_m = [-5.0", "ptu_position_m = [-5000.0")
+    request = ReplayRequest(session=folder, out=tmp_path / "out")
+    with pytest.raises(RigError, match="5000 m apart: is the rig in metres"):
+        load_inputs(request)
+    load_inputs(replace(request, detector=lambda *_: None))
+    for path in folder.glob("*.avi"):
+        path.unlink()
+    (folder / "detections.csv").write_text("t_s,station,u_px,v_px\n1.0,left,30,20\n1.0,right,30,20\n")
+    load_inputs(request)

@@ -1,7 +1,9 @@
 """Head angles by the stars: rendered frames of a night, encoders with noise or withheld, what does not fit."""
 
 from dataclasses import replace
+from datetime import datetime
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.cli.main import main
 from groundstation.detection.panorama import GroundPanorama, RegisteredAngles, RegistrationFault
 from groundstation.errors import InputError
-from groundstation.messages import Frame, PtuSample
+from groundstation.messages import Frame, FrameAngles, PtuSample
 from groundstation.picture import as_picture
 from groundstation.rig.rig import PtuAxes, Station
 from groundstation.session import load_session
@@ -105,9 +107,50 @@ def test_what_shows_no_stars_or_others_is_told() -> None:
         part = np.s_[int(y) - 8 : int(y) + 9, int(x) - 8 : int(x) + 9]
         dots[part] += 120.0 * np.exp(-0.5 * ((u[part] - x) ** 2 + (v[part] - y) ** 2))
     dotted = np.asarray(np.clip(dots, 0, 255), dtype=np.uint8)
-    assert by_stars().register_at(dotted, t_s, *angles, NOISE_RAD) is RegistrationFault.NO_MATCH
+    assert by_stars().register_at(dotted, t_s, *angles, NOISE_RAD) is RegistrationFault.OTHER_STARS
     late = by_stars().register_at(image, t_s + 60.0, *angles, NOISE_RAD)
-    assert late in (RegistrationFault.TOO_FAR, RegistrationFault.NO_MATCH)
+    assert late in (RegistrationFault.TOO_FAR, RegistrationFault.OTHER_STARS)
+
+
+def test_a_clock_that_is_a_second_off_is_in_the_angles() -> None:
+    """Expected: the sky turns by 0.0042 degrees in it, fewer across the head near the pole; nothing else tells."""
+    t_s, true, image = frames()[0]
+    found = by_stars().register_at(image, t_s + 1.0, *true.tolist(), NOISE_RAD)
+    assert isinstance(found, RegisteredAngles)
+    pan, tilt = np.degrees(np.array([found.pan_rad, found.tilt_rad]) - true)
+    assert 0.001 < np.hypot(pan * np.cos(true[1]), tilt) < 0.0045
+
+
+def test_times_without_an_ephemeris_are_refused_or_told(tmp_path: Path) -> None:
+    """Expected: a moment of another century is an error before the solver is made, a session's own clock a reason."""
+    folder = Tiny(rows=3).write(tmp_path / "s")
+    place = "\n[origin]\nlat_deg = 47.3\nlon_deg = 8.5\nheight_m = 460.0\ny_axis_azimuth_deg = 30.0\n"
+    (folder / "session.toml").write_text((folder / "session.toml").read_text() + place)
+    for moment in ("2100-01-01T00:00:00+00:00", "0001-01-01T00:00:00+00:00"):
+        with pytest.raises(InputError, match=r"--stars: got a moment of which .*wanted one from 1907 to 2048"):
+            star_angles(load_session(folder), datetime.fromisoformat(moment).timestamp())
+    _, true, image = frames()[0]
+    assert by_stars().register_at(image, 1.7e9, *true.tolist(), NOISE_RAD) is RegistrationFault.NO_PLACES
+
+
+def test_recorded_angles_stay_where_the_stars_do_not_tell() -> None:
+    """Expected: those of a panorama in operation, by day; where the stars tell they are the frame's."""
+    t_s, true, image = frames()[1]
+    rig = replace(night().true_rig, stations=(station(), night().true_rig["right"]))
+    heads = RegisteredHeads(rig, {}, stars={"left": by_stars()})
+    pan, tilt = (true + np.radians([0.002, -0.002])).tolist()
+    for k, grey in enumerate((image, np.full_like(image, 12))):
+        of_panorama = FrameAngles(t_s=t_s, station="left", pan_rad=pan, tilt_rad=tilt, sigma_rad=1e-4)
+        heads.recall(of_panorama)
+        frame = Frame(t_s=t_s, station="left", epoch=k, image=as_picture(np.repeat(grey[:, :, None], 3, axis=2)))
+        angles = InterpolatedAngles(pan_rad=pan, tilt_rad=tilt, variance_share=1.0)
+        heads.improve(ReadyFrame(record=frame, angles=angles, following=None), lambda _: None)
+        (found,) = heads.take_found()
+        assert (found == of_panorama) == (k == 1)
+    assert heads.notes() == [
+        "head angles of left from the picture in 1 of 1 frames",
+        "head angles of left in 1 frames from the recording",
+    ]
 
 
 def test_stars_are_asked_where_the_ground_does_not_tell() -> None:
