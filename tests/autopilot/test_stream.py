@@ -63,6 +63,27 @@ def test_messages_are_evenly_spaced_at_the_modes_rate(mode: AutopilotMode, rate_
     assert max(abs(np.diff(times) - 1.0 / rate_hz)) <= 0.0101
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "settings", "rate_hz"), [(3, {}, 20.0), (12, {}, 40.0), (3, {"rate_hz": 50.0}, 50.0)]
+)
+def test_over_a_radio_whose_delay_varies_ardupilot_gets_fewer(
+    autopilot: int, settings: dict[str, float], rate_hz: float
+) -> None:
+    """Expected: at a steady link the mode's rate; 20 Hz once the delay has varied, unless a rate is asked for."""
+    flight, vehicle = StraightFlight(), VehicleState(autopilot=autopilot)
+    stream = stream_of(flight, AutopilotMode.ODOMETRY, **settings)
+    for delays_s, wanted_hz in (((0.05, 0.052) * 10, settings.get("rate_hz", 40.0)), ((0.03, 0.2) * 20, rate_hz)):
+        for delay_s in delays_s:
+            vehicle.link_delay.answered(0.0, delay_s, delay_s + 0.05)
+        sent = 0
+        for k in range(400):
+            t_s = 1.0 + 0.005 * k
+            stream.note(answer(flight, t_s))
+            sent += len(sent_states(stream.messages(t_s, vehicle)))
+        assert sent == pytest.approx(2.0 * wanted_hz, abs=2)
+        stream = stream_of(flight, AutopilotMode.ODOMETRY, **settings)
+
+
 def test_a_poll_that_comes_late_does_not_send_a_burst() -> None:
     flight = StraightFlight()
     stream = stream_of(flight, AutopilotMode.VISION)
