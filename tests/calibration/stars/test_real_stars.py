@@ -20,8 +20,8 @@ from groundstation.rig.rig import ClockModel, Rig, Station
 
 ARCSEC = float(np.radians(1.0 / 3600.0))
 # right ascension and declination of the pictures' centres, deg, by another solver: cedar-solve 0.5.1 with its own
-# catalogue (Hipparcos to magnitude 8) and the sixty brightest dots of each picture. It needs NumPy 1, so that it is not
-# run here
+# catalogue (Hipparcos to magnitude 8) and the sixty brightest of our dots of each picture; by other numbers of them it
+# is up to 4 arc seconds off (docs/notes/calibration.md). It needs NumPy 1, so that it is not run here
 BY_ANOTHER_SOLVER = {
     "Alt40_Azi-135": (230.66790, 11.03563),
     "Alt40_Azi-45": (172.36685, 57.64903),
