@@ -31,7 +31,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from groundstation.cli.start import leave
+from groundstation.cli.interpreter_exit import leave
 from groundstation.cli.stop_request import StopRequest
 from groundstation.errors import RecordingError
 from groundstation.geometry.camera import Lens

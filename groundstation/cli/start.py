@@ -6,7 +6,7 @@ import sys
 # as typing has it, whose import an interrupt would find before `main` stands ready for it
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import NoReturn
+    from groundstation.cli.interrupts import Interrupts
 
 # The libraries of linear algebra start a thread for each core, and those wait by counting. Matrices here have ten to
 # some hundred rows, too few to share: the threads would only take cores from what has to be done in time.
@@ -18,10 +18,20 @@ def main() -> int:
     # what the user has set stays; it is read when numpy is first imported
     os.environ.update(ONE_THREAD | os.environ)
     try:
+        from groundstation.cli.interpreter_exit import InterpreterExit, leave
         from groundstation.cli.interrupts import Interrupts
+
+        end = InterpreterExit()
     except KeyboardInterrupt:
         return _interrupted()
-    interrupts = Interrupts()
+    end.code = _run(Interrupts())
+    if sys.argv[1:2] == ["live"]:
+        # a station has closed all that it opened, and has a bounded time to end
+        leave(end.code)
+    return end.code
+
+
+def _run(interrupts: "Interrupts") -> int:
     try:
         with interrupts:
             from groundstation.cli.main import main as run
@@ -35,8 +45,6 @@ def main() -> int:
             return _interrupted()
         raise
     _forget_interrupt()
-    if sys.argv[1:2] == ["live"]:
-        leave(code)
     return code
 
 
@@ -54,17 +62,3 @@ def _forget_interrupt() -> None:
     has become of it; the next text that is executed resets that.
     """
     exec("")
-
-
-def leave(code: int) -> "NoReturn":
-    """End the program now: a station has closed all that it opened, and has a bounded time to end.
-
-    Taking the interpreter apart, with all its libraries, takes half a second of a core, and longer on a busy machine.
-    """
-    import contextlib
-
-    for stream in (sys.stdout, sys.stderr):
-        # a terminal that is gone
-        with contextlib.suppress(OSError, ValueError):
-            stream.flush()
-    os._exit(code)
