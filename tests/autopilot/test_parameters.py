@@ -71,6 +71,8 @@ def test_the_rules_are_those_of_the_receiver_that_the_stream_stands_for() -> Non
         (_PX4, AutopilotMode.VISION, "EKF2_EV_CTRL", 15, ParameterVerdict.ERROR),
         (_PX4, AutopilotMode.VISION, "EKF2_HGT_REF", 1, ParameterVerdict.ERROR),
         (_PX4, AutopilotMode.ODOMETRY, "EKF2_EV_DELAY", 250, ParameterVerdict.ERROR),
+        (_PX4, AutopilotMode.VISION, "EKF2_EV_DELAY", 0, ParameterVerdict.WARNING),
+        (_PX4, AutopilotMode.GLOBAL_POSITION, "EKF2_AGP0_DELAY", 150, ParameterVerdict.WARNING),
         (_PX4, AutopilotMode.ODOMETRY, "EKF2_GPS_CTRL", 7, ParameterVerdict.WARNING),
     ],
 )

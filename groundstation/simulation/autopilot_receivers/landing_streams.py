@@ -33,6 +33,8 @@ from groundstation.tracking.config import Config
 
 # EK3_BCN_DELAY as `groundstation autopilot check` recommends it
 LONG_MEMORY_MS = 250.0
+# EKF2_EV_DELAY, EKF2_AGP0_DELAY likewise
+PX4_DELAY_MS = 50.0
 SITE_FRAME = LocalFrame(GeoOrigin(lat_deg=47.3, lon_deg=8.5, height_m=460.0, y_axis_azimuth_deg=180.0), 47.5)
 # the track has been found, and TIMESYNC has been answered three times
 _SETTLED_S = 4.0
@@ -72,8 +74,8 @@ def _vision(mode: AutopilotMode, offset_s: float | None) -> ReceiverSetup:
     return ReceiverSetup(
         mode=mode,
         autopilot=PX4,
-        parameters={"EKF2_EV_DELAY": 0.0},
-        receiver=lambda: Px4VisionReceiver(SITE_FRAME, Px4VisionParameters(), offset_s),
+        parameters={"EKF2_EV_DELAY": PX4_DELAY_MS},
+        receiver=lambda: Px4VisionReceiver(SITE_FRAME, Px4VisionParameters(delay_ms=PX4_DELAY_MS), offset_s),
     )
 
 
@@ -81,8 +83,8 @@ def _global(offset_s: float | None) -> ReceiverSetup:
     return ReceiverSetup(
         mode=AutopilotMode.GLOBAL_POSITION,
         autopilot=PX4,
-        parameters={"EKF2_AGP0_DELAY": 0.0},
-        receiver=lambda: Px4GlobalReceiver(SITE_FRAME, Px4GlobalParameters(), offset_s),
+        parameters={"EKF2_AGP0_DELAY": PX4_DELAY_MS},
+        receiver=lambda: Px4GlobalReceiver(SITE_FRAME, Px4GlobalParameters(delay_ms=PX4_DELAY_MS), offset_s),
     )
 
 
