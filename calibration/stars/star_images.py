@@ -57,16 +57,17 @@ NO_STARS = StarImages(
 )
 
 
-def find_stars(grey: FloatArray, hot: MaskArray | None = None) -> StarImages:
-    """Find the stars of a grey picture (h, w) of any scale; ``hot`` (h, w) marks pixels that are no use.
+def find_stars(grey: FloatArray, hot: MaskArray | None = None, most: int = _MOST_STARS) -> StarImages:
+    """Find the stars of a grey picture (h, w) of any scale, of the brightest dots so many at ``most``.
 
+    ``hot`` (h, w) marks pixels that are no use.
     Raises `MissingExtraError` without tetra3rs.
     """
     tetra3rs = load_tetra3rs()
     picture: FloatArray = np.asarray(grey, dtype=np.float64)
     if hot is not None and hot.any():
         picture = np.where(hot, _median(picture), picture)
-    found = tetra3rs.extract_centroids(picture, max_centroids=_MOST_STARS, threads=1)
+    found = tetra3rs.extract_centroids(picture, max_centroids=most, threads=1)
     if not found.centroids:
         return NO_STARS
     h, w = picture.shape

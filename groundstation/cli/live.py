@@ -94,6 +94,7 @@ def add_live(commands: Commands) -> None:
 def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or a stop is requested; returns the exit code."""
     require_web(options)
+    from calibration.stars.star_angles import star_angles_in_operation
     from groundstation.live.command import LiveRequest, live
     from groundstation.live.status_watchdog import StatusWatchdog
     from ptu_drivers.simulated.faults import FAULTS
@@ -117,6 +118,7 @@ def run_live(options: argparse.Namespace) -> int:
         command=options.words,
         web_port=options.port,
         approach=approach_options(options),
+        stars=star_angles_in_operation,
     )
     began_s, stop = time.time(), StopRequest()
     simulator = _simulator(options, stop) if options.simulate else None
