@@ -219,14 +219,7 @@ def star_angles(session: Session, zero_utc_s: float) -> Mapping[str, StarAngles]
     Raises `InputError` for a session that does not say where it is and for a moment of which no places are known, and
     `MissingExtraError` without the extra `stars`.
     """
-    if not FIRST_UTC_S < zero_utc_s < LAST_UTC_S:
-        # whole years
-        first, last = (
-            datetime.fromtimestamp(FIRST_UTC_S, UTC).year + 1,
-            datetime.fromtimestamp(LAST_UTC_S, UTC).year - 1,
-        )
-        got, wanted = "a moment of which no places of stars are known", f"one from {first} to {last}"
-        raise InputError("--stars", got=got, wanted=wanted)
+    _require_places(zero_utc_s, "--stars")
     if session.origin is None:
         wanted = "a table [origin]: where the runway frame lies on Earth"
         raise InputError(f"{session.name}: session.toml", got="no [origin]", wanted=wanted)
@@ -236,9 +229,23 @@ def star_angles(session: Session, zero_utc_s: float) -> Mapping[str, StarAngles]
 def star_angles_in_operation(rig: Rig, origin: GeoOrigin, air: SiteAir, zero_utc_s: float) -> Mapping[str, StarAngles]:
     """Return what takes angles of all turning stations of a station in operation, within bounded time.
 
-    Raises `MissingExtraError` without the extra `stars`, and `InputError` for a lens of which there are no patterns.
+    Raises `MissingExtraError` without the extra `stars`, and `InputError` for a lens of which there are no patterns and
+    a clock that is decades off.
     """
+    _require_places(zero_utc_s, "this machine's clock")
     return _angles_over(rig, origin, air, zero_utc_s, in_operation=True)
+
+
+def _require_places(utc_s: float, where: str) -> None:
+    """Raise `InputError` for a moment of which no places are known."""
+    if not FIRST_UTC_S < utc_s < LAST_UTC_S:
+        # whole years
+        first, last = (
+            datetime.fromtimestamp(FIRST_UTC_S, UTC).year + 1,
+            datetime.fromtimestamp(LAST_UTC_S, UTC).year - 1,
+        )
+        got, wanted = "a moment of which no places of stars are known", f"one from {first} to {last}"
+        raise InputError(where, got=got, wanted=wanted)
 
 
 def _angles_over(

@@ -211,6 +211,10 @@ def test_a_station_file_asks_for_stars(tmp_path: Path) -> None:
 
     with pytest.raises(ConfigError, match=r"field\.toml: stars: .*got a field of view of 2 deg"):
         registered_heads(file, file.load_rig(), no_patterns, 1.7e9)
+    with pytest.raises(
+        ConfigError, match=r"field\.toml: stars: this machine's clock: got .*wanted one from 1907 to 2048"
+    ):
+        registered_heads(file, file.load_rig(), star_angles_in_operation, 4e9)
 
 
 def test_a_station_that_does_not_say_where_it_is_has_no_stars(
