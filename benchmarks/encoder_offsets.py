@@ -2,7 +2,7 @@
 
     python benchmarks/encoder_offsets.py
 
-Angles alone: an encoder of 0.02°, 30 frames a second for half a minute, every ninth of which tells the angle to
+Angles alone: an encoder of 0.02°, 30 frames a second for half a minute, every sixth of which tells the angle to
 0.0003°; the head stands, or turns by 0.5 and 2°/s. Printed is the rms between them, in brackets without the correction,
 from the third second on.
 """
@@ -15,7 +15,7 @@ from groundstation.estimation.encoder_offset import OffsetEstimator
 from groundstation.messages import FrameAngles
 
 SIGMA_DEG, TOLD_DEG = 0.02, 0.0003
-FRAMES, FIRST, EVERY, RATE_HZ = 900, 90, 9, 30.0
+FRAMES, FIRST, EVERY, RATE_HZ = 900, 90, 6, 30.0
 RATES_DEG_S = (0.0, 0.5, 2.0)
 
 
