@@ -160,7 +160,8 @@ def _point_spread(picture: FloatArray, place: FloatArray, noise: float) -> Float
                 break
             level, u, v = window
             across, down = u - centre[0], v - centre[1]
-            weight = _gaussian(across, down, np.linalg.inv(shape)) * np.maximum(level - _median_of_odd(level), 0.0)
+            inverse = np.asarray(np.linalg.inv(shape), dtype=np.float64)
+            weight = _gaussian(across, down, inverse) * np.maximum(level - _median_of_odd(level), 0.0)
             total = float(weight.sum())
             if total < _LEAST_SNR * noise:
                 break
