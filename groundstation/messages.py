@@ -25,7 +25,7 @@ from groundstation.picture import Picture
 # --------------------------------------------------------------------------------------------- events in
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PtuSample:
-    """One reading of pan and tilt at session time ``t_s``: the encoders', whose sigma the rig states, or a picture's.
+    """A station's ``pan_rad`` and ``tilt_rad`` at session time ``t_s``, of encoders, whose sigma the rig states.
 
     Of a picture are ``sigma_rad``, of each axis, and ``encoder_off_rad``: how far encoders read too far about there.
     """
