@@ -18,6 +18,7 @@ from calibration.stars.star_angles import StarAngles, star_angles_in_operation
 from calibration.stars.star_images import StarImages
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.cli.main import main
+from groundstation.cli.star_loader import load_stars
 from groundstation.detection.panorama import RegisteredAngles, RegistrationFault
 from groundstation.errors import ConfigError, InputError, MissingExtraError
 from groundstation.live.check import check_station
@@ -233,10 +234,10 @@ def test_without_the_extra_it_is_said_before_a_device_is_opened(
     """Expected: `live` does not begin and says what to install; `check` has a line of it; without stars both do."""
     monkeypatch.setitem(sys.modules, "tetra3rs", None)
     path = with_stars(tmp_path)
-    request = LiveRequest(station=path, out=tmp_path / "out", seconds=1.0, stars=star_angles_in_operation)
+    request = LiveRequest(station=path, out=tmp_path / "out", seconds=1.0, stars=load_stars)
     with pytest.raises(MissingExtraError, match=r"pip install 'groundstation\[stars\]'"):
         operate_live(request, stop=lambda: False, tell=lambda _: None, say=lambda _: None)
     assert not (tmp_path / "out").exists()
-    lines = list(islice(check_station(path, 0.1, move=False, stars=star_angles_in_operation), 3))
+    lines = list(islice(check_station(path, 0.1, move=False, stars=load_stars), 3))
     assert not lines[2].good
     assert "pip install 'groundstation[stars]'" in lines[2].text
