@@ -25,9 +25,9 @@ from groundstation.picture import Picture
 # --------------------------------------------------------------------------------------------- events in
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PtuSample:
-    """One reading of a station's pan and tilt, ``pan_rad`` and ``tilt_rad``, at session time ``t_s``.
+    """A station's ``pan_rad`` and ``tilt_rad`` at session time ``t_s``, of encoders, whose sigma the rig states.
 
-    ``sigma_rad`` is one sigma of each where they come from the picture; None for the encoders', which the rig states.
+    Of a picture are ``sigma_rad``, of each axis, and ``encoder_off_rad``: how far encoders read too far about there.
     """
 
     t_s: float
@@ -35,6 +35,7 @@ class PtuSample:
     pan_rad: float
     tilt_rad: float
     sigma_rad: float | None = None
+    encoder_off_rad: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -5,9 +5,9 @@ from pathlib import Path
 from calibration.stars.sky import ObservingSite
 from groundstation.errors import InputError, SessionError
 from groundstation.files.toml_table import TomlTable, load_toml
+from groundstation.session.site_air import SiteAir, parse_air
 
 _ORIGIN_KEYS = ("lat_deg", "lon_deg", "height_m", "y_axis_azimuth_deg")
-_AIR_KEYS = ("pressure_hpa", "air_c")
 
 
 def read_site(path: Path) -> ObservingSite:
@@ -21,20 +21,20 @@ def read_site(path: Path) -> ObservingSite:
         wanted = "a table [origin] with " + ", ".join(_ORIGIN_KEYS)
         raise InputError(str(path), got="no [origin]", wanted=wanted)
     origin = top.table("origin")
-    air = top.table("air") if "air" in top else TomlTable({}, f"{path}: air", SessionError)
-    air.refuse_unknown(set(_AIR_KEYS))
+    air = parse_air(top.table("air")) if "air" in top else SiteAir()
     return ObservingSite(
         lat_deg=origin.number("lat_deg", minimum=-90.0, maximum=90.0),
         lon_deg=origin.number("lon_deg", minimum=-360.0, maximum=360.0),
         height_m=origin.number("height_m", minimum=-500.0, maximum=9000.0),
         y_axis_azimuth_deg=origin.number("y_axis_azimuth_deg", minimum=-360.0, maximum=360.0),
-        pressure_hpa=None if "pressure_hpa" not in air else air.number("pressure_hpa", minimum=300.0, maximum=1100.0),
-        air_c=None if "air_c" not in air else air.number("air_c", minimum=-60.0, maximum=60.0),
+        pressure_hpa=air.pressure_hpa,
+        air_c=air.air_c,
     )
 
 
 def site_to_toml(site: ObservingSite) -> str:
     """Return a site as such a file."""
     lines = ["[origin]", *(f"{key} = {getattr(site, key):.12g}" for key in _ORIGIN_KEYS)]
-    air = [f"{key} = {value:g}" for key in _AIR_KEYS if (value := getattr(site, key)) is not None]
+    measured = SiteAir(pressure_hpa=site.pressure_hpa, air_c=site.air_c)
+    air = [f"{key} = {value:g}" for key, value in measured.keys().items()]
     return "\n".join([*lines, *(["", "[air]", *air] if air else []), ""])

@@ -5,6 +5,7 @@ Stars are identified about where the encoders' angles expect them, by the shift 
 fails, by the solver of the calibration. Where stars are too few, or do not fit, it says so.
 """
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -20,8 +21,10 @@ from calibration.stars.star_solver import CatalogueStars, StarSolver, match_star
 from groundstation.arrays import FloatArray, ImageArray, IntArray
 from groundstation.detection.panorama import RegisteredAngles, RegistrationFault
 from groundstation.errors import InputError
-from groundstation.rig.rig import Station
+from groundstation.rig.rig import Rig, Station
 from groundstation.session import Session
+from groundstation.session.folder import GeoOrigin
+from groundstation.session.site_air import SiteAir
 
 _LEAST_STARS = 5
 # stars of chance among n matches: so many times their expected number are needed, as in `identified_stars`
@@ -34,6 +37,12 @@ _ROUNDS, _STEP_RAD = 8, 1e-5
 _OUTLIER_SIGMAS, _LEAST_INLIERS = 4.0, 0.6
 # blends of stars, and what a calibrated lens leaves; the worst misfits raise the sigma
 _MODEL_SIGMA_PX, _LEAST_SIGMA_PX = 0.03, 0.01
+# of this height of the Sun no star is seen that a picture would have
+_DAYLIGHT = float(np.sin(np.radians(-3.0)))
+_SUN_EVERY_S = 60.0
+# in operation: as good as by all dots, in half the time, and bounded over a town's lights
+_MOST_IN_OPERATION = 20
+_REHEARSALS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,10 +61,27 @@ class StarAngles:
     ----------
     station : calibrated, with its lens. sky : over its site. solver : of its lens.
     zero_utc_s : Unix time of session time 0.
+    in_operation : within bounded time: the brightest dots alone, and no solver for what the encoders do not expect.
     """
 
-    def __init__(self, station: Station, sky: SkyOverSite, solver: StarSolver, zero_utc_s: float) -> None:
+    def __init__(
+        self, station: Station, sky: SkyOverSite, solver: StarSolver, zero_utc_s: float, *, in_operation: bool = False
+    ) -> None:
         self._station, self._sky, self._solver, self._zero_utc_s = station, sky, solver, zero_utc_s
+        self._bounded = in_operation
+        self._seconds: float | None = None
+
+    @property
+    def seconds(self) -> float:
+        """What a frame takes of a processor here, measured once with a drawn picture, which also warms up."""
+        if self._seconds is None:
+            image, took = _rehearsed_picture(self._station.lens.image_size_px), []
+            for _ in range(_REHEARSALS):
+                began_s = time.thread_time()
+                self._register(image, self._zero_utc_s, np.zeros(2), np.radians(0.01))
+                took.append(time.thread_time() - began_s)
+            self._seconds = min(took)
+        return self._seconds
 
     def searches(self, sigma_rad: float) -> bool:
         """Return False: a frame with poor angles takes no longer."""
@@ -68,17 +94,25 @@ class StarAngles:
         utc_s = self._zero_utc_s + t_s
         if not FIRST_UTC_S < utc_s < LAST_UTC_S:
             return RegistrationFault.NO_PLACES
+        if self._sky.body("sun", round(utc_s / _SUN_EVERY_S) * _SUN_EVERY_S)[2] > _DAYLIGHT:
+            return RegistrationFault.DAYLIGHT
+        return self._register(image, utc_s, np.array([pan_rad, tilt_rad]), sigma_rad)
+
+    def _register(
+        self, image: ImageArray, utc_s: float, start: FloatArray, sigma_rad: float
+    ) -> RegisteredAngles | RegistrationFault:
         grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        seen = find_stars(np.asarray(grey, dtype=np.float64))
+        picture = np.asarray(grey, dtype=np.float64)
+        seen = find_stars(picture, most=_MOST_IN_OPERATION) if self._bounded else find_stars(picture)
         if len(seen) < _LEAST_STARS:
             return RegistrationFault.NO_STARS
-        start = np.array([pan_rad, tilt_rad])
-        reach = _SEARCH_SIGMAS * sigma_rad
-        matched = self._expected(seen, start, reach, utc_s) or self._solved(seen, utc_s)
+        matched = self._expected(seen, start, _SEARCH_SIGMAS * sigma_rad, utc_s)
+        if matched is None and not self._bounded:
+            matched = self._solved(seen, utc_s)
         found = None if matched is None else self._fit(matched, start)
         if found is None:
             return RegistrationFault.OTHER_STARS
-        away = max(abs(found.pan_rad - pan_rad), abs(found.tilt_rad - tilt_rad))
+        away = max(abs(found.pan_rad - start[0]), abs(found.tilt_rad - start[1]))
         if away > _SEARCH_SIGMAS * float(np.hypot(sigma_rad, found.sigma_rad)):
             return RegistrationFault.TOO_FAR
         return found
@@ -185,26 +219,64 @@ def star_angles(session: Session, zero_utc_s: float) -> Mapping[str, StarAngles]
     Raises `InputError` for a session that does not say where it is and for a moment of which no places are known, and
     `MissingExtraError` without the extra `stars`.
     """
-    if not FIRST_UTC_S < zero_utc_s < LAST_UTC_S:
+    _require_places(zero_utc_s, "--stars")
+    if session.origin is None:
+        wanted = "a table [origin]: where the runway frame lies on Earth"
+        raise InputError(f"{session.name}: session.toml", got="no [origin]", wanted=wanted)
+    return _angles_over(session.rig, session.origin, session.air, zero_utc_s, in_operation=False)
+
+
+def star_angles_in_operation(rig: Rig, origin: GeoOrigin, air: SiteAir, zero_utc_s: float) -> Mapping[str, StarAngles]:
+    """Return what takes angles of all turning stations of a station in operation, within bounded time.
+
+    Raises `MissingExtraError` without the extra `stars`, and `InputError` for a lens of which there are no patterns and
+    a clock that is decades off.
+    """
+    _require_places(zero_utc_s, "this machine's clock")
+    return _angles_over(rig, origin, air, zero_utc_s, in_operation=True)
+
+
+def _require_places(utc_s: float, where: str) -> None:
+    """Raise `InputError` for a moment of which no places are known."""
+    if not FIRST_UTC_S < utc_s < LAST_UTC_S:
         # whole years
         first, last = (
             datetime.fromtimestamp(FIRST_UTC_S, UTC).year + 1,
             datetime.fromtimestamp(LAST_UTC_S, UTC).year - 1,
         )
         got, wanted = "a moment of which no places of stars are known", f"one from {first} to {last}"
-        raise InputError("--stars", got=got, wanted=wanted)
-    origin = session.origin
-    if origin is None:
-        wanted = "a table [origin]: where the runway frame lies on Earth"
-        raise InputError(f"{session.name}: session.toml", got="no [origin]", wanted=wanted)
+        raise InputError(where, got=got, wanted=wanted)
+
+
+def _angles_over(
+    rig: Rig, origin: GeoOrigin, air: SiteAir, zero_utc_s: float, *, in_operation: bool
+) -> Mapping[str, StarAngles]:
     sky = SkyOverSite(
         ObservingSite(
             lat_deg=origin.lat_deg,
             lon_deg=origin.lon_deg,
             height_m=origin.height_m,
             y_axis_azimuth_deg=origin.y_axis_azimuth_deg,
+            pressure_hpa=air.pressure_hpa,
+            air_c=air.air_c,
         )
     )
     year = decimal_year([zero_utc_s])
-    turning = [station for station in session.rig.stations if not station.fixed]
-    return {s.name: StarAngles(s, sky, StarSolver(s.lens, year), zero_utc_s) for s in turning}
+    turning = [station for station in rig.stations if not station.fixed]
+    if not in_operation:
+        return {s.name: StarAngles(s, sky, StarSolver(s.lens, year), zero_utc_s) for s in turning}
+    # patterns are not used in operation: those of one lens do for all, and the narrowest has the faintest stars
+    lenses = sorted((station.lens for station in turning), key=lambda lens: -float(lens.focal_px[0]))
+    solvers = [StarSolver(lens, year) for lens in lenses[:1]]
+    return {s.name: StarAngles(s, sky, solver, zero_utc_s, in_operation=True) for s in turning for solver in solvers}
+
+
+def _rehearsed_picture(size_px: tuple[int, int]) -> ImageArray:
+    """Return a dark picture with as many dots as are looked at in operation."""
+    w, h = size_px
+    random = np.random.default_rng(0)
+    dots, places = np.zeros((h, w)), random.uniform(0.05, 0.95, (_MOST_IN_OPERATION, 2)) * np.array([w, h])
+    for u, v in places.astype(np.int64).tolist():
+        dots[v, u] = 1000.0
+    picture = random.normal(20.0, 2.0, (h, w)) + cv2.GaussianBlur(dots, (0, 0), 1.2)
+    return np.asarray(np.clip(picture, 0, 255), dtype=np.uint8)

@@ -5,6 +5,7 @@ of a picture share come near to the Cramér-Rao bound (K. A. Winick, JOSA A 3, 1
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import cv2
@@ -57,16 +58,17 @@ NO_STARS = StarImages(
 )
 
 
-def find_stars(grey: FloatArray, hot: MaskArray | None = None) -> StarImages:
-    """Find the stars of a grey picture (h, w) of any scale; ``hot`` (h, w) marks pixels that are no use.
+def find_stars(grey: FloatArray, hot: MaskArray | None = None, most: int = _MOST_STARS) -> StarImages:
+    """Find the stars of a grey picture (h, w) of any scale, of the brightest dots so many at ``most``.
 
+    ``hot`` (h, w) marks pixels that are no use.
     Raises `MissingExtraError` without tetra3rs.
     """
     tetra3rs = load_tetra3rs()
     picture: FloatArray = np.asarray(grey, dtype=np.float64)
     if hot is not None and hot.any():
         picture = np.where(hot, _median(picture), picture)
-    found = tetra3rs.extract_centroids(picture, max_centroids=_MOST_STARS, threads=1)
+    found = tetra3rs.extract_centroids(picture, max_centroids=most, threads=1)
     if not found.centroids:
         return NO_STARS
     h, w = picture.shape
@@ -118,9 +120,28 @@ def _window(picture: FloatArray, centre: FloatArray, half: int) -> tuple[FloatAr
     h, w = picture.shape
     if not (half <= u < w - half and half <= v < h - half):
         return None
-    side = np.arange(-half, half + 1)
     levels = picture[v - half : v + half + 1, u - half : u + half + 1]
-    return levels.astype(np.float64).ravel(), np.tile(u + side, len(side)), np.repeat(v + side, len(side))
+    across, down = _places(half)
+    return levels.ravel(), u + across, v + down
+
+
+@cache
+def _places(half: int) -> tuple[FloatArray, FloatArray]:
+    """Return how far a window's pixels (k,) are to the right of its middle, and below."""
+    side = np.arange(-half, half + 1, dtype=np.float64)
+    return np.tile(side, len(side)), np.repeat(side, len(side))
+
+
+def _median_of_odd(values: FloatArray) -> float:
+    """Return the median of an odd number of values, quicker than NumPy's."""
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])
+
+
+def _gaussian(across: FloatArray, down: FloatArray, inverse: FloatArray) -> FloatArray:
+    """Return a Gaussian's values (k,), 1 in its middle, of pixels so far from it."""
+    (a, b), (_, d) = inverse.tolist()
+    return np.asarray(np.exp(-0.5 * (a * across * across + 2.0 * b * across * down + d * down * down)))
 
 
 def _point_spread(picture: FloatArray, place: FloatArray, noise: float) -> FloatArray:
@@ -138,14 +159,16 @@ def _point_spread(picture: FloatArray, place: FloatArray, noise: float) -> Float
             if window is None:
                 break
             level, u, v = window
-            off = np.column_stack([u, v]) - centre
-            weight = np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, np.linalg.inv(shape), off))
-            weight *= np.maximum(level - np.median(level), 0.0)
+            across, down = u - centre[0], v - centre[1]
+            inverse = np.asarray(np.linalg.inv(shape), dtype=np.float64)
+            weight = _gaussian(across, down, inverse) * np.maximum(level - _median_of_odd(level), 0.0)
             total = float(weight.sum())
             if total < _LEAST_SNR * noise:
                 break
-            mean = weight @ off / total
-            second = (off - mean).T @ ((off - mean) * weight[:, None]) / total
+            off = np.stack([across, down])
+            mean = off @ weight / total
+            off -= mean[:, None]
+            second = (off * weight) @ off.T / total
             centre = centre + mean
             shape = 2.0 * second + 1e-3 * np.eye(2)
         else:
@@ -219,16 +242,24 @@ def _star_step(
     ``root`` is that of the determinant of ``inverse``.
     """
     level, u, v = window
-    off = np.column_stack([u, v]) - centre
-    shape = np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)) * root / (2.0 * np.pi)
-    used = level < full if np.count_nonzero(level >= full) > 1 else np.ones(len(level), dtype=np.bool_)
-    columns = np.column_stack([shape, shape[:, None] * (off @ inverse), np.ones(len(shape))])[used]
-    solved, *_ = np.linalg.lstsq(columns, level[used], rcond=None)
+    off = np.stack([u - centre[0], v - centre[1]])
+    columns = np.empty((4, len(level)))
+    columns[0] = _gaussian(off[0], off[1], inverse) * (root / (2.0 * np.pi))
+    columns[1:3] = (inverse @ off) * columns[0]
+    columns[3] = 1.0
+    if np.count_nonzero(level >= full) > 1:
+        used = level < full
+        columns, level = columns[:, used], level[used]
+    # four well-conditioned columns: the normal equations do
+    try:
+        solved = np.linalg.solve(columns @ columns.T, columns @ level)
+    except np.linalg.LinAlgError:
+        return None
     if solved[0] <= 0.0:
         return None
     return _StarStep(
         shift_px=solved[1:3] / solved[0],
         flux=float(solved[0]),
-        left=level[used] - columns @ solved,
-        columns=columns,
+        left=level - solved @ columns,
+        columns=columns.T,
     )

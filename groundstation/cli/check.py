@@ -5,6 +5,7 @@ import argparse
 from groundstation.cli.command_arguments import Commands, add_command
 from groundstation.cli.number_arguments import duration_s
 from groundstation.cli.path_arguments import READ
+from groundstation.cli.star_loader import load_stars
 
 _CHECK = """Test each device of a station before the flight: is it there, does it answer,
 how fast, does its clock hold; one line each, and what to do about it."""
@@ -31,7 +32,7 @@ def run_check(options: argparse.Namespace) -> int:
     from groundstation.live.check import check_station
 
     wrong = 0
-    for line in check_station(options.station, options.seconds, move=options.move):
+    for line in check_station(options.station, options.seconds, move=options.move, stars=load_stars):
         print(("ok     " if line.good else "WRONG  ") + line.text, flush=True)
         wrong += not line.good
     return 1 if wrong else 0

@@ -19,6 +19,7 @@ from groundstation.cli.command_arguments import (
 from groundstation.cli.left_files import INTERRUPTED, left_by
 from groundstation.cli.number_arguments import duration_s
 from groundstation.cli.path_arguments import NEW_FOLDER, READ
+from groundstation.cli.star_loader import load_stars
 from groundstation.cli.status_display import StatusDisplay
 from groundstation.cli.stop_request import StopRequest
 from groundstation.cli.terminal import print_line
@@ -117,6 +118,7 @@ def run_live(options: argparse.Namespace) -> int:
         command=options.words,
         web_port=options.port,
         approach=approach_options(options),
+        stars=load_stars,
     )
     began_s, stop = time.time(), StopRequest()
     simulator = _simulator(options, stop) if options.simulate else None

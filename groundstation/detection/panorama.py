@@ -40,6 +40,7 @@ class RegistrationFault(Enum):
     NO_STARS = "too few stars in view"
     NO_MATCH = "the view is not the panorama's"
     OTHER_STARS = "the stars are not those of the time and place"
+    DAYLIGHT = "the Sun is up"
     NO_PLACES = "a time of which no places of stars are known"
     TOO_FAR = "farther from the encoder's angles than they may be off"
 

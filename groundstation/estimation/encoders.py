@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.encoder_offset import NO_OFFSET, EncoderOffset
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import PtuSample
@@ -24,6 +25,7 @@ class _Known(NamedTuple):
 
     ``newest_s`` is the time of the newest accepted reading, ``last`` the newest of all and ``same`` the number of equal
     readings before it; ``suspect`` is a reading not yet confirmed; a ``frozen`` encoder repeats one value.
+    They are judged and fused without the ``offset`` that pictures have found; ``last`` is as it was read.
     """
 
     newest_s: float = -math.inf
@@ -31,6 +33,7 @@ class _Known(NamedTuple):
     same: int = 0
     suspect: PtuSample | None = None
     frozen: bool = False
+    offset: EncoderOffset = NO_OFFSET
 
 
 _NOTHING = _Known()
@@ -65,11 +68,14 @@ class EncoderFeed:
             # a picture's: of the exposure itself, whatever the clocks; one that the gate refuses is left out
             angles = (sample.pan_rad, sample.tilt_rad)
             self._ekf.update_encoder(sample.station, angles, sample.sigma_rad, 0.0, 0.0)
+            known = self._known.get(sample.station, _NOTHING)
+            known = known._replace(offset=EncoderOffset(sample.encoder_off_rad, angles))
+            self._known = {**self._known, sample.station: known}
             return None
         before = self._known.get(sample.station, _NOTHING)
         note, known = self._watch_for_standstill(sample, station, before)
         if note is None and not known.frozen:
-            note, known = self._judge(sample, station, known)
+            note, known = self._judge(known.offset.corrected(sample), station, known)
         self._known = {**self._known, sample.station: known}
         return note
 
@@ -92,7 +98,7 @@ class EncoderFeed:
             ahead,
         )
         if innovation.accepted:
-            return note, _Known(sample.t_s, known.last, known.same, None, known.frozen)
+            return note, known._replace(newest_s=sample.t_s, suspect=None)
         return note, known._replace(suspect=sample)
 
     def snapshot(self) -> EncoderState:
@@ -125,10 +131,11 @@ class EncoderFeed:
             note = f"station {sample.station}: PTU repeats one reading since {_FROZEN_READINGS} readings, not used"
         elif known.frozen and not frozen:
             sigma = self._sigmas_rad[sample.station]
-            self._ekf.set_angles(sample.station, (sample.pan_rad, sample.tilt_rad), (0.0, 0.0), sigma)
+            own = known.offset.corrected(sample)
+            self._ekf.set_angles(sample.station, (own.pan_rad, own.tilt_rad), (0.0, 0.0), sigma)
             newest_s = sample.t_s
             note = f"station {sample.station}: PTU readings change again at {sample.t_s:.3f} s"
-        return note, _Known(newest_s, sample, same, known.suspect, frozen)
+        return note, _Known(newest_s, sample, same, known.suspect, frozen, known.offset)
 
     def age_s(self, station: str, t_s: float) -> float:
         """Return the age of the last accepted reading."""

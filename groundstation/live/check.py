@@ -4,6 +4,8 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from groundstation.live.check_result import CheckResult, failed, passed
 from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import HeadDevice, open_head
 from groundstation.live.keep_out_zones import sun_text, with_keep_out
+from groundstation.live.live_stars import StarLoader, registered_heads
 from groundstation.live.station_file import StationDevices, StationFile, load_station
 from groundstation.rig.rig import Rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
@@ -30,8 +33,11 @@ _TURN_S = 3.0
 _SLOW_S = 0.05
 
 
-def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckResult]:
-    """Test everything that a station file names, one after the other; looks at each for ``seconds``."""
+def check_station(path: Path, seconds: float, *, move: bool, stars: StarLoader | None = None) -> Iterator[CheckResult]:
+    """Test everything that a station file names, one after the other; looks at each for ``seconds``.
+
+    ``stars`` loads what takes head angles from stars, which the file may ask for.
+    """
     try:
         file = load_station(path)
         rig = file.load_rig()
@@ -45,6 +51,8 @@ def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckRe
     yield _known(rig)
     if file.panorama is not None:
         yield _panorama(file, rig)
+    if file.stars:
+        yield _stars(file, rig, stars)
     if any(s.head is not None for s in file.stations):
         avoided, words = sun_text(file, rig, time.time())
         yield CheckResult(good=avoided, text=words)
@@ -77,6 +85,15 @@ def _panorama(file: StationFile, rig: Rig) -> CheckResult:
     except GroundstationError as fault:
         return failed(str(fault))
     return passed(f"panorama: {', '.join(names)}")
+
+
+def _stars(file: StationFile, rig: Rig, load: StarLoader | None) -> CheckResult:
+    """Load the stars: a lens without patterns or a missing extra stops the operation."""
+    try:
+        names = registered_heads(replace(file, panorama=None), rig, load, time.time()).names
+    except GroundstationError as fault:
+        return failed(str(fault))
+    return passed(f"stars: {', '.join(names)}, at {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC by this machine's clock")
 
 
 def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, raw: dict[str, bool]) -> CheckResult:

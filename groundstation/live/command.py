@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
@@ -23,11 +22,12 @@ from groundstation.live.devices import check_against_rig
 from groundstation.live.guarded_sink import GuardedSink
 from groundstation.live.head_manager import CLOSE_S, HeadManager
 from groundstation.live.keep_out_zones import sun_text, with_keep_out
+from groundstation.live.live_stars import StarLoader, registered_heads
 from groundstation.live.memory import configure_allocator
 from groundstation.live.opened_cameras import opened_cameras
 from groundstation.live.operation import ApproachOpener, Operation, OperationOutputs, OperationResult, StatusSink
 from groundstation.live.operator_screen import StatusCallback, open_screen
-from groundstation.live.out_folder import StartingFolder, removed_unless_started, require_free, written_files
+from groundstation.live.out_folder import StartingFolder, operation_folder, removed_unless_started, written_files
 from groundstation.live.provenance_file import write_provenance
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import ReferenceReceiver, reference_tuning
@@ -57,7 +57,8 @@ class LiveRequest:
     folder. ``seconds`` None continues until ``stop``. ``screen`` is "desktop", "browser" or "none",
     ``web_port`` the browser's page's port, None for any. ``weights``
     are one's own for the learned channel, which then detects. ``approach`` is what is wanted of an approach, over what
-    the station file asks for. ``command`` is the command line without the program, empty if there is none.
+    the station file asks for. ``command`` is the command line without the program, empty if there is none. ``stars``
+    loads what takes head angles from stars, which the station file may ask for.
     """
 
     station: Path | None
@@ -69,6 +70,7 @@ class LiveRequest:
     web_port: int | None = None
     approach: ApproachOptions = field(default_factory=ApproachOptions)
     command: tuple[str, ...] = ()
+    stars: StarLoader | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +109,7 @@ def live(
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
     where ``stop`` is set before it has begun.
     """
-    out = _folder(request)
+    out = operation_folder(request.out, request.station)
     configure_allocator()
     with removed_unless_started(out) as folder:
         forced = None if force_exit is None else partial(_forced, force_exit, folder, simulator)
@@ -148,10 +150,7 @@ def _live(
         if (recorder := outputs.open_recorder(station) if request.record else None) is not None:
             shutdown.watch_recorder(lambda: recorder.status.written_bytes)
         outputs.open_screen(request, station, shutdown, say)
-        errors = station.reference_errors()
-        operation = Operation(
-            file, rig, station.config, outputs.of_operation(), start_s=start_s, reference_errors=errors
-        )
+        operation = station.operation(request, outputs.of_operation(), start_s)
         _report_sun(file, rig, operation, say)
         reference = ReferenceReceiver(
             file, station.reference, operation.input_queue, start_s=start_s, folder=out, faults=outputs.faults
@@ -189,13 +188,25 @@ class _LiveStation:
         """Return the prior of the reference's errors; None if the filter does not learn from it."""
         return self.reference.errors if self.header.learns_from_reference else None
 
+    def operation(self, request: LiveRequest, outputs: OperationOutputs, start_s: float) -> Operation:
+        """Return the operation; ``start_s`` is session zero, monotonic."""
+        return Operation(
+            self.file,
+            self.rig,
+            self.config,
+            outputs,
+            start_s=start_s,
+            reference_errors=self.reference_errors(),
+            heads=registered_heads(self.file, self.rig, request.stars, _unix_s(start_s)),
+        )
+
     def approach(self, asked: ApproachOptions, start_s: float) -> ApproachOpener | None:
         """Return what opens the outputs of an approach, None for none; ``start_s`` is session zero, monotonic."""
         file = self.file
         options = station_options(asked, file.landing_site, file.autopilot)
         if not options.wanted:
             return None
-        unix_s = time.time() - (time.monotonic() - start_s)
+        unix_s = _unix_s(start_s)
         return lambda estimate_at, now_s: open_approach(
             options,
             self.rig,
@@ -207,13 +218,18 @@ class _LiveStation:
         )
 
 
+def _unix_s(monotonic_s: float) -> float:
+    """Return the Unix time of a monotonic one, by the clock as it is now."""
+    return time.time() - (time.monotonic() - monotonic_s)
+
+
 def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -> _LiveStation:
     """Read and check the files of a station; raises `InputError` or `ConfigError`."""
     file = _file(request) if simulator is None else simulator.station_file(request.station, out)
     rig = file.load_rig()
     check_against_rig(file, rig)
-    # a panorama that cannot be used is an error before any device is opened
-    file.registered_heads(rig)
+    # a panorama or stars that cannot be used are an error before any device is opened
+    registered_heads(file, rig, request.stars, time.time())
     file = with_keep_out(file, rig, time.monotonic(), time.time())
     if simulator is not None:
         simulator.check(rig)
@@ -334,22 +350,6 @@ def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> No
     if stop():
         raise KeyboardInterrupt
     say(text)
-
-
-def _folder(request: LiveRequest) -> Path:
-    """Return the folder of this operation, which is still to be made."""
-    if request.out is not None:
-        out = request.out
-    elif request.station is not None:
-        below = load_station(request.station).record
-        if below is None:
-            got = "no [record] folder in the station file"
-            raise InputError("--out", got=got, wanted="a folder for what is recorded")
-        out = below / datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%SZ")
-    else:
-        raise InputError("--out", got="none", wanted="a folder for what is recorded")
-    require_free(out)
-    return out
 
 
 def _file(request: LiveRequest) -> StationFile:

@@ -37,6 +37,7 @@ from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.thread_scheduling import short_gil_switch_interval
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.registered_heads import RegisteredHeads
 from groundstation.tracking.warm_up import warm_up
 from ptu_drivers.health import UnitState
 
@@ -130,6 +131,7 @@ class Operation:
     clock : monotonic, s; the devices stamp with the same one.
     start_s : the session's time zero on that clock; None for now.
     reference_errors : prior of the errors of a reference receiver that the filter learns from; None without one.
+    heads : takes angles from the pictures; by default as the file's panorama has them.
     """
 
     def __init__(
@@ -142,23 +144,21 @@ class Operation:
         clock: Callable[[], float] = time.monotonic,
         start_s: float | None = None,
         reference_errors: ParameterPrior | None = None,
+        heads: RegisteredHeads | None = None,
     ) -> None:
         self._file, self._rig, self._config = file, rig, config
         outputs = outputs or OperationOutputs()
         self._sinks, self._recorders, self._operators = outputs.sinks, outputs.recorders, outputs.operators
-        self._clock = clock
-        self._extra_status = outputs.extra_status
-        self._keep_images = outputs.keep_images
-        self._reference_errors = reference_errors
+        self._clock, self._extra_status, self._keep_images = clock, outputs.extra_status, outputs.keep_images
+        self._reference_errors, self._open_approach = reference_errors, outputs.approach
+        self._heads = file.registered_heads(rig) if heads is None else heads
         self._reference: ReferenceWorker | None = None
-        self._open_approach = outputs.approach
         self._approach_sinks = [sink for sink in self._sinks if isinstance(sink, ApproachSink)]
         self._approach: ApproachOutputs | None = None
         self.start_s = clock() if start_s is None else start_s
         self.input_queue = InputQueue(together_s=0.5 / file.rate_hz)
         self._board = StatusBoard()
-        self._epochs = self._tracked = 0
-        self._busy_s = 0.0
+        self._epochs, self._tracked, self._busy_s = 0, 0, 0.0
         self._shown_s, self._shown_track = -_NEVER, TrackStatus.SEARCHING
         self._shown_changes = 0
 
@@ -339,7 +339,7 @@ class Operation:
             stopwatch=self._clock,
             keep_images=self._keep_images,
             reference_errors=self._reference_errors,
-            heads=self._file.registered_heads(self._rig),
+            heads=self._heads,
         )
 
     def _core(self, heads: HeadManager) -> LiveCore:

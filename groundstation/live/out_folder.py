@@ -2,9 +2,25 @@
 
 import contextlib
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 from groundstation.errors import InputError, os_words
+from groundstation.live.station_file import load_station
+
+
+def operation_folder(out: Path | None, station: Path | None) -> Path:
+    """Return the folder of an operation, which is still to be made: ``out``, or one below the station file's."""
+    if out is None and station is not None:
+        below = load_station(station).record
+        if below is None:
+            got = "no [record] folder in the station file"
+            raise InputError("--out", got=got, wanted="a folder for what is recorded")
+        out = below / datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%SZ")
+    if out is None:
+        raise InputError("--out", got="none", wanted="a folder for what is recorded")
+    require_free(out)
+    return out
 
 
 def require_free(out: Path) -> None:

@@ -79,6 +79,8 @@ def live_header(file: StationFile, config: Config) -> RecordingHeader:
         session["target"] = target
     if file.origin is not None:
         session["origin"] = dataclasses.asdict(file.origin)
+    if file.air.keys():
+        session["air"] = file.air.keys()
     files = {
         SESSION: config_to_toml(session).encode() + b"\n",
         # unchanged: rewritten, angles in degrees might read back different in the last bit

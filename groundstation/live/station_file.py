@@ -2,7 +2,8 @@
 
 import math
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,10 @@ from groundstation.pointing.pointing_law import PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.session.folder import GeoOrigin, parse_origin
+from groundstation.session.site_air import SiteAir, parse_air
 from groundstation.sources.panorama_file import read_panoramas
 from groundstation.tracking.config import config_from_mapping
-from groundstation.tracking.registered_heads import RegisteredHeads
+from groundstation.tracking.registered_heads import AnglesFromPicture, RegisteredHeads
 from ptu_drivers.settings import SLOWEST_BAUD
 
 STATION_FORMAT = "groundstation-station/1"
@@ -31,6 +33,7 @@ _TOP = frozenset(
     {
         *("format", "name", "rig", "config", "rate_hz", "target", "record", "pointing", "search", "station"),
         *("reference", "origin", "safety", "park_s", "autopilot", "landing_site", "panorama"),
+        *("stars", "air"),
     }
 )
 _REFERENCE = frozenset({"url", "baud", "clock_offset_s", "clock_sigma_s", "geoid_separation_m", "learn", "senders"})
@@ -73,6 +76,8 @@ class StationFile:
     geoid_separation_m : height of the geoid above the ellipsoid, None if no table states it.
     landing_site : file of runway, plan and alert limits; None for none.
     panorama : file of `calibrate panorama`, by which frames tell the heads' angles; None for the encoders' alone.
+    stars : whether frames tell them by the stars, where the panorama does not; it needs ``origin``.
+    air : at the site, for refraction.
     park_s : what heads may take to park in the end, on top of the time for the rest; None parks within that time.
     """
 
@@ -95,6 +100,8 @@ class StationFile:
     autopilot: AutopilotSettings | None = None
     landing_site: Path | None = None
     panorama: Path | None = None
+    stars: bool = False
+    air: SiteAir = field(default_factory=SiteAir)
     geoid_separation_m: float | None = None
 
     def load_rig(self) -> Rig:
@@ -113,18 +120,21 @@ class StationFile:
                 wanted="a file, its path seen from the station file's folder",
             )
 
-    def registered_heads(self, rig: Rig) -> RegisteredHeads:
-        """Return what takes angles from pictures by the panorama, where there is one.
+    def registered_heads(
+        self, rig: Rig, stars: Mapping[str, AnglesFromPicture] | None = None, stars_every: int = 1
+    ) -> RegisteredHeads:
+        """Return what takes angles from pictures by the panorama, where there is one, and by ``stars`` of stations.
 
         Raises `ConfigError`, which names this file's key, the panorama's file, and the key in it, for one that is
         missing, damaged or not of this rig.
         """
         if self.panorama is None:
-            return RegisteredHeads(rig, {})
+            return RegisteredHeads(rig, {}, stars=stars, stars_every=stars_every)
         self._require_file("panorama")
         try:
             panoramas = read_panoramas(self.panorama)
-            return RegisteredHeads(rig, panoramas, search_every=_SEARCH_EVERY, where=str(self.panorama))
+            where = str(self.panorama)
+            return RegisteredHeads(rig, panoramas, _SEARCH_EVERY, where, stars, stars_every)
         except InputError as fault:
             # it does not know which key names its file
             where = f"{self.path}: panorama: {fault.where}"
@@ -161,6 +171,9 @@ def load_station(path: Path) -> StationFile:
     autopilot = parse_autopilot(top.table("autopilot"), here) if "autopilot" in top else None
     if autopilot is not None and "origin" not in top:
         raise top.fail("origin", "nothing", "a table [origin]: where the runway frame lies on Earth, for [autopilot]")
+    stars = top.flag("stars", default=False)
+    if stars and "origin" not in top:
+        raise top.fail("origin", "nothing", "a table [origin]: where the runway frame lies on Earth, for stars")
     antenna = target.vector("antenna_in_body_m", 3) if "antenna_in_body_m" in target else None
     return StationFile(
         path=path,
@@ -182,6 +195,8 @@ def load_station(path: Path) -> StationFile:
         geoid_separation_m=None if reference is None else reference.geoid_separation_m,
         landing_site=here / top.text("landing_site") if "landing_site" in top else None,
         panorama=here / top.text("panorama") if "panorama" in top else None,
+        stars=stars,
+        air=parse_air(top.table("air")),
         antenna_in_body_m=None if antenna is None else (float(antenna[0]), float(antenna[1]), float(antenna[2])),
     )
 

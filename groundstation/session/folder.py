@@ -2,7 +2,7 @@
 
 import difflib
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +17,11 @@ from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.rig.rig import ClockModel, Rig, Station, load_rig, parse_clock
 from groundstation.session.dgps_options import DgpsOptions, parse_dgps
 from groundstation.session.media import Medium, check_medium, find_media
+from groundstation.session.site_air import SiteAir, parse_air
 
 # names in [clocks] other than the stations
 CLOCKED_TABLES = ("frames", "detections", "ptu", "dgps", "truth")
-_TABLES = ("clocks", "target", "initial", "origin", "phase", "dgps")
+_TABLES = ("clocks", "target", "initial", "origin", "air", "phase", "dgps")
 _MAX_PHASES = 10_000
 # the recorder's own notes are few; searching for misspelt keys costs a comparison with each known key
 _MAX_ENTRIES = 1_000
@@ -86,6 +87,7 @@ class Session:
     media : each station's pictures; empty for a session of detections only.
     left_out : stations of the folder's own rig that are missing from the rig in use; their rows are skipped.
     recorded : information on the recording; None for a folder.
+    air : of the site, for refraction.
     """
 
     name: str
@@ -104,6 +106,7 @@ class Session:
     media: dict[str, Medium]
     left_out: frozenset[str]
     recorded: RecordingInfo | None = None
+    air: SiteAir = field(default_factory=SiteAir)
 
     @property
     def detections_only(self) -> bool:
@@ -176,6 +179,7 @@ def read_session(
         dgps=parse_dgps(top.table("dgps")),
         media=media,
         left_out=left_out,
+        air=parse_air(top.table("air")) if isinstance(top.values.get("air"), dict) else SiteAir(),
     )
 
 

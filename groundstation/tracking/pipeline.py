@@ -288,7 +288,7 @@ class Pipeline:
     def _process_frame(self, ready: ReadyFrame) -> CameraReport:
         """Predict the filter to the time of a frame and update it with the frame."""
         if ready.late:
-            return self._process_late_frame(ready)
+            return self._process_late_frame(self.heads.carried(ready))
         if self._ekf.has_target and self._track_manager.state_machine.is_unseen(ready.record.t_s):
             # sources without heartbeats: no frame came for longer than a track may coast
             self._drop(ready.record.t_s)
@@ -296,7 +296,7 @@ class Pipeline:
             self._predict_to(ready.record.t_s)
             if ready.following is not None:
                 self._late_buffer.read(ready.following)
-            return self._frames.process(self.heads.improve(ready, self._late_buffer.read))
+            return self._frames.process(self.heads.with_angles(ready, self._late_buffer.read))
 
     def _process_reading(self, sample: PtuSample) -> None:
         """Predict the filter to the time of a PTU reading and update it with the reading."""

@@ -2,12 +2,13 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from groundstation.arrays import ImageArray
 from groundstation.detection.panorama import GroundPanorama, HeadRegistration, RegisteredAngles, RegistrationFault
 from groundstation.errors import RigError
+from groundstation.estimation.encoder_offset import OffsetEstimator
 from groundstation.messages import Frame, FrameAngles, PtuSample
 from groundstation.picture import as_picture
 from groundstation.rig.rig import Rig
@@ -15,6 +16,7 @@ from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame
 
 NOT_RECORDED = "only parts of the picture"
 BETWEEN_SEARCHES = "so poor an encoder wants a search, which is not done for each frame"
+BETWEEN_STARS = "stars are not looked for in each frame"
 _MOST_RECALLED = 1000
 
 
@@ -32,6 +34,20 @@ class AnglesFromPicture(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Way:
+    """One way to a head's angles, and in which frames it is tried: every so many, beginning with the ``first``."""
+
+    angles: AnglesFromPicture
+    every: int
+    between: str
+    first: int = 0
+
+    def skips(self, frame: int) -> bool:
+        """Return whether it is not tried in a frame, counted from 0."""
+        return (frame - self.first) % self.every != 0
+
+
 class RegisteredHeads:
     """Registers the frames of stations that have a panorama or stars; counts which were, and why others were not.
 
@@ -41,8 +57,11 @@ class RegisteredHeads:
     stars : by station, what is tried where the ground does not tell.
     where : what the panoramas came from, for the error.
     search_every : of a head whose encoder is so poor that a frame has to be searched for, every how many frames are
-        registered: in operation a search takes too long for each.
+        registered: in operation a search takes too long for each. stars_every : the same of stars, for the heads in
+        turn.
 
+    Frames that do not tell have the encoder's angles without the slow part of its error, as those that told have found
+    it (`OffsetEstimator`); so have the readings that are fused between them.
     Angles of a recording's `FrameAngles` are taken as they are of stations without a panorama, and of frames of which
     only parts were recorded; where there are stars and no panorama, if the stars do not tell. Raises `RigError` for a
     panorama of a station that the rig has not, or that does not turn.
@@ -55,23 +74,26 @@ class RegisteredHeads:
         search_every: int = 1,
         where: str = "panorama",
         stars: Mapping[str, AnglesFromPicture] | None = None,
+        stars_every: int = 1,
     ) -> None:
         for name in panoramas:
             if name not in rig.names or rig[name].fixed:
                 turning = ", ".join(s.name for s in rig.stations if not s.fixed)
                 wanted = f"some of {turning}, which turn" if turning else "none: no station of the rig turns"
                 raise RigError(where, got=f"one of station {name}", wanted=wanted)
-        self._heads: dict[str, tuple[AnglesFromPicture, ...]] = {
-            name: (HeadRegistration(rig[name], panorama),) for name, panorama in panoramas.items()
-        }
-        for name, by_stars in (stars or {}).items():
-            self._heads[name] = (*self._heads.get(name, ()), by_stars)
-        self._stars_alone = frozenset(self._heads) - frozenset(panoramas)
         self._sigma_rad = {s.name: s.angle_sigma_rad for s in rig.stations}
-        self._every = {
-            name: search_every if any(one.searches(self._sigma_rad[name]) for one in ways) else 1
-            for name, ways in self._heads.items()
-        }
+        self._heads: dict[str, tuple[_Way, ...]] = {}
+        for name, panorama in panoramas.items():
+            ground = HeadRegistration(rig[name], panorama)
+            every = search_every if ground.searches(self._sigma_rad[name]) else 1
+            self._heads[name] = (_Way(angles=ground, every=every, between=BETWEEN_SEARCHES),)
+        for k, (name, by_stars) in enumerate((stars or {}).items()):
+            way = _Way(
+                angles=by_stars, every=stars_every, between=BETWEEN_STARS, first=k * stars_every // len(stars or {})
+            )
+            self._heads[name] = (*self._heads.get(name, ()), way)
+        self._stars_alone = frozenset(self._heads) - frozenset(panoramas)
+        self._offsets = {name: OffsetEstimator(sigma) for name, sigma in self._sigma_rad.items()}
         self._frames: Counter[str] = Counter()
         self._registered: Counter[str] = Counter()
         self._recorded: Counter[str] = Counter()
@@ -98,6 +120,11 @@ class RegisteredHeads:
         self._found.clear()
         return found
 
+    def with_angles(self, ready: ReadyFrame, fuse: Callable[[PtuSample], None]) -> ReadyFrame:
+        """Return a frame with the angles of its picture as `improve` does; where that does not tell, as `carried`."""
+        better = self.improve(ready, fuse)
+        return self.carried(ready) if better is ready else better
+
     def improve(self, ready: ReadyFrame, fuse: Callable[[PtuSample], None]) -> ReadyFrame:
         """Return a frame with the angles of its picture, which are fused as a reading of its instant; or as it is."""
         record, angles = ready.record, ready.angles
@@ -107,6 +134,8 @@ class RegisteredHeads:
         found = self._angles_of(record, angles)
         if found is None:
             return ready
+        offset = self._offsets[name]
+        offset.take(angles.pan_rad, angles.tilt_rad, angles.variance_share, found)
         fuse(
             PtuSample(
                 t_s=found.t_s,
@@ -114,10 +143,22 @@ class RegisteredHeads:
                 pan_rad=found.pan_rad,
                 tilt_rad=found.tilt_rad,
                 sigma_rad=found.sigma_rad,
+                encoder_off_rad=offset.offset.off_rad,
             )
         )
         share = (found.sigma_rad / encoder) ** 2 if encoder > 0.0 else angles.variance_share
         own = InterpolatedAngles(pan_rad=found.pan_rad, tilt_rad=found.tilt_rad, variance_share=share)
+        return replace(ready, angles=own)
+
+    def carried(self, ready: ReadyFrame) -> ReadyFrame:
+        """Return a frame with the encoder's angles, without what pictures have found the encoder to be off."""
+        angles = ready.angles
+        if not isinstance(angles, InterpolatedAngles):
+            return ready
+        pan_off, tilt_off = self._offsets[ready.record.station].offset.near(angles.pan_rad, angles.tilt_rad)
+        if pan_off == tilt_off == 0.0:
+            return ready
+        own = replace(angles, pan_rad=angles.pan_rad - pan_off, tilt_rad=angles.tilt_rad - tilt_off)
         return replace(ready, angles=own)
 
     def _angles_of(self, frame: Frame, angles: InterpolatedAngles) -> FrameAngles | None:
@@ -149,14 +190,14 @@ class RegisteredHeads:
         if not picture.has_all:
             self._failed[name][NOT_RECORDED] += 1
             return None
-        if (self._frames[name] - 1) % self._every[name]:
-            self._failed[name][BETWEEN_SEARCHES] += 1
-            return None
         found: RegisteredAngles | None = None
         why = []
         for way in ways:
+            if way.skips(self._frames[name] - 1):
+                why.append(way.between)
+                continue
             sigma = self._sigma_rad[name]
-            told = way.register_at(picture.preview(), frame.t_s, angles.pan_rad, angles.tilt_rad, sigma)
+            told = way.angles.register_at(picture.preview(), frame.t_s, angles.pan_rad, angles.tilt_rad, sigma)
             if isinstance(told, RegisteredAngles):
                 found = told
                 break
