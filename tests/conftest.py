@@ -18,6 +18,7 @@ from hypothesis import settings
 
 from tests.compile_once import compile_once
 from tests.kept_memory import keep_freed_memory
+from tests.remembered_outputs import remember_outputs
 from tests.seekable_landing import lossless_copy, seekable_landing
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -28,6 +29,7 @@ settings.register_profile("new", max_examples=2000, deadline=None, print_blob=Tr
 settings.load_profile("same")
 compile_once()
 keep_freed_memory()
+remember_outputs()
 # a hundred thousand objects are alive once all tests are collected, and each full collection walks through all of them:
 # 30 % of the time of tests that build syntax trees (tests/architecture, 27.9 to 19.1 s)
 gc.set_threshold(100_000, 50, 50)
