@@ -5,6 +5,7 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from groundstation.cli.start import ONE_THREAD
 
@@ -173,6 +174,25 @@ def unrendered_figures() -> Iterator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("groundstation.evaluation.figure_style.render", lambda figure: ("<svg></svg>", b""))
+        yield
+
+
+@pytest.fixture(scope="module")
+def unrendered_pictures() -> Iterator[None]:
+    """A calibration builds its report's figures, and Matplotlib does not render them: a tenth of a second each.
+
+    For tests of a calibration's other outputs; those of flight, clocks and landmarks, and the pages' own commands, use
+    rendered ones.
+    """
+
+    from matplotlib.figure import Figure
+
+    class Unrendered(Figure):
+        def savefig(self, fname: BinaryIO, **_: object) -> None:
+            fname.write(b"\x89PNG\r\n\x1a\n")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("calibration.report.drawing.Figure", Unrendered)
         yield
 
 
