@@ -28,6 +28,10 @@ ROOT = Path(__file__).resolve().parent.parent
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("new", max_examples=2000, deadline=None, print_blob=True)
 settings.load_profile("same")
+# Dask's workers are forked from one process that has its modules, which take half a second of a core each; as started
+# by users they are in tests/bank/test_parallel_study.py
+DASK_START = "DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD"
+os.environ.setdefault(DASK_START, "forkserver")
 compile_once()
 keep_freed_memory()
 remember_outputs()
