@@ -5,6 +5,7 @@ anchors checked by the build, pages that need no script or font from elsewhere. 
 Formulas are Unicode text, so there is nothing to render.
 """
 
+import gc
 import sys
 from functools import cache
 from pathlib import Path
@@ -17,6 +18,9 @@ sys.path[:0] = [str(_HERE.parent), str(_HERE / "_ext")]
 
 # the search index takes the stem of every word on every page, most of them the same: a seventh of the build's time
 SearchEnglish.stem = cache(SearchEnglish.stem)
+
+# trees of all pages stay until the end, and each full collection of garbage walks through them
+gc.set_threshold(100_000, 50, 50)
 
 project = "Groundstation"
 author = "the Groundstation authors"

@@ -23,20 +23,23 @@ def differing(
     """
     part = np.ascontiguousarray(image[region.slices])
     around = cv2.blur(part, (61, 61))
-    differs = (cv2.absdiff(part, around).max(axis=2) > LEAST_CONTRAST).astype(np.uint8)
+    blue, green, red = cv2.split(cv2.absdiff(part, around))
+    differs = (cv2.max(cv2.max(blue, green), red) > LEAST_CONTRAST).astype(np.uint8)
     # a pale wing falls to pieces
-    count, labels, _, _ = cv2.connectedComponentsWithStats(cv2.dilate(differs, np.ones((7, 25), np.uint8)))
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(cv2.dilate(differs, np.ones((7, 25), np.uint8)))
     found = []
-    for k in range(1, count):
-        v, u = np.nonzero(differs * (labels == k))
+    # the first is everything else
+    for k, (x, y, w, h, _) in list(enumerate(boxes))[1:]:
+        box = slice(y, y + h), slice(x, x + w)
+        v, u = np.nonzero(differs[box] * (labels[box] == k))
         width = float(np.ptp(u)) + 1.0
         if len(u) < 12 or width > 200.0:
             continue
         # the target point is the nose, of which this knows only that it is about in the middle
         found.append(
             groundstation.TargetCandidate(
-                u_px=region.x0 + 0.5 * float(u.min() + u.max()),
-                v_px=region.y0 + float(v.mean()),
+                u_px=region.x0 + float(x) + 0.5 * float(u.min() + u.max()),
+                v_px=region.y0 + float(y) + float(v.mean()),
                 covariance_px2=np.diag([(0.05 * width + 0.5) ** 2] * 2),
                 width_px=width,
                 log_odds=min(len(u) / 50.0, 3.0),

@@ -5,6 +5,7 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from groundstation.cli.start import ONE_THREAD
 
@@ -18,6 +19,7 @@ from hypothesis import settings
 
 from tests.compile_once import compile_once
 from tests.kept_memory import keep_freed_memory
+from tests.remembered_outputs import remember_outputs
 from tests.seekable_landing import lossless_copy, seekable_landing
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -26,8 +28,13 @@ ROOT = Path(__file__).resolve().parent.parent
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("new", max_examples=2000, deadline=None, print_blob=True)
 settings.load_profile("same")
+# Dask's workers are forked from one process that has its modules, which take half a second of a core each; as started
+# by users they are in tests/bank/test_parallel_study.py
+DASK_START = "DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD"
+os.environ.setdefault(DASK_START, "forkserver")
 compile_once()
 keep_freed_memory()
+remember_outputs()
 # a hundred thousand objects are alive once all tests are collected, and each full collection walks through all of them:
 # 30 % of the time of tests that build syntax trees (tests/architecture, 27.9 to 19.1 s)
 gc.set_threshold(100_000, 50, 50)
@@ -171,6 +178,25 @@ def unrendered_figures() -> Iterator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("groundstation.evaluation.figure_style.render", lambda figure: ("<svg></svg>", b""))
+        yield
+
+
+@pytest.fixture(scope="module")
+def unrendered_pictures() -> Iterator[None]:
+    """A calibration builds its report's figures, and Matplotlib does not render them: a tenth of a second each.
+
+    For tests of a calibration's other outputs; those of flight, clocks and landmarks, and the pages' own commands, use
+    rendered ones.
+    """
+
+    from matplotlib.figure import Figure
+
+    class Unrendered(Figure):
+        def savefig(self, fname: BinaryIO, **_: object) -> None:
+            fname.write(b"\x89PNG\r\n\x1a\n")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("calibration.report.drawing.Figure", Unrendered)
         yield
 
 

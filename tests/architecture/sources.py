@@ -1,6 +1,7 @@
 """Source files of the project and their syntax trees, each parsed once for all tests of the architecture."""
 
 import ast
+import gc
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -30,7 +31,10 @@ def text_of(path: Path) -> str:
 
 @cache
 def tree_of(path: Path) -> ast.Module:
-    return ast.parse(text_of(path))
+    tree = ast.parse(text_of(path))
+    # millions of nodes that all stay: no collection of garbage is to walk through them
+    gc.freeze()
+    return tree
 
 
 @cache

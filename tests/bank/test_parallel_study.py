@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.bank import toy_study
+from tests.conftest import DASK_START
 
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="extra cluster is not installed")
 
@@ -54,7 +55,7 @@ def test_a_script_prints_the_same_with_one_worker(tmp_path: Path) -> None:
     found = subprocess.run(
         [sys.executable, "toy_script.py", ".", "--out", "out", "--workers", "1"],
         cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'benchmarks'}"},
+        env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'benchmarks'}", DASK_START: "spawn"},
         capture_output=True,
         text=True,
         check=True,

@@ -18,6 +18,8 @@ from tests.files.limits import files_of_at_most
 from tests.recording.recorded import WINDOW, events, header, looked_at, small_rig
 from tests.session.folder import Tiny
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 CLOCKS = {
     "left": "camera_clock = { offset_s = 0.0137, drift_ppm = 21.0 }\nptu_clock = { offset_s = -0.003, drift_ppm = 3.0 }"
 }

@@ -64,7 +64,9 @@ class Film:
     jumps: dict[int, Place] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        assert np.ptp(self.scene, axis=2).max() == 0
+        blue, green, red = (self.scene[:, :, k] for k in range(3))
+        assert np.array_equal(blue, green)
+        assert np.array_equal(green, red)
         self._grey = self.scene[:, :, 0].copy()
 
     def view(self, k: int) -> Place:

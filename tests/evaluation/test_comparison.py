@@ -24,6 +24,8 @@ from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.session_folder import write_session_folder
 from tests.peers import absent
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 ROOT = Path(__file__).resolve().parents[2]
 EVO_TOLERANCE = 0.01
 

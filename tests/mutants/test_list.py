@@ -2,7 +2,6 @@
 
 import gc
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -31,14 +30,14 @@ Known = dict[tuple[str, str], Function]
 
 
 @pytest.fixture(scope="module")
-def known() -> Iterator[Known]:
+def known() -> Known:
     # millions of nodes that all stay: collecting garbage among them takes longer than parsing
     gc.disable()
     functions = read_functions(ROOT)
     gc.freeze()
     gc.enable()
-    yield functions
-    gc.unfreeze()
+    # not unfrozen: without circles they go as soon as nothing refers to them, and all that is frozen would be
+    return functions
 
 
 def functions(source: str, module: str = "groundstation.detection.sample") -> dict[tuple[str, str], Function]:

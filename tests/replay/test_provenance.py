@@ -15,6 +15,8 @@ from groundstation.cli.main import main
 from groundstation.replay import provenance
 from tests.session.folder import Tiny
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 
 @pytest.fixture
 def session(tmp_path: Path) -> Path:

@@ -23,6 +23,8 @@ from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Rig, Station, load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 
+pytestmark = pytest.mark.usefixtures("unrendered_pictures")
+
 BASE = tuple(f"runway_from_base.{axis}" for axis in "xyz")
 BORESIGHT = tuple(f"head_from_camera.{axis}" for axis in "xyz")
 LENS = ("focal.x", "focal.y", "principal_point.x", "principal_point.y")

@@ -24,6 +24,8 @@ from groundstation.rig.ptu_axes import PtuAxes
 from groundstation.rig.rig import Station, load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 
+pytestmark = pytest.mark.usefixtures("unrendered_pictures")
+
 
 def surveyed(
     day: SurveyScene, generator: np.random.Generator, readings: int = 10, words: tuple[str, ...] = ()

@@ -23,6 +23,8 @@ from tests.calibration.lens.boards_seen import Pose, a_lens, a_pose, parameters,
 from tests.calibration.mount.mounts import plain_station
 from tests.complaints import complaint
 
+pytestmark = pytest.mark.usefixtures("unrendered_pictures")
+
 CHARUCO = "charuco:7x5:0.04:0.03"
 LENS = a_lens((480, 360), focal_px=520.0)
 CHESS_LENS = Lens(

@@ -37,6 +37,8 @@ from tests.calibration.mount.mounts import (
     spoiled,
 )
 
+pytestmark = pytest.mark.usefixtures("unrendered_pictures")
+
 UNKNOWN_BOARD = Mark(
     name="board",
     kind=MarkKind.BOARD,

@@ -29,6 +29,8 @@ from groundstation.errors import InputError
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 
+pytestmark = pytest.mark.usefixtures("unrendered_pictures")
+
 UNCERTAIN = SkyUncertainty(clock_s=0.1, refraction=0.01)
 SEEDS = (3, 4)
 

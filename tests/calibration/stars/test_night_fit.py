@@ -17,6 +17,8 @@ from groundstation.errors import RigError
 from groundstation.rig.rig import load_rig
 from tests.calibration.stars.nights import calibrated, night, pictures
 
+pytestmark = pytest.mark.usefixtures("unrendered_pictures")
+
 SEEDS = (0, 1, 2)
 
 

@@ -21,6 +21,8 @@ from groundstation.rig.rig import Rig, load_rig
 from tests.calibration.landmarks.sighting_set_up import brisk_unit, true_rig, write_station
 from tests.live.test_heads import pan_of, pan_rate_of, until
 
+pytestmark = pytest.mark.usefixtures("unrendered_pictures")
+
 PICTURES = 6
 
 
