@@ -19,7 +19,6 @@ from hypothesis import settings
 
 from tests.compile_once import compile_once
 from tests.kept_memory import keep_freed_memory
-from tests.remembered_outputs import remember_outputs
 from tests.seekable_landing import lossless_copy, seekable_landing
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -34,7 +33,6 @@ DASK_START = "DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD"
 os.environ.setdefault(DASK_START, "forkserver")
 compile_once()
 keep_freed_memory()
-remember_outputs()
 # a hundred thousand objects are alive once all tests are collected, and each full collection walks through all of them:
 # 30 % of the time of tests that build syntax trees (tests/architecture, 27.9 to 19.1 s)
 gc.set_threshold(100_000, 50, 50)
