@@ -96,7 +96,7 @@ def report(worlds: list[Row]) -> None:
     print("\n| factor | class | approaches | shown | tracking | rms px | within 3 sigmas | misleading | NEES | harm |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     found = []
-    for factor in worlds[0]["factors"]:
+    for factor in (one for one in worlds[0]["factors"] if all(one in world["factors"] for world in worlds)):
         for kind in sorted({world["factors"][factor] for world in worlds}):
             own = [world for world in worlds if world["factors"][factor] == kind]
             harm = harm_of(worlds, lambda world, factor=factor, kind=kind: world["factors"][factor] == kind)  # type: ignore[misc]

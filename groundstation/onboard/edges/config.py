@@ -51,6 +51,9 @@ class TrackerConfig:
         usual contrast that an edge has of what the other one has of its own, with which the runway's edges are tracked;
         below they may be other lines. Of 721 frames of 60 drawn approaches of 20 pictures that would track, 11 had less
         agreement, 8 of them with an end more than 2 px off, and 2 such a share, both so far off (train 0-59).
+    tracked_width, tracked_nis : most factor between the width and the announced one, and most mean NIS of the last
+        pictures (4 is expected), with which a pair is tracked; beyond, its lines are not that runway's, or move
+        otherwise than the poses say.
     check_frames : number of frames after which it is compared in any case.
     work : units of work in a frame: tracking a pair is one (the runway three), Algorithm 1 one, a measurement of one of
         its pairs one. Tracking has priority; a search gets the rest, but at least one; without tracked pairs, all.
@@ -99,6 +102,8 @@ class TrackerConfig:
     least_score: float = 0.0
     tracked_agreement: float = 0.35
     tracked_contrast: float = 0.5
+    tracked_width: float = 1.4
+    tracked_nis: float = 8.0
     doubt_frames: int = 5
     check_frames: int = 30
     work: int = 5

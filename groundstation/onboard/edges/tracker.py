@@ -31,6 +31,7 @@ from groundstation.onboard.edges.hypotheses import (
     track_hypotheses,
 )
 from groundstation.onboard.edges.kalman import LineState
+from groundstation.onboard.edges.line_state import C, D
 from groundstation.onboard.edges.line_tracking import TrackingStep, side_lines_of, track_lines
 from groundstation.onboard.edges.markings import Change
 from groundstation.onboard.edges.pose import NoseCameraPose
@@ -42,6 +43,7 @@ _THOROUGHLY = 3
 _LEARNED, _MOST_NIS, _MOST_NOISIER = 0.1, 40.0, 100.0
 # of an edge, against division by nothing: one grey level
 _LEAST_CONTRAST = 1.0 / 255.0
+_LEAST_WIDTH_M = 0.1
 
 
 class EdgeTracker:
@@ -112,18 +114,15 @@ class EdgeTracker:
     def _status_of(self, runway: Hypothesis, step: TrackingStep, usual: FloatArray | None) -> EdgeStatus:
         """Return the status of the runway that is followed: not tracking in a picture in which it is not like one.
 
-        Its lines have just gone elsewhere, its edges differ from each other or from what they were (``usual`` contrast,
-        (2,)), or place, width and the poses speak against it: a covariance that takes it for the runway does not hold.
+        Nor where one of its edges has lost more of its ``usual`` contrast (2,) than the other.
         """
-        found, config = step.found, self._config
-        if step.miss is not EdgeMiss.NONE or found is None:
+        if step.miss is not EdgeMiss.NONE or step.found is None:
             return EdgeStatus.COASTING
-        if config.confirm_frames == 1:
-            return EdgeStatus.TRACKING
-        like = score(runway, config) >= config.least_score and found.change is not Change.LINES
-        like = like and found.agreement >= config.tracked_agreement
-        like = like and (usual is None or _evenly_kept(found.contrast, usual) >= config.tracked_contrast)
-        return EdgeStatus.TRACKING if like else EdgeStatus.ACQUIRING
+        config = self._config
+        like = score(runway, config) >= config.least_score and _like_announced(runway, config)
+        if usual is not None:
+            like = like and _evenly_kept(step.found.contrast, usual) >= config.tracked_contrast
+        return EdgeStatus.TRACKING if like or config.confirm_frames == 1 else EdgeStatus.ACQUIRING
 
     def _learn(self, step: TrackingStep) -> None:
         """Take the poses for as noisy as innovations show them to be, never for less than configured."""
@@ -211,7 +210,21 @@ class EdgeTracker:
             self._forget()
             self._runway, self._unchecked = best, 0
         miss = EdgeMiss.NONE if best.missed == 0 else EdgeMiss.FAINT
-        return EdgeReport(status=EdgeStatus.TRACKING if proved else EdgeStatus.ACQUIRING, miss=miss, edges=best.edges)
+        tracking = proved and (config.confirm_frames == 1 or _like_announced(best, config))
+        return EdgeReport(status=EdgeStatus.TRACKING if tracking else EdgeStatus.ACQUIRING, miss=miss, edges=best.edges)
+
+
+def _like_announced(pair: Hypothesis, config: TrackerConfig) -> bool:
+    """Return whether a pair is like the announced runway in the last picture: else its covariance does not hold.
+
+    Its lines have not just gone elsewhere; its edges are of the same colours; it is as wide as the runway may be, and
+    moves as the poses say, within their noise. One edge of a runway and the border of a field are a pair as well.
+    """
+    found, mean = pair.found, pair.state.mean
+    if found is not None and (found.change is Change.LINES or found.agreement < config.tracked_agreement):
+        return False
+    factor = max(abs(float(mean[C] - mean[D])), _LEAST_WIDTH_M) / config.guess.width_m
+    return max(factor, 1.0 / factor) <= config.tracked_width and pair.nis <= config.tracked_nis
 
 
 def _evenly_kept(contrast: FloatArray, usual: FloatArray) -> float:
