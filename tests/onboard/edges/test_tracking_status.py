@@ -82,6 +82,20 @@ def test_lines_that_move_otherwise_than_the_poses_say_are_not_tracked(yaw: float
     assert (EdgeStatus.TRACKING in seen[-6:]) == tracked
 
 
+@pytest.mark.parametrize(("stated_rad", "tracked"), [(0.02, True), (0.0005, False)])
+def test_a_pair_where_the_poses_leave_no_runway_is_not_tracked(stated_rad: float, tracked: bool) -> None:
+    """A runway's right edge with a track's left border, 12 m aside of poses that were known to a third of a metre."""
+    aside = RUNWAY + np.array([0.0, 0.0, 12.0, 12.0])
+    config = TrackerConfig(
+        guess=RunwayGuess(width_m=18.0), lasting_attitude_rad=stated_rad, lasting_height_m=0.3, estimate_noise=False
+    )
+    tracker, pose = EdgeTracker(KAPPA, SIZE, config), approach()
+    tracker.start(LineState(mean=np.concatenate([aside, np.zeros(3)]), covariance=STATE.covariance))
+    reports = [tracker.step(painted_runway(pose, seed=k, lines=aside), pose) for k in range(3)]
+    assert all(report.edges is not None for report in reports)
+    assert {report.status for report in reports} == {EdgeStatus.TRACKING if tracked else EdgeStatus.ACQUIRING}
+
+
 def test_a_pair_whose_edges_differ_is_not_tracked_in_the_picture_that_confirms_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
