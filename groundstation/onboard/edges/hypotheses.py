@@ -65,6 +65,7 @@ class Hypothesis:
     agreement, nis, lost : means over the last frames: see `EdgeMeasurement`, NIS at most 25, share without edges.
     markings : paint and lamps next to its edges, if it was tracked by profiles.
     contrast : (2,) mean over the last frames across both edges, 0 to 1; None before the first.
+    found : what the last frame's picture showed; None where nothing was measured or accepted, and at the start.
     """
 
     state: LineState
@@ -76,6 +77,7 @@ class Hypothesis:
     lost: float
     markings: Markings | None = None
     contrast: FloatArray | None = None
+    found: EdgeMeasurement | None = None
 
     def after(self, step: TrackingStep) -> "Hypothesis":
         """Return the hypothesis after a step."""
@@ -99,6 +101,7 @@ class Hypothesis:
             if step.found is not None and step.found.markings is not None
             else self.markings,
             contrast=contrast,
+            found=step.found,
         )
 
 

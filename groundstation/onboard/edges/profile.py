@@ -168,7 +168,7 @@ def _merged_m2(markings: Markings, levels: FloatArray, config: ProfileConfig) ->
     share = min(config.merged_share * (1.0 + _SURER * white), 1.0)
     line_m = layout_at(markings.places, config, markings).line_m
     if line_m is None:
-        return share * config.merged_m**2
+        return share * (config.line_width_m + config.merged_m) ** 2
     seen = is_bright((1.0 - OVER_GROUND) * levels[:, :, 2].mean(axis=2) - between)
     return 0.0 if seen else share * line_m[0] ** 2
 

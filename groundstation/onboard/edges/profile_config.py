@@ -26,7 +26,7 @@ class ProfileConfig:
         for the covariance: errors of pictures are correlated.
     untried_m : displacement of the lines by a layout that was never compared, outwards.
     merged_share, merged_m : probability of a side line as bright as ground that is brighter than the pavement, where
-        the ground is not as white as paint, and how much farther out the edge is then.
+        the ground is not as white as paint, and how far inside the edge such a line's outer side is.
     least_evidence : log-likelihood of an edge over none at all below which it is not seen.
     picture_limit : most log-likelihood by which a picture tells two layouts apart.
     shape_margin : summed gain at which the line is taken as wider, narrower or elsewhere by a step.
@@ -68,7 +68,7 @@ class ProfileConfig:
     layout_alike_stated: float = 8.0
     untried_m: float = 0.5
     merged_share: float = 0.25
-    merged_m: float = 0.9
+    merged_m: float = 0.45
     least_evidence: float = 15.0
     picture_limit: float = 30.0
     shape_margin: float = 10.0

@@ -31,7 +31,9 @@ from groundstation.onboard.edges.hypotheses import (
     track_hypotheses,
 )
 from groundstation.onboard.edges.kalman import LineState
+from groundstation.onboard.edges.line_state import C, D
 from groundstation.onboard.edges.line_tracking import TrackingStep, side_lines_of, track_lines
+from groundstation.onboard.edges.lines import angle_between
 from groundstation.onboard.edges.markings import Change
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
@@ -42,6 +44,9 @@ _THOROUGHLY = 3
 _LEARNED, _MOST_NIS, _MOST_NOISIER = 0.1, 40.0, 100.0
 # of an edge, against division by nothing: one grey level
 _LEAST_CONTRAST = 1.0 / 255.0
+_LEAST_WIDTH_M = 0.1
+# sigma of a runway's announced direction
+_ANNOUNCED_RAD = math.radians(0.1)
 
 
 class EdgeTracker:
@@ -107,23 +112,22 @@ class EdgeTracker:
         self._runway = runway
         if self._config.confirm_frames > 1 and self._doubted(runway, image, pose):
             return EdgeReport(status=EdgeStatus.ACQUIRING, miss=step.miss, edges=step.edges)
-        return EdgeReport(status=self._status_of(runway, step, usual), miss=step.miss, edges=step.edges)
+        return EdgeReport(status=self._status_of(runway, step, usual, pose), miss=step.miss, edges=step.edges)
 
-    def _status_of(self, runway: Hypothesis, step: TrackingStep, usual: FloatArray | None) -> EdgeStatus:
+    def _status_of(
+        self, runway: Hypothesis, step: TrackingStep, usual: FloatArray | None, pose: NoseCameraPose
+    ) -> EdgeStatus:
         """Return the status of the runway that is followed: not tracking in a picture in which it is not like one.
 
-        Its lines have just gone elsewhere, its edges differ from each other or from what they were (``usual`` contrast,
-        (2,)), or place, width and the poses speak against it: a covariance that takes it for the runway does not hold.
+        Nor where one of its edges has lost more of its ``usual`` contrast (2,) than the other.
         """
-        found, config = step.found, self._config
-        if step.miss is not EdgeMiss.NONE or found is None:
+        if step.miss is not EdgeMiss.NONE or step.found is None:
             return EdgeStatus.COASTING
-        if config.confirm_frames == 1:
-            return EdgeStatus.TRACKING
-        like = score(runway, config) >= config.least_score and found.change is not Change.LINES
-        like = like and found.agreement >= config.tracked_agreement
-        like = like and (usual is None or _evenly_kept(found.contrast, usual) >= config.tracked_contrast)
-        return EdgeStatus.TRACKING if like else EdgeStatus.ACQUIRING
+        config = self._config
+        like = score(runway, config) >= config.least_score and _like_announced(runway, config, pose)
+        if usual is not None:
+            like = like and _evenly_kept(step.found.contrast, usual) >= config.tracked_contrast
+        return EdgeStatus.TRACKING if like or config.confirm_frames == 1 else EdgeStatus.ACQUIRING
 
     def _learn(self, step: TrackingStep) -> None:
         """Take the poses for as noisy as innovations show them to be, never for less than configured."""
@@ -181,12 +185,12 @@ class EdgeTracker:
         if isinstance(found, EdgeMiss):
             return EdgeReport(status=EdgeStatus.SEARCHING, miss=found, edges=None)
         self._open, self._compared = merge_hypotheses(self._lookout, [], found), 1
-        return self._chosen()
+        return self._chosen(pose)
 
     def _compare(self, image: ImageArray, pose: NoseCameraPose, work: int) -> EdgeReport:
         """Choose where one hypothesis is clearly the best; if not, add what Algorithm 1 finds."""
         self._compared += 1
-        report = self._chosen()
+        report = self._chosen(pose)
         if self._runway is None:
             search = self._search_on(image, pose, self._open, work)
             if search is not None and not search.waiting:
@@ -196,7 +200,7 @@ class EdgeTracker:
                 self._search = None
         return report
 
-    def _chosen(self) -> EdgeReport:
+    def _chosen(self, pose: NoseCameraPose) -> EdgeReport:
         """Return the best hypothesis, and take it for the runway where it has proved to be."""
         config, best = self._config, self._open[0]
         proved = best.frames >= config.confirm_frames and best.missed == 0 and self._compared >= config.confirm_frames
@@ -211,7 +215,27 @@ class EdgeTracker:
             self._forget()
             self._runway, self._unchecked = best, 0
         miss = EdgeMiss.NONE if best.missed == 0 else EdgeMiss.FAINT
-        return EdgeReport(status=EdgeStatus.TRACKING if proved else EdgeStatus.ACQUIRING, miss=miss, edges=best.edges)
+        tracking = proved and (config.confirm_frames == 1 or _like_announced(best, config, pose))
+        return EdgeReport(status=EdgeStatus.TRACKING if tracking else EdgeStatus.ACQUIRING, miss=miss, edges=best.edges)
+
+
+def _like_announced(pair: Hypothesis, config: TrackerConfig, pose: NoseCameraPose) -> bool:
+    """Return whether a pair is like the announced runway in the last picture: else its covariance does not hold.
+
+    Its lines have not just gone elsewhere; its edges are of the same colours; it is as wide as the runway may be, lies
+    where the poses' lasting errors leave it, and moves as the poses say, within their noise. One edge of a runway and
+    the border of a field are a pair as well.
+    """
+    found, mean = pair.found, pair.state.mean
+    if found is not None and (found.change is Change.LINES or found.agreement < config.tracked_agreement):
+        return False
+    factor = max(abs(float(mean[C] - mean[D])), _LEAST_WIDTH_M) / config.guess.width_m
+    if max(factor, 1.0 / factor) > config.tracked_width or pair.nis > config.tracked_nis:
+        return False
+    turned = math.hypot(config.lasting_attitude_rad, _ANNOUNCED_RAD)
+    place = math.hypot(config.lasting_height_m, turned * float(pose.camera_threshold_m[1]))
+    apart = max(abs(angle_between(mean)) / turned, 0.5 * abs(float(mean[C] + mean[D])) / place)
+    return apart <= config.tracked_sigmas
 
 
 def _evenly_kept(contrast: FloatArray, usual: FloatArray) -> float:

@@ -1,7 +1,7 @@
 """An approach as the nose camera sees it, drawn at random from its seed; each part from a stream of its own.
 
 Seeds are those of drawn worlds: sets *train*, *validate* and *test* of a million each; snow and dusk occur in *test*
-alone.
+alone. From number 500,000 of each set on the ground is as bright as pavement or brighter (`bright_grounds`).
 """
 
 import math
@@ -22,9 +22,11 @@ from groundstation.onboard.scenes.drawn_light import draw_light
 from groundstation.onboard.scenes.flight import Sensors, StraightApproach
 from groundstation.onboard.scenes.nose_flight import NoseFlight, navigation_poses, nose_flight
 from groundstation.onboard.scenes.sequences import Sequence
-from groundstation.simulation.world.world_sets import WorldSet, set_of
+from groundstation.simulation.world.world_sets import SEEDS_PER_SET, WorldSet, set_of
 
 PICTURES = 24
+# number in its set from which on a world has bright ground
+BRIGHT_FROM = 500_000
 _AIRFIELD, _LIGHT, _CAMERA, _FLIGHT, _SENSORS, _REPORTED = range(501, 507)
 # in the first picture the runway is at least so wide at its near end, px
 _LEAST_WIDTH_PX = 15.0
@@ -80,7 +82,7 @@ def draw_nose_world(seed: int, pictures: int = PICTURES) -> NoseWorld:
     def stream(number: int) -> np.random.Generator:
         return np.random.default_rng([seed, number])
 
-    drawn = draw_airfield(stream(_AIRFIELD), snow=everything)
+    drawn = draw_airfield(stream(_AIRFIELD), snow=everything, bright=seed % SEEDS_PER_SET >= BRIGHT_FROM)
     light = draw_light(stream(_LIGHT), drawn.airfield.surfaces, dusk=everything, lamps=drawn.lamps)
     unit, sensors, noise, poses = _sensors(stream(_SENSORS))
     setup, mount = _setup(stream(_CAMERA), stream(_FLIGHT), drawn, pictures, _TIMES_USUAL[unit])

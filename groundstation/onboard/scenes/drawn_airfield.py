@@ -1,17 +1,26 @@
 """A runway and its surroundings, drawn: width, surface, ground, paint, lamps, roads, taxiways, wet, shadows."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from groundstation.onboard.scenes.bright_grounds import (
+    BRIGHT,
+    BRIGHT_SHARES,
+    SURFACE_SHARES,
+    blown_over,
+    borders,
+    graded,
+)
 from groundstation.onboard.scenes.ground import Airfield, Colour, Shadow, Surfaces
 
 _GRASS = {"grass": ((0.20, 0.28, 0.11), (0.30, 0.37, 0.19)), "dry": ((0.40, 0.36, 0.20), (0.50, 0.44, 0.27))}
 _BARE = {"sand": ((0.50, 0.42, 0.28), (0.64, 0.54, 0.38)), "snow": ((0.74, 0.76, 0.79), (0.82, 0.83, 0.86))}
-_GROUNDS = {**_GRASS, **_BARE}
+_GROUNDS = {**_GRASS, **_BARE, **BRIGHT}
 # how often each occurs; snow in the test set alone
 _GROUND_SHARES = {"grass": 0.5, "dry": 0.2, "sand": 0.15, "snow": 0.15}
+_UNPAVED = ("grass", "graded")
 _SURFACE_SHARES = {"asphalt": 0.45, "concrete": 0.35, "grass": 0.2}
 _PAINT_SHARES = {"whole": 0.4, "worn": 0.35, "missing": 0.25}
 # widths are announced right in so many of them, and otherwise wrong by up to so much
@@ -29,12 +38,13 @@ class DrawnAirfield:
     factors: dict[str, str]
 
 
-def draw_airfield(generator: np.random.Generator, *, snow: bool) -> DrawnAirfield:
-    """Draw an airfield; ``snow``: whether it may lie there."""
-    ground = picked(generator, {k: v for k, v in _GROUND_SHARES.items() if snow or k != "snow"})
-    surface = picked(generator, _SURFACE_SHARES)
+def draw_airfield(generator: np.random.Generator, *, snow: bool, bright: bool = False) -> DrawnAirfield:
+    """Draw an airfield; ``snow``: whether it may lie there; ``bright``: on ground as bright as pavement or brighter."""
+    shares = BRIGHT_SHARES if bright else {k: v for k, v in _GROUND_SHARES.items() if snow or k != "snow"}
+    ground = picked(generator, shares)
+    surface = picked(generator, SURFACE_SHARES if bright else _SURFACE_SHARES)
     paint = picked(generator, _PAINT_SHARES)
-    paint = "missing" if surface == "grass" else paint
+    paint = "missing" if surface in _UNPAVED else paint
     wet, lamps = bool(generator.uniform() < 0.2), bool(generator.uniform() < 0.5)
     width = float(np.exp(generator.uniform(math.log(15.0), math.log(60.0))))
     length = float(np.clip(width * generator.uniform(22.0, 45.0), 400.0, 2500.0))
@@ -48,22 +58,26 @@ def draw_airfield(generator: np.random.Generator, *, snow: bool) -> DrawnAirfiel
     airfield = Airfield(
         width_m=width,
         length_m=length,
-        end_m=float(generator.choice([0.0, 50.0])) if surface != "grass" else 0.0,
+        end_m=float(generator.choice([0.0, 50.0])) if surface not in _UNPAVED else 0.0,
         edge_stripe_m=_stripe_m(generator, width, paint),
         edge_stripe_inset_m=float(generator.choice([0.0, 0.5, generator.uniform(0.0, 1.0)])),
         lamps_out_m=float(generator.uniform(0.8, 3.0)),
         bars=int(generator.integers(3, 7)),
         roads=roads,
         taxiway_side=side,
-        repair=(0.72, 1.35) if surface != "grass" else (0.92, 1.08),
+        repair=(0.72, 1.35) if surface not in _UNPAVED else (0.92, 1.08),
         repair_tint=float(generator.choice([0.0, 1.0])),
         field_m=float(generator.choice([0.0, generator.uniform(60.0, 300.0)])),
         paint_opacity={"whole": 0.9, "worn": float(generator.uniform(0.12, 0.5)), "missing": 0.0}[paint],
-        rubber_opacity=float(generator.uniform(0.0, 0.6)) if surface != "grass" else 0.1,
+        rubber_opacity=float(generator.uniform(0.0, 0.6)) if surface not in _UNPAVED else 0.1,
         shadows=shadows,
-        grain=float(generator.uniform(0.05, 0.2) if ground == "snow" else generator.uniform(0.2, 0.6)),
+        grain=float(generator.uniform(*_grain_of(ground))),
         surfaces=_surfaces(generator, surface, ground, wet=wet),
     )
+    border = "none"
+    if bright:
+        border, strips = borders(generator, width, airfield.surfaces.ground)
+        airfield = replace(airfield, strips=strips)
     factors = {
         "surface": surface,
         "ground": ground,
@@ -74,8 +88,16 @@ def draw_airfield(generator: np.random.Generator, *, snow: bool) -> DrawnAirfiel
         "shadows": "shadows" if shadows else "none",
         "crossing road": "crossing" if crossing else "none",
         "taxiway": "taxiway" if side else "none",
+        **({"border": border} if bright else {}),
     }
     return DrawnAirfield(airfield=airfield, announced_m=announced, lamps=lamps, factors=factors)
+
+
+def _grain_of(ground: str) -> tuple[float, float]:
+    """Return between which values a ground's texture is, as a share of its reflectance."""
+    if ground == "snow":
+        return 0.05, 0.2
+    return (0.05, 0.35) if ground in BRIGHT else (0.2, 0.6)
 
 
 def picked(generator: np.random.Generator, shares: dict[str, float]) -> str:
@@ -104,15 +126,17 @@ def _surfaces(generator: np.random.Generator, surface: str, ground: str, *, wet:
     """Return the reflectances; what is wet is darker, and snow lies on the runway too, as much of it as is left."""
     own = _between(generator, _GROUNDS[ground])
     other = _between(generator, _GROUNDS[ground])
-    if surface == "grass":
+    if surface == "graded":
+        runway = graded(generator, own)
+    elif surface == "grass":
         runway = _scaled(_between(generator, _GRASS["grass"]), float(generator.uniform(0.8, 1.3)))
     elif surface == "asphalt":
         runway = _between(generator, ((0.10, 0.10, 0.11), (0.26, 0.26, 0.26)))
     else:
         runway = _between(generator, ((0.34, 0.33, 0.31), (0.54, 0.53, 0.49)))
     end = _scaled(runway, float(generator.uniform(0.9, 1.5)))
-    if ground == "snow":
-        left = float(generator.choice([0.0, generator.uniform(0.2, 0.6), generator.uniform(0.6, 0.9)]))
+    if ground == "snow" or ground in BRIGHT:
+        left = blown_over(generator)
         runway, end = (_mixed(one, own, left) for one in (runway, end))
     if wet:
         runway, end, own, other = _scaled(runway, 0.6), _scaled(end, 0.6), _scaled(own, 0.85), _scaled(other, 0.85)

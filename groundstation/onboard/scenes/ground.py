@@ -43,6 +43,28 @@ class Shadow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Strip:
+    """A strip of other ground next to a runway: ploughed land, a track, a row of trees.
+
+    Attributes
+    ----------
+    x_m, y_m, turn_rad : its middle, and the direction of its length from the y axis.
+    width_m, length_m : its sides.
+    colour, mottle : its reflectance, and its texture as a share of that.
+    dashes : period along it, m, and the share of that which is covered; 0 m: all of it.
+    """
+
+    x_m: float
+    y_m: float
+    turn_rad: float
+    width_m: float
+    length_m: float
+    colour: Colour
+    mottle: float
+    dashes: tuple[float, float] = (0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Airfield:
     """An airfield in the threshold frame; lengths in m.
 
@@ -62,6 +84,7 @@ class Airfield:
     grain : texture of the ground, as a share of its reflectance.
     paint_opacity, rubber_opacity : of all paint, 0 for none, and of the rubber at the touchdown.
     shadows : on top of all else.
+    strips : under all else.
     """
 
     width_m: float = 18.0
@@ -80,6 +103,7 @@ class Airfield:
     paint_opacity: float = 0.9
     rubber_opacity: float = 0.3
     shadows: tuple[Shadow, ...] = ()
+    strips: tuple[Strip, ...] = ()
     surfaces: Surfaces = Surfaces()
 
 
@@ -87,7 +111,13 @@ def patches(field: Airfield, generator: np.random.Generator) -> FloatArray:
     """Return the painted patches (n, 14), columns as in `PATCH`, in the order of painting."""
     s = field.surfaces
     middle = -0.5 * field.length_m
-    rows: list[FloatArray] = []
+    rows: list[FloatArray] = [
+        _patch(
+            one.x_m, one.y_m, one.width_m, one.length_m, one.colour,
+            turn=one.turn_rad, mottle=one.mottle, dashes=one.dashes,
+        )
+        for one in field.strips
+    ]  # fmt: skip
     for x, y, turn, width in field.roads:
         rows.append(_patch(x, y, width, 4000.0, s.road, turn=turn, mottle=0.10))
         rows.append(_patch(x, y, 0.2, 4000.0, s.paint, turn=turn, opacity=0.7, dashes=(9.0, 0.4)))

@@ -6,28 +6,30 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import FloatArray
+from groundstation.onboard.edges.line_tracking import side_lines_of
 from groundstation.onboard.edges.lines import line_map, project_lines
 from groundstation.onboard.edges.markings import initial_markings
 from groundstation.onboard.edges.profile import edges_by_profile
 from groundstation.onboard.edges.profile_config import ProfileConfig
+from groundstation.onboard.edges.search_band import RunwayGuess
 from tests.onboard.edges.seen import KAPPA, ROWS, RUNWAY, approach, painted_runway
 
 CONFIG = ProfileConfig()
 
 
-def open_m2(outside: tuple[int, int, int], *, line: bool) -> FloatArray:
+def open_m2(outside: tuple[int, int, int], *, line: bool, usual: ProfileConfig = CONFIG) -> FloatArray:
     """Return what a hidden line adds to the second moment of the edges, (4,) m²."""
     pose = approach()
     image = painted_runway(pose, inside=(120, 120, 124), outside=outside)
     crossings, _ = project_lines(RUNWAY, line_map(pose, KAPPA), ROWS)
     px_per_m = (crossings[2:] - crossings[:2]) / 18.0
-    markings = initial_markings(CONFIG, dark=False)
+    markings = initial_markings(usual, dark=False)
     markings = markings if line else replace(markings, places=(1, 0))
     found = [
         edges_by_profile(
             image, crossings, ROWS, px_per_m, crossings, 4.0 * np.eye(4), markings, config, layouts=0
         ).unsettled_px2
-        for config in (CONFIG, replace(CONFIG, merged_share=0.0))
+        for config in (usual, replace(usual, merged_share=0.0))
     ]
     assert found[0] is not None
     assert found[1] is not None
@@ -40,7 +42,14 @@ def test_a_line_that_looks_like_the_ground_may_be_none() -> None:
     bright = open_m2((190, 190, 190), line=True)
     np.testing.assert_allclose(bright, CONFIG.merged_share * (width - place) ** 2)
     # and where none is held there may be one
-    np.testing.assert_allclose(open_m2((190, 190, 190), line=False), CONFIG.merged_share * CONFIG.merged_m**2)
+    np.testing.assert_allclose(open_m2((190, 190, 190), line=False), CONFIG.merged_share * 0.9**2)
+
+
+def test_a_wide_runways_line_hides_as_much_more_of_it() -> None:
+    """Lines of runways of 30 m and more are twice as wide: hidden on pale ground, edges were 1.1 to 1.7 m inside."""
+    wide = side_lines_of(CONFIG, RunwayGuess(width_m=44.0))
+    bright = open_m2((190, 190, 190), line=False, usual=wide)
+    np.testing.assert_allclose(bright, CONFIG.merged_share * (0.9 + CONFIG.merged_m) ** 2)
 
 
 @pytest.mark.parametrize("line", [False, True])

@@ -7,6 +7,7 @@ import pytest
 
 from groundstation.onboard.edges import tracker as tracker_module
 from groundstation.onboard.edges.config import TrackerConfig
+from groundstation.onboard.edges.hypotheses import Hypothesis
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_tracking import TrackingStep, track_lines
 from groundstation.onboard.edges.markings import Change
@@ -48,3 +49,72 @@ def test_lines_that_have_just_gone_elsewhere_are_not_tracked(monkeypatch: pytest
     assert tracker.step(painted_runway(pose, seed=1), pose).status is EdgeStatus.ACQUIRING
     monkeypatch.undo()
     assert tracker.step(painted_runway(pose, seed=2), pose).status is EdgeStatus.TRACKING
+
+
+@pytest.mark.parametrize(
+    ("announced_m", "tracked"), [(18.0, True), (13.5, True), (22.5, True), (12.0, False), (27.0, False)]
+)
+def test_a_pair_of_another_width_than_a_runway_may_have_is_not_tracked(announced_m: float, tracked: bool) -> None:
+    """Fields were tracked for a runway between them, and rubber within it: 0.46 and 1.55 of the announced width."""
+    pose = approach()
+    tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=RunwayGuess(width_m=announced_m)))
+    tracker.start(STATE)
+    reports = [tracker.step(painted_runway(pose, seed=k), pose) for k in range(3)]
+    assert all(report.edges is not None for report in reports)
+    assert {report.status for report in reports} == {EdgeStatus.TRACKING if tracked else EdgeStatus.ACQUIRING}
+
+
+@pytest.mark.parametrize(("yaw", "tracked"), [(0.0, True), (0.004, False)])
+def test_lines_that_move_otherwise_than_the_poses_say_are_not_tracked(yaw: float, tracked: bool) -> None:
+    """An edge that is stated to be known to half a pixel was 14 px off, and each picture disagreed with its pose."""
+    config = TrackerConfig(
+        guess=RunwayGuess(width_m=18.0), attitude_sigma_rad=np.radians(0.05), lasting_attitude_rad=np.radians(0.05),
+        lasting_turn_rad=0.0, turn_sigma_rad=np.radians(0.02), estimate_noise=False,
+    )  # fmt: skip
+    tracker = EdgeTracker(KAPPA, SIZE, config)
+    tracker.start(STATE)
+    seen = []
+    for k in range(12):
+        report = tracker.step(painted_runway(approach(), seed=k), approach(yaw=0.04 + (-1) ** k * yaw))
+        seen.append(report.status)
+    assert EdgeStatus.COASTING not in seen
+    assert (set(seen[-6:]) == {EdgeStatus.TRACKING}) == tracked
+    assert (EdgeStatus.TRACKING in seen[-6:]) == tracked
+
+
+@pytest.mark.parametrize(("stated_rad", "tracked"), [(0.02, True), (0.0005, False)])
+def test_a_pair_where_the_poses_leave_no_runway_is_not_tracked(stated_rad: float, tracked: bool) -> None:
+    """A runway's right edge with a track's left border, 12 m aside of poses that were known to a third of a metre."""
+    aside = RUNWAY + np.array([0.0, 0.0, 12.0, 12.0])
+    config = TrackerConfig(
+        guess=RunwayGuess(width_m=18.0), lasting_attitude_rad=stated_rad, lasting_height_m=0.3, estimate_noise=False
+    )
+    tracker, pose = EdgeTracker(KAPPA, SIZE, config), approach()
+    tracker.start(LineState(mean=np.concatenate([aside, np.zeros(3)]), covariance=STATE.covariance))
+    reports = [tracker.step(painted_runway(pose, seed=k, lines=aside), pose) for k in range(3)]
+    assert all(report.edges is not None for report in reports)
+    assert {report.status for report in reports} == {EdgeStatus.TRACKING if tracked else EdgeStatus.ACQUIRING}
+
+
+def test_a_pair_whose_edges_differ_is_not_tracked_in_the_picture_that_confirms_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Only the pictures after that one were looked at: there an end was 10 px off at a sigma of 1.8."""
+    pose = approach()
+    pictures = [painted_runway(pose, seed=k) for k in range(8)]
+
+    def first_tracked() -> int:
+        tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=RunwayGuess(width_m=18.0)))
+        return [tracker.step(picture, pose).status for picture in pictures].index(EdgeStatus.TRACKING)
+
+    usual = first_tracked()
+    whole = tracker_module.track_hypotheses
+
+    def differing(*args: object) -> list[Hypothesis]:
+        pairs = whole(*args)  # type: ignore[arg-type]
+        return [
+            pair if pair.found is None else replace(pair, found=replace(pair.found, agreement=-0.02)) for pair in pairs
+        ]
+
+    monkeypatch.setattr(tracker_module, "track_hypotheses", differing)
+    assert first_tracked() == usual + 1

@@ -1,5 +1,6 @@
 """Drawn approaches: the sets, what varies, and that camera file and log say of a drawn flight what is true of it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,11 @@ from groundstation.onboard.edges.imu_file import load_imu
 from groundstation.onboard.edges.pose import Attitude, nose_pose
 from groundstation.onboard.pose.inertial_filter import InertialConfig
 from groundstation.onboard.render import NavigationAccount, world_camera_file
-from groundstation.onboard.scenes.draw_nose_world import draw_nose_world
+from groundstation.onboard.scenes.bright_grounds import BRIGHT
+from groundstation.onboard.scenes.draw_nose_world import BRIGHT_FROM, draw_nose_world
 from groundstation.onboard.scenes.drawn_airfield import draw_airfield
 from groundstation.onboard.scenes.drawn_light import draw_light
-from groundstation.onboard.scenes.ground import Airfield, Shadow, patches
+from groundstation.onboard.scenes.ground import Airfield, Shadow, Strip, patches
 from groundstation.onboard.scenes.nose_flight import attitude_of
 from groundstation.onboard.visual_inertial.inertial_unit_file import load_unit
 
@@ -32,6 +34,46 @@ def test_snow_and_dusk_are_of_the_test_set_alone() -> None:
             lights[everything].add(light.factors["light"])
     assert grounds[True] - grounds[False] == {"snow"}
     assert lights[True] - lights[False] == {"dusk"}
+
+
+def test_bright_ground_is_of_later_numbers_alone_and_never_snow() -> None:
+    drawn = [draw_airfield(np.random.default_rng([seed, 3]), snow=True, bright=True) for seed in range(60)]
+    assert {one.factors["ground"] for one in drawn} == set(BRIGHT)
+    assert {one.factors["border"] for one in drawn} == {"none", "ploughed", "track", "trees"}
+    # as bright as pavement, or brighter, is what makes them worth drawing: where nothing is wet or blown over too
+    dry = [one.airfield.surfaces for one in drawn if one.factors["wet"] == "dry"]
+    assert min(np.mean(one.ground) for one in dry) > 0.38
+    assert np.mean([np.mean(one.ground) > np.mean(one.runway) for one in dry]) > 0.8
+    factors = [draw_nose_world(first + BRIGHT_FROM + k, 2).factors for first in (0, 2_000_000) for k in range(2)]
+    assert all(one["ground"] in BRIGHT for one in factors)
+
+
+@pytest.mark.parametrize(
+    ("seed", "width_m", "grain", "ground"),
+    [
+        (4, 31.748797080150702, 0.491549063839613, (0.20504770403733982, 0.2863226564759796, 0.1185589353811051)),
+        (1_000_003, 48.563157057168546, 0.3638205501208743, (0.22461065656141, 0.31171029715642, 0.14054678950978)),
+    ],
+)
+def test_worlds_that_figures_are_of_stay_what_they_were(
+    seed: int, width_m: float, grain: float, ground: tuple[float, float, float]
+) -> None:
+    field = draw_nose_world(seed, 2).flight.sequence.airfield
+    assert field.width_m == pytest.approx(width_m, rel=1e-12)
+    assert field.grain == pytest.approx(grain, rel=1e-12)
+    assert field.surfaces.ground == pytest.approx(ground, rel=1e-12)
+    assert field.strips == ()
+
+
+def test_a_strip_lies_under_the_runway_where_it_is_drawn() -> None:
+    strip = Strip(
+        x_m=12.0, y_m=-50.0, turn_rad=0.0, width_m=10.0, length_m=300.0, colour=(0.1, 0.1, 0.1), mottle=0.0,
+        dashes=(12.0, 0.5),
+    )  # fmt: skip
+    plain = Airfield(taxiway_side=0)
+    rows = patches(replace(plain, strips=(strip,)), np.random.default_rng(1))
+    np.testing.assert_array_equal(rows[1:], patches(plain, np.random.default_rng(1)))
+    np.testing.assert_allclose(rows[0, [0, 1, 4, 5, 6, 11, 12]], [12.0, -50.0, 5.0, 150.0, 0.1, 12.0, 0.5])
 
 
 def test_widths_are_announced_right_or_wrong_by_a_quarter_at_most() -> None:
