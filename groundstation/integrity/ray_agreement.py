@@ -30,6 +30,7 @@ from groundstation.integrity.reading_hypothesis import (
     axis_hypotheses,
     lag_hypotheses,
     unit_hypotheses,
+    zero_hypotheses,
 )
 from groundstation.messages import CameraReport, Detection, Event, PixelMeasurement, PtuSample
 
@@ -224,7 +225,7 @@ class RayAgreementMonitor:
             yield RayHypothesis(places_exchanged=pair)
         for pair in itertools.combinations(self._stations, 2):
             yield RayHypothesis(pixels_exchanged=pair)
-        of_heads = [*axis_hypotheses(), *unit_hypotheses(), *lag_hypotheses()] if turning else []
+        of_heads = [*axis_hypotheses(), *zero_hypotheses(), *unit_hypotheses(), *lag_hypotheses()] if turning else []
         of_lenses = [ReadingHypothesis(focal_factor=float(f)) for f in _FOCAL_FACTORS]
         of_heads = [hypothesis for hypothesis in of_heads if hypothesis != RIGHT]
         for hypothesis in of_heads:

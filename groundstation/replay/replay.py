@@ -21,7 +21,7 @@ from groundstation.replay.provenance import provenance
 from groundstation.replay.recording_replay import (
     ReplayRecorder,
     apply_filter_resets,
-    recording_notes,
+    source_notes,
     without_reference_fixes,
 )
 from groundstation.replay.reference_prior import ReferencePrior
@@ -106,7 +106,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         outputs.finish_approach()
     pipeline.finish_smoothing()
     notes = [] if outcome.fault is None else [str(outcome.fault)]
-    notes += recording_notes(source, outputs.recorder) + _pipeline_notes(pipeline, fixes)
+    notes += source_notes(source, outputs.recorder, config.synchronise.max_gap_s) + _pipeline_notes(pipeline, fixes)
     notes += reference_time_notes(request, inputs, source.span_s)
     smoothed_track = outputs.smoothed_track()
     speed = _speed(outcome, span_s, prepared_s)
