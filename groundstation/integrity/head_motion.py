@@ -211,6 +211,19 @@ class HeadMotionMonitor:
         """Take the shifts that another monitor has measured, to compare them with other readings."""
         self._pairs = {name: list(other._pairs[name]) for name in self._stations}
 
+    def refutes(self, name: str, hypothesis: ReadingHypothesis) -> bool:
+        """Return whether a station's pictures move as its readings say, and not as they would by a hypothesis."""
+        if name not in self._stations:
+            return False
+        stored = self._agreement(name, RIGHT)
+        other = self._agreement(name, hypothesis)
+        return (
+            stored.deciding >= _MIN_DECIDING
+            and stored.share >= _RIGHT_SHARE
+            and other.deciding >= _MIN_DECIDING
+            and other.share <= _WRONG_SHARE
+        )
+
     def faults(self) -> tuple[HeadMotionFault, ...]:
         """Return the stations whose readings contradict their pictures, in the order of the rig."""
         found = [self._fault(name) for name in self._stations]

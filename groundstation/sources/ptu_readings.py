@@ -68,6 +68,9 @@ class PtuReadings:
                 got = f"readings from {first:.13g} to {last:.13g} s{picture_unit_hint(self._read_s, from_s, to_s)}"
             if self._next is not None:
                 got = f"a first reading at {first:.13g} s{self._unit_hint(first, to_s)}"
+                if self.fault is not None:
+                    # times that go backwards
+                    raise self.fault
             wanted = f"readings around the frames, {from_s:.13g} to {to_s:.13g} s of the session's clock"
             raise SessionError(self._table.path.name, got=got, wanted=wanted)
 
