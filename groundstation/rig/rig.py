@@ -20,7 +20,7 @@ from groundstation.geometry.station import StationGeometry
 from groundstation.rig.covariance import READOUT, ParameterCovariance, joined, read_covariance, require_agreement
 from groundstation.rig.dgps import RigReference, read_reference
 from groundstation.rig.ptu_axes import IDEAL_AXES, PtuAxes, read_axes
-from groundstation.rig.rig_limits import read_arm, read_distortion, read_reading_deg, read_readout
+from groundstation.rig.rig_limits import focal_wanted, read_arm, read_distortion, read_reading_deg, read_readout
 
 RIG_FORMAT = "stereo-ptu-rig/1"
 UNIT_QUATERNION_TOLERANCE = 1e-4
@@ -40,8 +40,6 @@ _STATION_KEYS = frozenset(
 )
 # farther from the threshold than any station
 _FARTHEST_M = 100_000.0
-# a view of 157 degrees, more than the lens model is for
-_LEAST_FOCAL_SHARE = 0.1
 _CLOCK_KEYS = frozenset({"offset_s", "drift_ppm", "sigma_s"})
 PARTS = ("position", "orientation", "lens")
 
@@ -312,8 +310,7 @@ def _lens(table: TomlTable, required: bool) -> Lens:
     focal = table.vector("focal_px", 2, None if required else (1.0, 1.0), names="[fx, fy]")
     if np.any(focal <= 0):
         raise table.fail("focal_px", str(focal.tolist()), "two numbers > 0")
-    if required and np.any(focal < _LEAST_FOCAL_SHARE * size):
-        wanted = f"pixels, not mm: at least {_LEAST_FOCAL_SHARE:g} of the picture's {size[0]:.0f} × {size[1]:.0f} px"
+    if required and (wanted := focal_wanted(size, focal)):
         raise table.fail("focal_px", str(focal.tolist()), wanted)
     middle = table.vector("principal_point_px", 2, None if required else (0.0, 0.0), names="[cx, cy]")
     if required and np.all((middle > 0) & (middle < 1)):

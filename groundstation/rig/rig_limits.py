@@ -13,6 +13,16 @@ _COARSEST_DEG = 5.0
 _WIDEST_ROTATION_RAD = 1.0
 # what p1 and p2 displace a picture's corner by, as a share of its distance from the middle; lenses have thousandths
 _MOST_TANGENTIAL = 0.03
+# focal lengths as shares of the picture's size: views of 157 and of 0.06 degrees
+_LEAST_FOCAL_SHARE, _MOST_FOCAL_SHARE = 0.1, 1000.0
+
+
+def focal_wanted(size: FloatArray, focal: FloatArray) -> str:
+    """Return what is wanted of a focal length (2,) px of pictures of a size (2,) px; "" of one that can be."""
+    picture = f"the picture's {size[0]:.0f} × {size[1]:.0f} px"
+    if np.any(focal < _LEAST_FOCAL_SHARE * size):
+        return f"pixels, not mm: at least {_LEAST_FOCAL_SHARE:g} of {picture}"
+    return f"at most {_MOST_FOCAL_SHARE:g} times {picture}" if np.any(focal > _MOST_FOCAL_SHARE * size) else ""
 
 
 def read_arm(table: TomlTable) -> FloatArray:
