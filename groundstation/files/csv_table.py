@@ -110,6 +110,8 @@ class CsvTable:
             return value
         if is_plain and math.isfinite(value):
             wanted = f"a number of at most {MAX_MAGNITUDE:g} in size"
+            if column == "t_s" or column.endswith(("_t_s", "_utc_s")):
+                wanted += ", in seconds: neither milliseconds nor nanoseconds"
         else:
             wanted = "a finite number"
         raise self.fault(row.line, got=f"{column} = {quoted(text.strip())}", wanted=wanted)

@@ -83,6 +83,9 @@ def test_bytes_that_are_no_text_spoil_their_own_row_only(tmp_path: Path) -> None
 def test_numbers_beyond_all_measure_and_of_other_scripts(tmp_path: Path) -> None:
     wanted = "wanted a number of at most 1e+12 in size"
     assert fault_of(tmp_path, "t_s,x_m\n1,-2e12\n") == f"table.csv: line 2: got x_m = '-2e12'; {wanted}"
+    assert fault_of(tmp_path, "t_s,x_m\n1,2\n1779010218007299840,2\n").endswith(
+        "in size, in seconds: neither milliseconds nor nanoseconds"
+    )
     assert "line 2: got x_m = '１２'; wanted a finite number" in fault_of(tmp_path, "t_s,x_m\n1,１２\n")
 
 

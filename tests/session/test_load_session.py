@@ -334,6 +334,13 @@ def test_one_video_for_two_stations_is_refused(tmp_path: Path, link: Callable[[P
     assert reported == "left.avi, right.avi: got one file for left and right; wanted each station's own video"
 
 
+@pytest.mark.parametrize("name", ["bag.mcap", "bag_0.db3"])
+def test_a_bag_without_its_metadata_is_named(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"")
+    reported = complaint(SessionError, lambda: load_session(tmp_path))
+    assert f"got {name} and neither session.toml nor metadata.yaml; wanted a session folder, or a ROS 2 bag" in reported
+
+
 def test_a_link_to_nowhere_is_named(tmp_path: Path) -> None:
     folder = Tiny(rows=3, video="avi").write(tmp_path)
     (folder / "right.avi").unlink()
