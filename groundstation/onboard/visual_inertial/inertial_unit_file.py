@@ -93,7 +93,7 @@ def read_samples(path: Path) -> list[ImuSample]:
 def _check_times(path: Path, times_s: FloatArray) -> None:
     """Raise where times (n,) are in another unit: no inertial unit is so slow."""
     apart_s = float(np.median(np.diff(times_s)))
-    if apart_s > _SLOWEST_S:
+    if len(times_s) >= _LEAST_WINDOWS and apart_s > _SLOWEST_S:
         units = [name for name, in_s in TIME_UNITS_S.items() if apart_s * in_s <= _SLOWEST_S]
         guess = f"; are the times in {units[0]}?" if units else ""
         got = f"samples {apart_s:g} s apart in the median{guess}"
