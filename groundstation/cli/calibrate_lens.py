@@ -7,7 +7,7 @@ from groundstation.cli.command_arguments import Commands, add_command, add_repor
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
 from groundstation.cli.wrong_usage import refused_as_usage
-from groundstation.errors import UsageError
+from groundstation.errors import InputError, UsageError
 
 _INTRINSICS = """The lens of a camera from pictures of a board: corners to a fraction of a pixel,
 views chosen, OpenCV's model k1 k2 p1 p2 k3, its covariance, and what it is good
@@ -140,12 +140,18 @@ def _require_whole_rig(options: argparse.Namespace) -> None:
 
 def run_convert_lens(options: argparse.Namespace) -> int:
     """Convert a lens file."""
+    import numpy as np
+
     from calibration.lens.lens_files import format_of, read_lens, write_lens
     from calibration.lens.model import without_k3
+    from groundstation.rig.rig_limits import focal_wanted
 
     with refused_as_usage():
         form = format_of(options.out, options.format)
     calibrated = read_lens(options.source, options.name)
+    if wanted := focal_wanted(np.array(calibrated.lens.image_size_px), calibrated.lens.focal_px):
+        got = f"a focal length of {calibrated.lens.focal_px[0]:g}, {calibrated.lens.focal_px[1]:g} px"
+        raise InputError(str(options.source), got=got, wanted=wanted)
     if form == "kalibr" and options.refit and calibrated.lens.distortion[4] != 0.0:
         reduced = without_k3(calibrated)
         calibrated = reduced.calibrated

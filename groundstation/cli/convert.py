@@ -82,6 +82,10 @@ def run_convert(options: argparse.Namespace) -> int:
             )
         elif options.ros2:
             _refuse(options, ("rig", "topic"), "--ros2")
+            if options.out.suffix.lower() == ".mcap":
+                raise UsageError(
+                    "OUT", got=str(options.out), wanted="a new folder's name with --ros2: a bag is a folder"
+                )
             span = {"from_s": options.from_s, "to_s": options.to_s}
             done = to_ros_bag(options.source, options.out, run=options.run_folder, **span, progress=line.update)
         else:

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import sys
 from collections.abc import Iterator
 
 from groundstation.cli.command_arguments import Commands, add_command
@@ -78,10 +79,13 @@ def run_pose(options: argparse.Namespace) -> int:
     whole = is_camera_file(options.camera)
     lens = load_nose_camera(options.camera).lens if whole else read_lens(options.camera).lens
     runways = Runways(options.runways)
+    outside = 0
     solved: list[tuple[str, Runway | None, RunwayPose | None, str]] = []
 
     def rows() -> Iterator[tuple[str, RunwayPose | None, str]]:
+        nonlocal outside
         for row in read_corners(options.corners):
+            outside += row.pixels is not None and bool(((row.pixels < -1.0) | (row.pixels > lens.image_size_px)).any())
             runway, pose, status = None, None, "no_corners"
             if row.pixels is not None:
                 runway = runways.find(row.airport, row.runway, row.where)
@@ -94,6 +98,10 @@ def run_pose(options: argparse.Namespace) -> int:
     counts = write_poses(options.out, rows())
     total = sum(counts.values())
     print(f"{total} pictures: " + (", ".join(f"{n} {status}" for status, n in sorted(counts.items())) or "none"))
+    if 2 * outside > max(total - counts.get("no_corners", 0), 0):
+        w, h = lens.image_size_px
+        text = f"{outside} pictures have corners outside of {w}×{h} px: is the camera of another resolution?"
+        print(f"groundstation: {options.corners}: {text}", file=sys.stderr)
     print(f"wrote {options.out}")
     if options.rerun is not None:
         from groundstation.onboard.pose_sinks import DrawnPose, draw_poses

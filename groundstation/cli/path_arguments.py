@@ -20,7 +20,9 @@ def _path(text: str) -> Path:
     # of a variable that is not set; the path of no text is the current folder
     if not text:
         raise argparse.ArgumentTypeError("got ''; wanted a path")
-    return Path(text)
+    path = Path(text)
+    # shells leave it as it is in --out=~/x
+    return path.expanduser() if text.startswith("~/") else path
 
 
 @dataclass(frozen=True, slots=True)

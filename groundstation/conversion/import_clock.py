@@ -32,6 +32,9 @@ def import_clock(request: ImportRequest, log: GnssLog | None) -> ImportClock:
     """
     moments = {name: _moment(f"--{name}-start", text) for name, text in request.starts.items()}
     ptu = None if request.ptu_start is None else _moment("--ptu-start", request.ptu_start)
+    if request.frames is not None and request.starts:
+        wanted = "one of them: --frames has the times of all; --epoch is what zero of them is"
+        raise UsageError(f"--{next(iter(request.starts))}-start", got="a start next to --frames", wanted=wanted)
     if request.frames is None:
         for name in request.videos:
             if name not in moments:

@@ -2,6 +2,7 @@
 
 import errno
 import itertools
+import math
 import os
 import shutil
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.conversion.angle_table import ptu_csv
+from groundstation.conversion.angle_table import AngleTable, read_angle_table
 from groundstation.conversion.import_clock import ImportClock, import_clock
 from groundstation.conversion.import_request import ImportRequest, ImportResult
 from groundstation.conversion.video_frame_pairing import frames_csv, paired
@@ -21,9 +22,11 @@ from groundstation.conversion.video_stamps import VideoStamps, read_video_stamps
 from groundstation.errors import InputError, SessionError, os_words
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.output_names import below
+from groundstation.files.toml_table import TomlTable
 from groundstation.messages import DgpsFix
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.session import load_session
+from groundstation.session.folder import read_target
 from groundstation.session.logs.gps_time import utc_text
 from groundstation.session.logs.placement import place_log
 from groundstation.session.logs.positions_table import has_positions
@@ -50,6 +53,7 @@ def import_session(request: ImportRequest, progress: Callable[[int], None] = lam
     Raises `InputError` (one line: where, got, wanted) for anything that cannot be right; then no folder is made.
     """
     _check_paths(request)
+    _check_target(request)
     rig = load_rig(request.rig)
     _check_rig(request, rig)
     log = _log(request)
@@ -57,12 +61,13 @@ def import_session(request: ImportRequest, progress: Callable[[int], None] = lam
     parts = _Parts(texts={}, copies={}, summary=[], remarks=[] if log is None else list(log.remarks))
     # before the videos are read, which takes long
     fixes = _placed(request, log, clock)
+    angles = _angles(request, rig, clock)
+    parts.remarks += _exchanged(request)
     span = _frames(request, rig, clock, parts, progress)
-    if any(not station.fixed for station in rig.stations):
-        if request.ptu is None:
-            raise InputError("--ptu", got="nothing", wanted="the table of angles of the stations that turn")
-        parts.texts["ptu.csv"], rows = ptu_csv(request.ptu, rig, clock, *span)
-        parts.summary.append(f"{request.ptu.name}: {rows} readings")
+    if angles is not None:
+        angles.require_overlap(*span)
+        parts.texts["ptu.csv"] = angles.text
+        parts.summary.append(f"{angles.name}: {angles.rows} readings")
     if request.dgps is not None:
         _positions(request, rig, fixes, clock, span, parts)
     parts.texts["session.toml"] = config_to_toml(_session(request, clock)) + "\n"
@@ -71,9 +76,23 @@ def import_session(request: ImportRequest, progress: Callable[[int], None] = lam
     return ImportResult(folder=request.out, files=files, summary=tuple(parts.summary), remarks=tuple(parts.remarks))
 
 
+def _angles(request: ImportRequest, rig: Rig, clock: ImportClock) -> AngleTable | None:
+    """Read the table of angles; None where no station turns."""
+    if all(station.fixed for station in rig.stations):
+        return None
+    if request.ptu is None:
+        raise InputError("--ptu", got="nothing", wanted="the table of angles of the stations that turn")
+    return read_angle_table(request.ptu, rig, clock)
+
+
 def _check_paths(request: ImportRequest) -> None:
     if request.out.exists() and (not request.out.is_dir() or any(request.out.iterdir())):
         raise InputError(str(request.out), got="something that is there already", wanted="a new or an empty folder")
+
+
+def _check_target(request: ImportRequest) -> None:
+    target = TomlTable(_target(request), "--span, --antenna", InputError)
+    read_target(target)
 
 
 def _check_rig(request: ImportRequest, rig: Rig) -> None:
@@ -86,6 +105,17 @@ def _check_rig(request: ImportRequest, rig: Rig) -> None:
     for name in request.starts:
         if name not in rig.names:
             raise InputError("--start", got=f"station {name!r}", wanted=f"one of {', '.join(rig.names)}")
+
+
+def _exchanged(request: ImportRequest) -> list[str]:
+    """Return a note for each video that is called as another station is."""
+    names = {name.casefold(): name for name in request.videos}
+    called = {station: names.get(path.stem.casefold(), station) for station, path in request.videos.items()}
+    return [
+        f"{request.videos[station].name} is given as the video of {station}: is it that of {name}?"
+        for station, name in called.items()
+        if name != station
+    ]
 
 
 def _log(request: ImportRequest) -> GnssLog | None:
@@ -202,14 +232,24 @@ def _positions(
 def _behind(fixes: list[DgpsFix], rig: Rig, azimuth_deg: float, name: str) -> list[str]:
     """Return a note if most positions lie behind the stations (+y is ahead), with the azimuth that corrects it."""
     stations_m = min(float(s.ptu_position_m[1]) for s in rig.stations)
-    behind = sum(float(fix.position_runway_m[1]) < stations_m for fix in fixes)
+    behind = _behind_count(fixes, stations_m, 0.0)
     if 2 * behind <= len(fixes):
         return []
+    text = f"{name}: {behind} of {len(fixes)} positions lie behind the stations at --azimuth {azimuth_deg:g}; "
+    in_degrees = math.degrees(azimuth_deg)
+    if 0.0 < abs(azimuth_deg) <= 2.0 * math.pi and 2 * _behind_count(
+        fixes, stations_m, in_degrees - azimuth_deg
+    ) <= len(fixes):
+        return [f"{text}if that is in radians, it is --azimuth {in_degrees:.6g}"]
     other = (azimuth_deg + 180.0) % 360.0
-    return [
-        f"{name}: {behind} of {len(fixes)} positions lie behind the stations at --azimuth {azimuth_deg:g}; if the "
-        f"runway is the other way round, it is --azimuth {other:g}"
-    ]
+    return [f"{text}if the runway is the other way round, it is --azimuth {other:g}"]
+
+
+def _behind_count(fixes: list[DgpsFix], stations_m: float, turned_deg: float) -> int:
+    """Return how many positions lie behind the stations if +y points so much further clockwise."""
+    sine, cosine = math.sin(math.radians(turned_deg)), math.cos(math.radians(turned_deg))
+    ahead_m = [fix.position_runway_m[0] * sine + fix.position_runway_m[1] * cosine for fix in fixes]
+    return sum(float(y_m) < stations_m for y_m in ahead_m)
 
 
 def _dgps_csv(fixes: list[DgpsFix]) -> str:
@@ -227,12 +267,7 @@ def _session(request: ImportRequest, clock: ImportClock) -> dict[str, Any]:
     if request.origin_deg_m is not None and request.azimuth_deg is not None:
         keys = ("lat_deg", "lon_deg", "height_m", "y_axis_azimuth_deg")
         tables["origin"] = dict(zip(keys, (*request.origin_deg_m, request.azimuth_deg), strict=True))
-    target: dict[str, Any] = {}
-    if request.span_m is not None:
-        target["span_m"] = request.span_m
-    if request.antenna_in_body_m is not None:
-        target["antenna_in_body_m"] = list(request.antenna_in_body_m)
-    if target:
+    if target := _target(request):
         tables["target"] = target
     dgps: dict[str, Any] = {}
     if clock.epoch_gps_s is not None:
@@ -243,6 +278,16 @@ def _session(request: ImportRequest, clock: ImportClock) -> dict[str, Any]:
     if dgps:
         tables["dgps"] = dgps
     return tables
+
+
+def _target(request: ImportRequest) -> dict[str, Any]:
+    """Return the table [target] of session.toml."""
+    target: dict[str, Any] = {}
+    if request.span_m is not None:
+        target["span_m"] = request.span_m
+    if request.antenna_in_body_m is not None:
+        target["antenna_in_body_m"] = list(request.antenna_in_body_m)
+    return target
 
 
 def _write(request: ImportRequest, parts: _Parts) -> tuple[Path, ...]:

@@ -43,14 +43,16 @@ class EncoderState(NamedTuple):
     """Snapshot of the feed."""
 
     spikes: int
+    repeats: int
     known: Mapping[str, _Known]
 
 
 class EncoderFeed:
-    """Fuses the readings of all turning stations into the filter; counts rejected ones."""
+    """Fuses the readings of all turning stations into the filter; counts rejected ones, and those that repeat."""
 
     def __init__(self, ekf: StationEkf, stations: Mapping[str, Station], config: EstimationConfig) -> None:
         self.spikes = 0
+        self.repeats = 0
         self._ekf = ekf
         self._stations = stations
         self._sigmas_rad = {name: station.angle_sigma_rad for name, station in stations.items()}
@@ -101,13 +103,17 @@ class EncoderFeed:
             return note, known._replace(newest_s=sample.t_s, suspect=None)
         return note, known._replace(suspect=sample)
 
+    def counts(self) -> dict[str, int]:
+        """Return how many readings were rejected as spikes, and how many since they only repeat."""
+        return {"ptu_spikes": self.spikes, "ptu_repeats": self.repeats}
+
     def snapshot(self) -> EncoderState:
         """Return the state of the feed, which belongs to the filter state of the same time."""
-        return EncoderState(self.spikes, self._known)
+        return EncoderState(self.spikes, self.repeats, self._known)
 
     def restore(self, saved: EncoderState) -> None:
         """Restore a `snapshot`."""
-        self.spikes, self._known = saved
+        self.spikes, self.repeats, self._known = saved
 
     def is_doubtful(self, station: str) -> bool:
         """Return whether the newest reading is suspect: either a jerk or a spike."""
@@ -127,6 +133,7 @@ class EncoderFeed:
         same = known.same + 1 if repeats else 0
         frozen = same >= _FROZEN_READINGS and station.ptu_sigma_rad > 0.5 * station.ptu_resolution_rad
         newest_s, note = known.newest_s, None
+        self.repeats += frozen
         if frozen and not known.frozen:
             note = f"station {sample.station}: PTU repeats one reading since {_FROZEN_READINGS} readings, not used"
         elif known.frozen and not frozen:

@@ -1,9 +1,10 @@
 """Whether track and reference can be of one flight in one frame, and if not, which usual fault would make them agree.
 
-A reference in feet, with x and y exchanged or an axis reversed, and a track that is too far away by one factor, as a
-wrong baseline or focal length makes it, leave distances between both that no error of a filter explains. The distance
-is the median over the epochs, at the offset of the clocks with which it is least. Hypotheses are tried only where it is
-large as they are stored.
+A reference in feet, with x and y exchanged or an axis reversed, from another origin, height or azimuth, or by a clock
+that is off by more than the comparison looks for, and a track that is too far away by one factor, as a wrong baseline
+or focal length makes it, leave distances between both that no error of a filter explains. The distance is the median
+over the epochs, at the offset of the clocks with which it is least. Hypotheses are tried only where it is large as they
+are stored; across the line of sight, where cameras are exact, less is large.
 """
 
 import itertools
@@ -14,12 +15,17 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.position_series import PositionSeries, ReferenceSeries
+from groundstation.geometry.rotation import rotation_z
 
 _MOST_EPOCHS, _LEAST_EPOCHS = 200, 30
 _OFFSET_STEP_S = 0.1
 # distances are large from this share of the range and so many stated sigmas on; a filter that is 6 % off in range and
 # says so is none of these faults
-_LEAST_SHARE, _LEAST_SIGMAS, _LEAST_M = 0.1, 5.0, 3.0
+_LEAST_SHARE, _LEAST_ACROSS_SHARE, _LEAST_SIGMAS, _LEAST_M = 0.1, 0.05, 5.0, 3.0
+# offsets of the clocks beyond those that a comparison looks for, and how many are tried
+_FAR_STEP_S, _MOST_FAR_STEPS = 0.5, 2000
+# a reference that is turned by less is no other azimuth's
+_LEAST_TURN_DEG = 3.0
 # a hypothesis explains what leaves at most this share of the distance
 _LEFT_SHARE = 0.2
 _FOOT_M = 0.3048
@@ -29,20 +35,33 @@ _SAME_FACTOR = 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _ReferenceHypothesis:
-    """A reference's axes: ``order`` (3,) of them and ``signs`` (3,), and whether a factor is fitted."""
+    """A reference's axes: ``order`` (3,) of them and ``signs`` (3,), and what is fitted.
+
+    That is a factor, a turn about the vertical or a displacement; ``far``: a clock that is off by more.
+    """
 
     words: str
     order: tuple[int, ...] = (0, 1, 2)
     signs: tuple[float, ...] = (1.0, 1.0, 1.0)
     scaled: bool = False
+    turned: bool = False
+    displaced: bool = False
+    far: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _DistanceFit:
-    """The median distance, m, and the factor on the reference with which it is reached."""
+    """The median distance, m, that across the line of sight, and with which changes of the reference it is reached.
+
+    These are a factor, a turn to the left, a displacement (3,) in m, and what is added to the track's times.
+    """
 
     distance_m: float
+    across_m: float
     factor: float
+    turn_rad: float
+    moved_m: FloatArray
+    offset_s: float
 
 
 def reference_contradiction(
@@ -64,10 +83,12 @@ def reference_contradiction(
     range_m = float(np.median(np.linalg.norm(position, axis=1)))
     variances = np.trace(track.covariance_m2[::step], axis1=1, axis2=2)
     sigma_m = float(np.sqrt(np.median(variances) + np.median(np.sum(reference.sigma_m**2, axis=1))))
-    if stored.distance_m < max(_LEAST_SHARE * range_m, _LEAST_SIGMAS * sigma_m, _LEAST_M):
+    least_m = max(_LEAST_SIGMAS * sigma_m, _LEAST_M)
+    near = stored.distance_m < max(_LEAST_SHARE * range_m, least_m)
+    if near and stored.across_m < max(_LEAST_ACROSS_SHARE * range_m, least_m):
         return None
     tried = [(h, _agreement(h, t_s, position, reference, limits)) for h in _hypotheses()]
-    known = [(h, found) for h, found in tried if found is not None]
+    known = [(h, found) for h, found in tried if found is not None and _is_told(h, found)]
     text = f"track and {name} are {stored.distance_m:.0f} m apart in the median, at ranges around {range_m:.0f} m"
     # the simplest that explains nearly as much as the best one
     best = min((found.distance_m for _, found in known), default=np.inf)
@@ -77,9 +98,15 @@ def reference_contradiction(
     return text
 
 
+def _is_told(hypothesis: _ReferenceHypothesis, found: _DistanceFit) -> bool:
+    """Return whether what was fitted is more than errors of a rig or of a log are."""
+    return not hypothesis.turned or abs(np.degrees(found.turn_rad)) >= _LEAST_TURN_DEG
+
+
 def _hypotheses() -> Iterator[_ReferenceHypothesis]:
     """Yield the hypotheses, the simplest first."""
     axes = "xyz"
+    yield _ReferenceHypothesis(words="", far=True)
     yield _ReferenceHypothesis(words="", scaled=True)
     for scaled in (False, True):
         for a, b in itertools.combinations(range(3), 2):
@@ -95,6 +122,9 @@ def _hypotheses() -> Iterator[_ReferenceHypothesis]:
         if min(signs) < 0.0:
             words = f"x and y exchanged and {'both' if max(signs) < 0.0 else 'one of them'} reversed"
             yield _ReferenceHypothesis(words=words, order=(1, 0, 2), signs=(*signs, 1.0))
+    yield _ReferenceHypothesis(words="", turned=True)
+    # last: it explains much that is short
+    yield _ReferenceHypothesis(words="", displaced=True)
 
 
 def _agreement(
@@ -111,10 +141,9 @@ def _agreement(
     most_offset_s, most_gap_s = limits
     gap_s = np.diff(reference.t_s)
     path = reference.position_m[:, hypothesis.order] * np.array(hypothesis.signs)
-    steps = int(np.floor(most_offset_s / _OFFSET_STEP_S))
     best: _DistanceFit | None = None
     # without enough common epochs at no offset, those at another one are of other parts of the flight
-    for offset_s in _OFFSET_STEP_S * np.array(sorted(range(-steps, steps + 1), key=abs)):
+    for offset_s in _offsets(hypothesis, t_s, reference, most_offset_s):
         at_s = t_s + offset_s
         after = np.searchsorted(reference.t_s, at_s, side="right")
         inside = (after > 0) & (after < len(reference.t_s))
@@ -124,16 +153,65 @@ def _agreement(
                 return None
             continue
         there = np.stack([np.interp(at_s[inside], reference.t_s, column) for column in path.T], axis=1)
-        mine = position[inside]
-        factor = float(np.sum(there * mine) / max(np.sum(there**2), 1e-9)) if hypothesis.scaled else 1.0
-        distance_m = float(np.median(np.linalg.norm(mine - factor * there, axis=1)))
-        if factor > 0.0 and (best is None or distance_m < best.distance_m):
-            best = _DistanceFit(distance_m=distance_m, factor=factor)
+        found = _fit(hypothesis, position[inside], there, float(offset_s))
+        if found.factor > 0.0 and (best is None or found.distance_m < best.distance_m):
+            best = found
     return best
+
+
+def _offsets(
+    hypothesis: _ReferenceHypothesis, t_s: FloatArray, reference: ReferenceSeries, most_offset_s: float
+) -> FloatArray:
+    """Return the offsets of the clocks to try, the least first."""
+    if hypothesis.displaced:
+        # along a straight path a displacement is an offset
+        return np.zeros(1)
+    if hypothesis.far:
+        low, high = reference.t_s[0] - t_s[0], reference.t_s[-1] - t_s[-1]
+        step_s = max(_FAR_STEP_S, (high - low) / _MOST_FAR_STEPS)
+        far = np.arange(low, high + step_s, step_s)
+        far = far[np.abs(far) > most_offset_s]
+        return np.asarray(far[np.argsort(np.abs(far))])
+    steps = int(np.floor(most_offset_s / _OFFSET_STEP_S))
+    return np.asarray(_OFFSET_STEP_S * np.array(sorted(range(-steps, steps + 1), key=abs)))
+
+
+def _fit(hypothesis: _ReferenceHypothesis, mine: FloatArray, there: FloatArray, offset_s: float) -> _DistanceFit:
+    """Return how close positions (n, 3) are to those (n, 3) of a reference with what a hypothesis fits."""
+    factor, turn_rad, moved_m = 1.0, 0.0, np.zeros(3)
+    if hypothesis.scaled:
+        factor = float(np.sum(there * mine) / max(np.sum(there**2), 1e-9))
+    if hypothesis.turned:
+        cross = np.sum(there[:, 0] * mine[:, 1] - there[:, 1] * mine[:, 0])
+        turn_rad = float(np.arctan2(cross, np.sum(there[:, :2] * mine[:, :2])))
+        there = there @ rotation_z(turn_rad).T
+    if hypothesis.displaced:
+        moved_m = np.median(mine - there, axis=0)
+    apart = mine - factor * there - moved_m
+    sight = mine / np.maximum(np.linalg.norm(mine, axis=1, keepdims=True), 1e-9)
+    across = apart - np.sum(apart * sight, axis=1, keepdims=True) * sight
+    return _DistanceFit(
+        distance_m=float(np.median(np.linalg.norm(apart, axis=1))),
+        across_m=float(np.median(np.linalg.norm(across, axis=1))),
+        factor=factor,
+        turn_rad=turn_rad,
+        moved_m=moved_m,
+        offset_s=offset_s,
+    )
 
 
 def _words(hypothesis: _ReferenceHypothesis, found: _DistanceFit, name: str) -> str:
     changed = [f"{hypothesis.words} in {name}"] if hypothesis.words else []
+    if hypothesis.far:
+        way = "later" if found.offset_s < 0.0 else "earlier"
+        changed.append(f"the times of {name} {abs(found.offset_s):.1f} s {way}: another clock, or leap seconds?")
+    if hypothesis.turned:
+        side = "left" if found.turn_rad > 0.0 else "right"
+        turn_deg = abs(np.degrees(found.turn_rad))
+        changed.append(f"{name} turned by {turn_deg:.1f}° to the {side}: is the azimuth of +y another?")
+    if hypothesis.displaced:
+        x, y, z = (round(float(by)) for by in found.moved_m)
+        changed.append(f"another origin or height of {name}, which moves it by x {x:+d}, y {y:+d}, z {z:+d} m")
     if hypothesis.scaled:
         if abs(found.factor / _FOOT_M - 1.0) <= _SAME_FACTOR:
             changed.append(f"{name} taken as feet")

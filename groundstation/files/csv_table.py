@@ -14,6 +14,9 @@ MAX_COLUMNS = 400
 MAX_MAGNITUDE = 1e12
 MAX_LINE_CHARACTERS = 65_536
 MAX_NAME_CHARACTERS = 200
+_SEPARATORS = {";": "semicolons", "\t": "tabs"}
+# how a ZIP file begins, and with it a workbook of a spreadsheet
+_ZIP = "PK\x03\x04"
 
 
 class Row(NamedTuple):
@@ -40,12 +43,11 @@ class CsvTable:
             raise SessionError(str(path), got=absence(path), wanted="a table with " + ", ".join(required))
         header = next(self._lines(), None)
         self.columns: tuple[str, ...] = () if header is None else tuple(name.strip() for name in header[1])
+        self._require_text_with_commas(required)
         longest = max(map(len, self.columns), default=0)
         if longest > MAX_NAME_CHARACTERS:
             got, wanted = f"a column's name of {longest} characters", f"at most {MAX_NAME_CHARACTERS}"
             raise SessionError(f"{path.name}: line 1", got=got, wanted=wanted)
-        if self.columns and is_utf16(self.columns[0].encode("utf-8", "surrogateescape")):
-            raise SessionError(f"{path.name}: line 1", got="text in UTF-16", wanted="a table in UTF-8")
         for name in required:
             if name not in self.columns:
                 have = shown(", ".join(self.columns[:12]), 200) if any(self.columns) else "nothing"
@@ -55,6 +57,20 @@ class CsvTable:
                 raise SessionError(
                     f"{path.name}: line 1", got=f"two columns {quoted(name)}", wanted="names that differ"
                 )
+
+    def _require_text_with_commas(self, required: Sequence[str]) -> None:
+        """Raise `SessionError` for what a spreadsheet makes of a table in another format."""
+        first = self.columns[0] if self.columns else ""
+        where = f"{self.path.name}: line 1"
+        if is_utf16(first.encode("utf-8", "surrogateescape")):
+            raise SessionError(where, got="text in UTF-16", wanted="a table in UTF-8")
+        if first.startswith(_ZIP):
+            raise SessionError(self.path.name, got="a workbook or another ZIP file", wanted="a table saved as CSV")
+        for separator, word in _SEPARATORS.items():
+            names = [name.strip() for name in first.split(separator)]
+            if len(self.columns) == 1 and len(names) > 1 and any(name in names for name in required):
+                wanted = "commas between them, and points in numbers"
+                raise SessionError(where, got=f"cells separated by {word}", wanted=wanted)
 
     def __iter__(self) -> Iterator[Row]:
         lines, columns = self._lines(), self.columns
@@ -94,6 +110,8 @@ class CsvTable:
             return value
         if is_plain and math.isfinite(value):
             wanted = f"a number of at most {MAX_MAGNITUDE:g} in size"
+            if column == "t_s" or column.endswith(("_t_s", "_utc_s")):
+                wanted += ", in seconds: neither milliseconds nor nanoseconds"
         else:
             wanted = "a finite number"
         raise self.fault(row.line, got=f"{column} = {quoted(text.strip())}", wanted=wanted)

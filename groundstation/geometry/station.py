@@ -3,6 +3,7 @@
 Frames, signs and the lens model are those of docs/conventions.md.
 """
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,6 +92,14 @@ class StationGeometry:
                 [lens.radius_limit, np.cos(lean_rad), np.sin(lean_rad)],
             ]
         )
+
+    def with_lens(self, lens: Lens) -> "StationGeometry":
+        """Return the same station with another lens."""
+        other = copy(self)
+        other.lens, other.image_size_px = lens, lens.image_size_px
+        numbers = [*lens.focal_px, *lens.principal_point_px, *lens.distortion, lens.radius_limit]
+        other.packed = np.concatenate([self.packed[:24], numbers, self.packed[24 + len(numbers) :]])
+        return other
 
     @property
     def lean_rad(self) -> float:

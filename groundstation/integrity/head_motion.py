@@ -15,7 +15,7 @@ one that drifts by the same in all pairs, as clouds do, or that shakes while the
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,7 +57,8 @@ class HeadMotionFault:
     """Readings of a station that contradict the motion of its pictures.
 
     ``hypothesis`` agrees with ``agreeing`` of ``pairs`` pairs, and is None if none does; the readings as they are agree
-    with ``agreeing_as_stored`` of ``pairs_as_stored``. ``scale`` is by what all motions are off where most pairs agree.
+    with ``agreeing_as_stored`` of ``pairs_as_stored``. ``scale`` is by what all motions are off where most pairs agree;
+    ``same`` is the number of pairs of one and the same picture, if these are the fault.
     """
 
     station: str
@@ -67,6 +68,7 @@ class HeadMotionFault:
     agreeing_as_stored: int
     pairs_as_stored: int
     scale: MotionScale | None = None
+    same: int = 0
 
     def line(self) -> str:
         """Return the fault as a line for people."""
@@ -76,6 +78,11 @@ class HeadMotionFault:
             return (
                 f"station {self.station}: its pictures move {times} as far as its head's angles and its focal length "
                 f"say ({self.scale.pairs} pairs of pictures): one of these is wrong{_IN_GRADIANS if unit else ''}"
+            )
+        if self.same:
+            return (
+                f"station {self.station}: {self.same} of {self.pairs_as_stored} pairs of its pictures are one and the "
+                f"same while its head turns by its angles: its video or its camera is frozen"
             )
         text = (
             f"station {self.station}: its pictures do not move as its head's angles say "
@@ -109,11 +116,12 @@ def fault_lines(faults: Sequence[HeadMotionFault]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _PicturePair:
-    """Two frames of a station: their times in s, and the shift (2,) of the scene in px."""
+    """Two frames of a station: their times in s, the shift (2,) of the scene in px, and whether they are the same."""
 
     first_s: float
     second_s: float
     shift_px: FloatArray
+    same: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,7 +197,8 @@ class HeadMotionMonitor:
         if shift_px is None:
             return
         pairs = self._pairs[name]
-        pairs.append(_PicturePair(first_s=first[0], second_s=second[0], shift_px=shift_px))
+        same = np.array_equal(first[1], second[1])
+        pairs.append(_PicturePair(first_s=first[0], second_s=second[0], shift_px=shift_px, same=same))
         if len(pairs) >= _MAX_PAIRS:
             del pairs[::2]
             self._every_s[name] *= 2.0
@@ -201,6 +210,19 @@ class HeadMotionMonitor:
     def take_pictures_of(self, other: "HeadMotionMonitor") -> None:
         """Take the shifts that another monitor has measured, to compare them with other readings."""
         self._pairs = {name: list(other._pairs[name]) for name in self._stations}
+
+    def refutes(self, name: str, hypothesis: ReadingHypothesis) -> bool:
+        """Return whether a station's pictures move as its readings say, and not as they would by a hypothesis."""
+        if name not in self._stations:
+            return False
+        stored = self._agreement(name, RIGHT)
+        other = self._agreement(name, hypothesis)
+        return (
+            stored.deciding >= _MIN_DECIDING
+            and stored.share >= _RIGHT_SHARE
+            and other.deciding >= _MIN_DECIDING
+            and other.share <= _WRONG_SHARE
+        )
 
     def faults(self) -> tuple[HeadMotionFault, ...]:
         """Return the stations whose readings contradict their pictures, in the order of the rig."""
@@ -214,6 +236,9 @@ class HeadMotionMonitor:
         drifting = self._agreement(name, RIGHT, drift=True)
         if stored.deciding < _MIN_DECIDING:
             return None
+        same = self._same(name)
+        if same >= max(_MIN_DECIDING, _RIGHT_SHARE * stored.deciding):
+            return replace(_fault_of(name, RIGHT, stored, stored), same=same)
         if max(stored.share, drifting.share) >= _RIGHT_SHARE:
             return self._scale_fault(name, stored)
         hypotheses = [(h, self._agreement(name, h)) for h in self._hypotheses(name)]
@@ -281,6 +306,12 @@ class HeadMotionMonitor:
         focal_px = focal_factor * float(self._stations[name].lens.focal_px.max())
         return math.hypot(_SHIFT_SIGMA_PX, math.sqrt(2.0) * self._angle_sigmas_rad[name] * focal_px)
 
+    def _same(self, name: str) -> int:
+        """Return how many pairs are of one picture although the head turned between its frames."""
+        pairs = [pair for pair in self._pairs[name] if pair.same]
+        predicted = np.linalg.norm(self._predicted(name, RIGHT, pairs), axis=1)
+        return int(np.count_nonzero(predicted >= max(_MOVED_PX, _MOVED_SIGMAS * self._noise_px(name))))
+
     def _moves(self, name: str) -> bool:
         """Return whether the scene moves in most of the pairs that decide."""
         measured, predicted = (np.linalg.norm(shifts, axis=1) for shifts in self._shifts(name, RIGHT))
@@ -290,17 +321,22 @@ class HeadMotionMonitor:
 
     def _shifts(self, name: str, hypothesis: ReadingHypothesis) -> tuple[FloatArray, FloatArray]:
         """Return measured and predicted shifts (n, 2) of the pairs for which there are readings."""
-        pairs, angles = self._pairs[name], self._angles[hypothesis.source or name]
-        first = angles.at(np.array([p.first_s for p in pairs]) - hypothesis.lag_s)
-        second = angles.at(np.array([p.second_s for p in pairs]) - hypothesis.lag_s)
-        geometry = self._stations[name]
+        pairs = self._pairs[name]
         measured = np.array([p.shift_px for p in pairs]).reshape(-1, 2)
-        before, after = (np.ascontiguousarray(hypothesis.angles(angles)) for angles in (first, second))
-        predicted = np.empty_like(measured)
-        fill_centre_shifts(geometry.packed, before, after, _FAR_M, predicted)
-        predicted *= hypothesis.focal_factor
+        predicted = self._predicted(name, hypothesis, pairs)
         known = np.isfinite(predicted).all(axis=1)
         return measured[known], predicted[known]
+
+    def _predicted(self, name: str, hypothesis: ReadingHypothesis, pairs: Sequence[_PicturePair]) -> FloatArray:
+        """Return the shifts (n, 2) that the readings predict for n pairs; not a number where there are none."""
+        angles = self._angles[hypothesis.source or name]
+        first = angles.at(np.array([p.first_s for p in pairs]) - hypothesis.lag_s)
+        second = angles.at(np.array([p.second_s for p in pairs]) - hypothesis.lag_s)
+        before, after = (np.ascontiguousarray(hypothesis.angles(angles)) for angles in (first, second))
+        predicted = np.empty((len(pairs), 2))
+        fill_centre_shifts(self._stations[name].packed, before, after, _FAR_M, predicted)
+        predicted *= hypothesis.focal_factor
+        return predicted
 
 
 def _fault_of(

@@ -15,7 +15,7 @@ cannot be told apart (in a symmetric approach pan of a wrong sign and exchanged 
 """
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,6 +30,7 @@ from groundstation.integrity.reading_hypothesis import (
     axis_hypotheses,
     lag_hypotheses,
     unit_hypotheses,
+    zero_hypotheses,
 )
 from groundstation.messages import CameraReport, Detection, Event, PixelMeasurement, PtuSample
 
@@ -56,21 +57,29 @@ _LEAST_SINE = 1e-12
 class RayHypothesis:
     """A hypothesis on all stations: ``readings`` of those that turn, and what of two stations is exchanged.
 
-    ``pixels_exchanged``: their pixels; ``places_exchanged``: where they stand. With pixels and readings exchanged each
-    is what the rig states of the other.
+    ``pixels_exchanged``: their pixels; ``places_exchanged``: where they stand; ``lenses_exchanged``: their lenses.
+    With pixels and readings exchanged each is what the rig states of the other.
     """
 
     readings: Mapping[str, ReadingHypothesis] = field(default_factory=dict)
     pixels_exchanged: tuple[str, str] | None = None
     places_exchanged: tuple[str, str] | None = None
+    lenses_exchanged: tuple[str, str] | None = None
 
     def kind(self) -> tuple[object, ...]:
         """Return what is changed, without by how much."""
-        exchanged = (self.pixels_exchanged, self.places_exchanged)
+        exchanged = (self.pixels_exchanged, self.places_exchanged, self.lenses_exchanged)
         return (*exchanged, *((name, h.kind()) for name, h in self.readings.items()))
+
+    def is_refuted(self, refuted: Callable[[str, ReadingHypothesis], bool]) -> bool:
+        """Return whether a station's own pictures speak against it; with exchanged pixels they are another's."""
+        own = () if self.pixels_exchanged is not None else self.readings.items()
+        return any(refuted(name, reading) for name, reading in own)
 
     def words(self) -> str:
         """Return what would have to be changed, for a message: "with …"."""
+        if self.lenses_exchanged is not None:
+            return "the lenses of {} and {} exchanged".format(*self.lenses_exchanged)
         if self.pixels_exchanged is not None:
             what = "stations {} and {} of the rig" if self.readings else "the pixels of {} and {}"
             return f"{what.format(*self.pixels_exchanged)} exchanged"
@@ -181,18 +190,20 @@ class RayAgreementMonitor:
         if station in self._stations:
             self._targets.add(epoch, station, (t_s, *pixel))
 
-    def fault(self) -> RayFault | None:
+    def fault(self, refuted: Callable[[str, ReadingHypothesis], bool] = lambda name, reading: False) -> RayFault | None:
         """Return the fault; None if most rays meet, or if there are too few pixels to tell.
+
+        ``refuted`` returns whether something else speaks against a hypothesis on a station's readings and its lens.
 
         Aircraft recognised in whole frames name a fault if they can. They tell nothing without a name: two cameras may
         recognise two things.
         """
-        recognised = self._fault_of(self._recognised.views())
+        recognised = self._fault_of(self._recognised.views(), refuted)
         if recognised is not None and recognised.hypotheses:
             return recognised
-        return self._fault_of(self._targets.views())
+        return self._fault_of(self._targets.views(), refuted)
 
-    def _fault_of(self, epochs: Sequence[_Views]) -> RayFault | None:
+    def _fault_of(self, epochs: Sequence[_Views], refuted: Callable[[str, ReadingHypothesis], bool]) -> RayFault | None:
         """Return the fault that the pixels of some epochs show, by station."""
         stored = self._count(RayHypothesis(), epochs)
         if stored.rays < _MIN_RAYS or stored.meeting >= _RIGHT_SHARE * stored.rays:
@@ -201,6 +212,7 @@ class RayAgreementMonitor:
         explaining = [
             pair for pair in counts if pair[1].meeting >= _NAMED_SHARE * pair[1].rays >= _NAMED_SHARE * _MIN_RAYS
         ]
+        explaining = [pair for pair in explaining if not pair[0].is_refuted(refuted)]
         named = bool(explaining)
         found = max(explaining, key=lambda pair: pair[1].score)[1] if named else stored
         if not named and stored.apart < _APART_SHARE * stored.rays:
@@ -224,7 +236,8 @@ class RayAgreementMonitor:
             yield RayHypothesis(places_exchanged=pair)
         for pair in itertools.combinations(self._stations, 2):
             yield RayHypothesis(pixels_exchanged=pair)
-        of_heads = [*axis_hypotheses(), *unit_hypotheses(), *lag_hypotheses()] if turning else []
+            yield RayHypothesis(lenses_exchanged=pair)
+        of_heads = [*axis_hypotheses(), *zero_hypotheses(), *unit_hypotheses(), *lag_hypotheses()] if turning else []
         of_lenses = [ReadingHypothesis(focal_factor=float(f)) for f in _FOCAL_FACTORS]
         of_heads = [hypothesis for hypothesis in of_heads if hypothesis != RIGHT]
         for hypothesis in of_heads:
@@ -285,8 +298,12 @@ class RayAgreementMonitor:
         if hypothesis.pixels_exchanged is not None:
             a, b = hypothesis.pixels_exchanged
             other[a], other[b] = b, a
+        stations = dict(self._stations)
+        if hypothesis.lenses_exchanged is not None:
+            a, b = hypothesis.lenses_exchanged
+            stations[a], stations[b] = stations[a].with_lens(stations[b].lens), stations[b].with_lens(stations[a].lens)
         origins, directions = {}, {}
-        for name, geometry in self._stations.items():
+        for name, geometry in stations.items():
             stored = np.array([views.get(other[name], _NO_VIEW) for views in epochs]).reshape(-1, 3)
             reading = hypothesis.readings.get(name, RIGHT)
             angles = np.zeros((len(stored), 2))

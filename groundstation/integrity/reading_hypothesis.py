@@ -14,6 +14,8 @@ _RADIANS = 180.0 / math.pi
 GRADIAN_DEG = 0.9
 _LAGS_S = np.arange(-5.0, 5.01, 0.05)
 _LEAST_LAG_S = 0.15
+# sign and offset in rad that make an angle from there one above the horizon
+_TILT_FROM: dict[str | None, tuple[int, float]] = {"zenith": (-1, math.pi / 2.0), "nadir": (1, -math.pi / 2.0)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +32,7 @@ class ReadingHypothesis:
     focal_factor : ratio of the true focal length to the stated one.
     tilt_off_rad : to be added to tilt.
     pan_off_rad : the least that has to be added to pan.
+    tilt_from : "zenith" or "nadir", if tilt is the angle from there; None for that above the horizon.
     """
 
     source: str | None = None
@@ -41,11 +44,13 @@ class ReadingHypothesis:
     focal_factor: float = 1.0
     tilt_off_rad: float = 0.0
     pan_off_rad: float = 0.0
+    tilt_from: str | None = None
 
     def angles(self, readings: FloatArray) -> FloatArray:
         """Return pan and tilt (n, 2) rad that follow from readings (n, 2) rad."""
         ordered = readings[:, ::-1] if self.exchanged else readings
-        signs, offsets = np.array([self.pan_sign, self.tilt_sign]), np.array([self.pan_off_rad, self.tilt_off_rad])
+        tilt_sign, tilt_off_rad = _TILT_FROM.get(self.tilt_from, (self.tilt_sign, self.tilt_off_rad))
+        signs, offsets = np.array([self.pan_sign, tilt_sign]), np.array([self.pan_off_rad, tilt_off_rad])
         return np.asarray(ordered * self.unit * signs + offsets)
 
     @property
@@ -74,6 +79,8 @@ class ReadingHypothesis:
             changes.append("pan reversed in sign")
         if self.tilt_sign < 0:
             changes.append("tilt reversed in sign")
+        if self.tilt_from is not None:
+            changes.append(f"tilt counted from the {self.tilt_from}, where that above the horizon is stated")
         if self.unit > 1.0:
             changes.append("angles in radians, where degrees are stated")
         if self.unit < 1.0:
@@ -101,6 +108,12 @@ def axis_hypotheses(source: str | None = None) -> Iterator[ReadingHypothesis]:
         yield ReadingHypothesis(source=source, exchanged=exchanged, pan_sign=pan_sign, tilt_sign=tilt_sign)
 
 
+def zero_hypotheses() -> Iterator[ReadingHypothesis]:
+    """Yield tilts that are counted from elsewhere than the horizon, with pan of either sign."""
+    for tilt_from, pan_sign in itertools.product(("zenith", "nadir"), (1, -1)):
+        yield ReadingHypothesis(tilt_from=tilt_from, pan_sign=pan_sign)
+
+
 def unit_hypotheses() -> Iterator[ReadingHypothesis]:
     """Yield wrong units: radians stored as degrees, and degrees converted once too often."""
     yield ReadingHypothesis(unit=_RADIANS)
@@ -118,5 +131,6 @@ def station_hypotheses(others: Sequence[str]) -> Iterator[ReadingHypothesis]:
     """Yield all faults of one station's readings; ``others`` are the other stations that turn."""
     for source in (None, *others):
         yield from axis_hypotheses(source)
+    yield from zero_hypotheses()
     yield from unit_hypotheses()
     yield from lag_hypotheses()

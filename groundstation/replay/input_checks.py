@@ -6,6 +6,7 @@ import numpy as np
 
 from groundstation.integrity.apparent_span import ApparentSpanMonitor
 from groundstation.integrity.head_motion import HeadMotionMonitor, fault_lines
+from groundstation.integrity.lines_of_sight import KnownPositions, LinesOfSight
 from groundstation.integrity.ray_agreement import RayAgreementMonitor
 from groundstation.integrity.relative_pan import RelativePanMonitor
 from groundstation.messages import Event, StepReport
@@ -27,12 +28,13 @@ class InputChecks:
         self._rays = RayAgreementMonitor(geometries, turning)
         self._size = ApparentSpanMonitor(geometries, span_m)
         self._pan = RelativePanMonitor(geometries, span_m)
+        self._sights = LinesOfSight(geometries)
         places = np.array([station.ptu_position_m for station in rig.stations])
         self._apart_m = float(np.linalg.norm(np.ptp(places, axis=0)))
 
     def watched(self, events: Iterable[Event]) -> Iterator[Event]:
         """Yield the events, and take from them what the checks need."""
-        return self._rays.watched(self._heads.watched(events))
+        return self._sights.watched(self._rays.watched(self._heads.watched(events)))
 
     def write(self, report: StepReport) -> None:
         """Take the pixels and silhouettes that were found."""
@@ -43,6 +45,11 @@ class InputChecks:
 
     def close(self) -> None:
         """Do nothing: the checks are of what has been seen."""
+
+    def why_nothing_was_seen(self, references: Iterable[KnownPositions]) -> tuple[str, ...]:
+        """Return what the cameras' directions say of a run that tracked no target, against what is known of it."""
+        line = self._sights.line(references)
+        return () if line is None else (line,)
 
     def contradictions(self, *, tracked: bool) -> tuple[str, ...]:
         """Return a line on each contradiction; without a name for the fault only if no target was ``tracked``.
@@ -55,7 +62,7 @@ class InputChecks:
         faults = [f for f in self._heads.faults() if f.hypothesis is not None or not tracked]
         if faults:
             return fault_lines(faults)
-        rays = self._rays.fault()
+        rays = self._rays.fault(self._heads.refutes)
         if rays is not None and (rays.hypotheses or not tracked):
             return (rays.line(),)
         for found in (self._pan.fault(), self._size.fault()):

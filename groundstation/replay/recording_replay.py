@@ -116,9 +116,14 @@ class ReplayRecorder:
         return f"the recording is not whole: {status.line()}" if self.fault is None and status.trouble else ""
 
 
-def recording_notes(source: FolderSource | RecordingSource, recorder: ReplayRecorder | None) -> list[str]:
-    """Return notes on data missing from the recording that was read, and on faults of the one written."""
-    notes = []
+def source_notes(
+    source: FolderSource | RecordingSource, recorder: ReplayRecorder | None, most_apart_s: float
+) -> list[str]:
+    """Return notes on data missing from what was read, and on faults of the recording that was written.
+
+    Between readings further apart than ``most_apart_s`` nothing is interpolated.
+    """
+    notes = source.notes(most_apart_s) if isinstance(source, FolderSource) else []
     if isinstance(source, RecordingSource) and source.missing:
         missing = source.missing
         first = "" if missing.first_epoch is None else f", from epoch {missing.first_epoch} on"

@@ -21,11 +21,17 @@ from groundstation.replay.provenance import provenance
 from groundstation.replay.recording_replay import (
     ReplayRecorder,
     apply_filter_resets,
-    recording_notes,
+    source_notes,
     without_reference_fixes,
 )
 from groundstation.replay.reference_prior import ReferencePrior
-from groundstation.replay.replay_inputs import ReplayInputs, learning_fixes, load_inputs, reference_time_notes
+from groundstation.replay.replay_inputs import (
+    ReplayInputs,
+    known_positions,
+    learning_fixes,
+    load_inputs,
+    reference_time_notes,
+)
 from groundstation.replay.replay_outputs import ReplayOutputs
 from groundstation.replay.replay_request import ReplayRequest, ReplayResult
 from groundstation.replay.run_pipeline import RunOutcome, run_pipeline
@@ -106,7 +112,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         outputs.finish_approach()
     pipeline.finish_smoothing()
     notes = [] if outcome.fault is None else [str(outcome.fault)]
-    notes += recording_notes(source, outputs.recorder) + _pipeline_notes(pipeline, fixes)
+    notes += source_notes(source, outputs.recorder, config.synchronise.max_gap_s) + _pipeline_notes(pipeline, fixes)
     notes += reference_time_notes(request, inputs, source.span_s)
     smoothed_track = outputs.smoothed_track()
     speed = _speed(outcome, span_s, prepared_s)
@@ -164,6 +170,8 @@ def _evaluate(
 ) -> Evaluation:
     """Evaluate a finished run against DGPS and truth; ``notes`` follow those on the inputs."""
     session, config, prior, dgps = inputs.session, inputs.config, inputs.prior, inputs.dgps
+    tracked = outputs.collector.tracked_share >= _TRACKED_SHARE
+    unseen = () if tracked else outputs.checks.why_nothing_was_seen(known_positions(inputs))
     description = RunDescription(
         name=session.name,
         phases=session.phases,
@@ -172,10 +180,10 @@ def _evaluate(
         acceleration_psd_m2_s3=config.estimation.acceleration_psd_m2_s3,
         configuration=config_to_mapping(config),
         speed=speed,
-        faults=(*inputs.notes, *notes),
+        faults=(*inputs.notes, *unseen, *notes),
         place=place_of(session),
         provenance=written,
-        contradictions=outputs.checks.contradictions(tracked=outputs.collector.tracked_share >= _TRACKED_SHARE),
+        contradictions=outputs.checks.contradictions(tracked=tracked),
         carried_errors=pipeline.carried_errors,
         learnt_until_s=_dgps_time(pipeline.reference_used_until_s, prior),
         fused_late=pipeline.fused_late,

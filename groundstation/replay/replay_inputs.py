@@ -8,10 +8,12 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.files.toml_table import load_toml
+from groundstation.integrity.lines_of_sight import KnownPositions
 from groundstation.messages import DgpsFix, ReferenceFix
 from groundstation.replay.recording_replay import load_replay_config
 from groundstation.replay.reference_prior import ReferencePrior, reference_prior
 from groundstation.replay.replay_request import ReplayRequest
+from groundstation.rig.rig_notes import rig_notes
 from groundstation.rig.stations_apart import require_one_sight
 from groundstation.session import Session, Truth, load_dgps, load_session, load_truth
 from groundstation.session.time_units import TIME_UNITS_S
@@ -53,7 +55,7 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
     broken: list[SessionError] = []
     table_notes: list[str] = []
     dgps = load_dgps(session, broken.append, table_notes.append)
-    notes = _unstated(session)
+    notes = _unstated(session) + rig_notes(session.rig)
     notes += [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken]
     broken.clear()
     truth = load_truth(session, broken.append, table_notes.append)
@@ -90,6 +92,17 @@ def learning_fixes(request: ReplayRequest, inputs: ReplayInputs) -> list[Referen
         got = f"no DGPS fix up to {request.learn_until_s:g} s" if inputs.dgps else "no DGPS at all"
         raise SessionError(inputs.session.name, got=got, wanted="some, for --learn-until")
     return fixes
+
+
+def known_positions(inputs: ReplayInputs) -> list[KnownPositions]:
+    """Return where truth, or else the DGPS log, has the aircraft at times of the session."""
+    if inputs.truth is not None:
+        return [KnownPositions(name="truth.csv", t_s=inputs.truth.t_s, position_m=inputs.truth.position_runway_m)]
+    if len(inputs.dgps) < 2:
+        return []
+    t_s = np.array([fix.t_s for fix in inputs.dgps]) - inputs.prior.offset_s
+    position_m = np.array([fix.position_runway_m for fix in inputs.dgps])
+    return [KnownPositions(name="the DGPS log", t_s=t_s, position_m=position_m)]
 
 
 def reference_time_notes(request: ReplayRequest, inputs: ReplayInputs, span_s: tuple[float, float]) -> list[str]:

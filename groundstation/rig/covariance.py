@@ -14,6 +14,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import RigError
 from groundstation.files.toml_table import TomlTable, quoted
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
+from groundstation.rig.rig_limits import require_rotation_sigmas
 
 # error of the correlations of a matrix printed with six digits
 _ROUNDING = 1e-5
@@ -63,6 +64,7 @@ def read_covariance(table: TomlTable, stations: Sequence[str] = ()) -> Parameter
         matrix[i] = TomlTable({"row": row}, f"{table.where}: matrix row {i + 1}", RigError).vector("row", n)
     if fault := _fault(matrix):
         raise table.fail("matrix", fault, "a covariance")
+    require_rotation_sigmas(table, names, matrix)
     return ParameterCovariance(names=names, matrix=matrix)
 
 

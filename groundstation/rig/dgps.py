@@ -12,6 +12,8 @@ from groundstation.errors import RigError
 from groundstation.files.toml_table import TomlTable
 
 _MOST_NAME_CHARACTERS = 200
+# an antenna is on the aircraft: so far from the nose, in m and in wing spans (a slender one's length is two)
+_FARTHEST_ANTENNA_M, _FARTHEST_ANTENNA_SPANS = 100.0, 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,6 +38,20 @@ class RigReference:
         return self.offset_s if self.session in ("", session) else None
 
 
+def read_antenna(table: TomlTable, span_m: float | None = None) -> FloatArray | None:
+    """Read where the antenna is from the nose, m; None where the table does not say; ``span_m`` is the aircraft's."""
+    key = "antenna_in_body_m"
+    if key not in table:
+        return None
+    antenna = table.vector(key, 3)
+    if np.linalg.norm(antenna) > _FARTHEST_ANTENNA_M:
+        raise table.fail(key, str(antenna.tolist()), f"metres from the nose, at most {_FARTHEST_ANTENNA_M:g}")
+    if span_m is not None and np.linalg.norm(antenna) > _FARTHEST_ANTENNA_SPANS * span_m:
+        wanted = f"metres from the nose, on an aircraft of {span_m:g} m span"
+        raise table.fail(key, str(antenna.tolist()), wanted)
+    return antenna
+
+
 def read_reference(table: TomlTable) -> RigReference:
     """Read ``[reference]``; raises `RigError` for an unknown key or a number that cannot be."""
     table.refuse_unknown({"session", "dgps_clock", "antenna_in_body_m", "antenna_sigma_m"})
@@ -48,10 +64,9 @@ def read_reference(table: TomlTable) -> RigReference:
         clock = table.table("dgps_clock")
         clock.refuse_unknown({"offset_s", "sigma_s"})
         offset, sigma = clock.number("offset_s"), clock.number("sigma_s", 0.0, minimum=0.0)
-    antenna: FloatArray | None = None
     antenna_sigma: FloatArray | None = None
-    if "antenna_in_body_m" in table:
-        antenna = table.vector("antenna_in_body_m", 3)
+    antenna = read_antenna(table)
+    if antenna is not None:
         antenna_sigma = table.vector("antenna_sigma_m", 3, (0.0, 0.0, 0.0))
         if np.any(antenna_sigma < 0.0):
             raise table.fail("antenna_sigma_m", str(antenna_sigma.tolist()), "three numbers >= 0")

@@ -20,6 +20,7 @@ from groundstation.geometry.station import StationGeometry
 from groundstation.rig.covariance import READOUT, ParameterCovariance, joined, read_covariance, require_agreement
 from groundstation.rig.dgps import RigReference, read_reference
 from groundstation.rig.ptu_axes import IDEAL_AXES, PtuAxes, read_axes
+from groundstation.rig.rig_limits import focal_wanted, read_arm, read_distortion, read_reading_deg, read_readout
 
 RIG_FORMAT = "stereo-ptu-rig/1"
 UNIT_QUATERNION_TOLERANCE = 1e-4
@@ -39,10 +40,6 @@ _STATION_KEYS = frozenset(
 )
 # farther from the threshold than any station
 _FARTHEST_M = 100_000.0
-# a view of 157 degrees, more than the lens model is for
-_LEAST_FOCAL_SHARE = 0.1
-# of an angle reading; units of seconds of arc are tens
-_COARSEST_DEG = 5.0
 _CLOCK_KEYS = frozenset({"offset_s", "drift_ppm", "sigma_s"})
 PARTS = ("position", "orientation", "lens")
 
@@ -246,7 +243,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
     known = _known(table)
     oriented = "orientation" in known
     identity = (1.0, 0.0, 0.0, 0.0)
-    resolution_rad = np.radians(table.number("ptu_resolution_deg", 0.0, minimum=0.0, maximum=_COARSEST_DEG))
+    resolution_rad = np.radians(read_reading_deg(table, "ptu_resolution_deg", 0.0))
     default_sigma_deg = float(np.degrees(resolution_rad) / np.sqrt(12.0))
     covariance = read_covariance(table.table("covariance"))
     return Station(
@@ -260,15 +257,13 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
             "head_from_camera_wxyz",
             (0.5**0.5, -(0.5**0.5), 0.0, 0.0) if fixed or not oriented else None,
         ),
-        camera_in_head_m=table.vector("camera_in_head_m", 3, (0.0, 0.0, 0.0)),
+        camera_in_head_m=read_arm(table),
         lens=_lens(table, required="lens" in known),
         ptu_resolution_rad=float(resolution_rad),
-        ptu_sigma_rad=float(
-            np.radians(table.number("ptu_sigma_deg", default_sigma_deg, minimum=0.0, maximum=_COARSEST_DEG))
-        ),
+        ptu_sigma_rad=float(np.radians(read_reading_deg(table, "ptu_sigma_deg", default_sigma_deg))),
         ptu_clock=parse_clock(table.table("ptu_clock")),
         camera_clock=parse_clock(table.table("camera_clock")) if "camera_clock" in table else None,
-        readout_s=table.number("readout_s", 0.0),
+        readout_s=read_readout(table),
         covariance_parameters=covariance.names,
         covariance=covariance.matrix,
         ptu_clock_given="ptu_clock" in table,
@@ -315,8 +310,7 @@ def _lens(table: TomlTable, required: bool) -> Lens:
     focal = table.vector("focal_px", 2, None if required else (1.0, 1.0), names="[fx, fy]")
     if np.any(focal <= 0):
         raise table.fail("focal_px", str(focal.tolist()), "two numbers > 0")
-    if required and np.any(focal < _LEAST_FOCAL_SHARE * size):
-        wanted = f"pixels, not mm: at least {_LEAST_FOCAL_SHARE:g} of the picture's {size[0]:.0f} × {size[1]:.0f} px"
+    if required and (wanted := focal_wanted(size, focal)):
         raise table.fail("focal_px", str(focal.tolist()), wanted)
     middle = table.vector("principal_point_px", 2, None if required else (0.0, 0.0), names="[cx, cy]")
     if required and np.all((middle > 0) & (middle < 1)):
@@ -329,7 +323,7 @@ def _lens(table: TomlTable, required: bool) -> Lens:
         image_size_px=(int(size[0]), int(size[1])),
         focal_px=focal,
         principal_point_px=middle,
-        distortion=table.vector("distortion", 5, (0.0,) * 5),
+        distortion=read_distortion(table, size, focal),
     )
 
 

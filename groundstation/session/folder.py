@@ -14,6 +14,7 @@ from groundstation.files.text_file import TextFolder, absence, is_other_kind
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.messages import InitialState
 from groundstation.recording.mcap_metadata import RecordingHeader
+from groundstation.rig.dgps import read_antenna
 from groundstation.rig.rig import ClockModel, Rig, Station, load_rig, parse_clock
 from groundstation.session.dgps_options import DgpsOptions, parse_dgps
 from groundstation.session.media import Medium, check_medium, find_media
@@ -171,7 +172,7 @@ def read_session(
         date=str(top.values.get("date", "")),
         licence=top.text("licence", ""),
         notes=top.text("notes", ""),
-        target=_target(top.table("target")),
+        target=read_target(top.table("target")),
         initial=_initial(top.table("initial")) if "initial" in top else None,
         origin=parse_origin(top.table("origin"), frame) if isinstance(top.values.get("origin"), dict) else None,
         phases=_phases(top),
@@ -251,12 +252,11 @@ def _with_clocks(rig: Rig, clocks: dict[str, ClockModel], pictures: str) -> Rig:
     return replace(rig, stations=tuple(stations))
 
 
-def _target(table: TomlTable) -> TargetModel:
+def read_target(table: TomlTable) -> TargetModel:
+    """Read what is known of the aircraft."""
     table.refuse_unknown({"span_m", "antenna_in_body_m"})
-    return TargetModel(
-        span_m=table.number("span_m", above=0.0, maximum=200.0) if "span_m" in table else None,
-        antenna_in_body_m=table.vector("antenna_in_body_m", 3) if "antenna_in_body_m" in table else None,
-    )
+    span_m = table.number("span_m", above=0.0, maximum=200.0) if "span_m" in table else None
+    return TargetModel(span_m=span_m, antenna_in_body_m=read_antenna(table, span_m))
 
 
 def _initial(table: TomlTable) -> InitialState:

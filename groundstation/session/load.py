@@ -7,6 +7,7 @@ from pathlib import Path
 
 from groundstation.errors import SessionError
 from groundstation.files.text_file import AttachedFiles
+from groundstation.files.toml_table import shown
 from groundstation.recording.mcap_metadata import RIG, parse_header, parse_statistics
 from groundstation.recording.mcap_reader import McapContents, McapReader
 from groundstation.rig.rig import load_rig
@@ -35,6 +36,14 @@ def load_session(path: Path, rig_path: Path | None = None) -> Session:
     if (path / "metadata.yaml").is_file() and not (path / RIG).exists():
         wanted = "a session folder or a recording: `groundstation convert` turns a bag into a folder"
         raise SessionError(str(path), got="a ROS 2 bag", wanted=wanted)
+    if path.is_dir() and not (path / RIG).exists() and not (path / "session.toml").exists():
+        # as where a bag's files were copied one by one
+        files = sorted(f.name for f in path.iterdir() if f.suffix in (".mcap", ".db3"))
+        if files:
+            wanted = "a session folder, or a ROS 2 bag with its metadata.yaml"
+            raise SessionError(
+                str(path), got=f"{shown(files[0])} and neither session.toml nor metadata.yaml", wanted=wanted
+            )
     return load_folder(path, rig_path)
 
 

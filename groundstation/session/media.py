@@ -1,7 +1,9 @@
 """The pictures of a session: which medium each station has, and whether it fits the rig."""
 
 import errno
+import itertools
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -13,6 +15,7 @@ from groundstation.errors import InputError, SessionError
 from groundstation.files.image_header import IMAGE_SUFFIXES, MAX_PICTURE_PX, is_decodable
 from groundstation.files.matroska_tables import repeats_tables
 from groundstation.files.text_file import absence, is_other_kind
+from groundstation.files.toml_table import shown
 from groundstation.rig.rig import Rig
 
 # two of these for one station are ambiguous, which is an error
@@ -59,8 +62,25 @@ def find_media(folder: Path, rig: Rig) -> dict[str, Medium]:
     for name in rig.names:
         if name not in found:
             wanted = f"{name}.mp4 (or another video) or a folder {name}/ of 000000.png …"
-            raise SessionError(str(folder), got=f"no pictures of station {name}", wanted=wanted)
+            got = f"no pictures of station {name}{_dead_link(folder, name)}"
+            raise SessionError(str(folder), got=got, wanted=wanted)
+    _require_own_videos(found)
     return found
+
+
+def _dead_link(folder: Path, name: str) -> str:
+    """Return in brackets which link of a station's name leads nowhere; nothing if there is none."""
+    links = [f for f in sorted(folder.glob(f"{name}*")) if f.stem == name and f.is_symlink() and not f.exists()]
+    return f" ({links[0].name} is a link to {shown(str(links[0].readlink()))}, which is not there)" if links else ""
+
+
+def _require_own_videos(media: Mapping[str, Medium]) -> None:
+    """Raise `SessionError` if two stations have one video, by links. Copies are told by their pictures' motion."""
+    videos = {name: medium.path for name, medium in media.items() if medium.kind is MediumKind.VIDEO}
+    for (first, one), (second, other) in itertools.combinations(videos.items(), 2):
+        if one.samefile(other):
+            got = f"one file for {first} and {second}"
+            raise SessionError(f"{one.name}, {other.name}", got=got, wanted="each station's own video")
 
 
 def _medium(folder: Path, name: str) -> Medium | None:

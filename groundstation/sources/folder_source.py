@@ -50,6 +50,7 @@ class FolderSource:
         self._readers: dict[str, PictureReader] = {}
         self._table: FrameTable | None = None
         self._angles: FrameAnglesTable
+        self._angle_notes: list[str] = []
         self._labels: dict[str, FloatArray] = {}
         # stamps of the first and the last picture or pixel; an epoch's own stamp is a mean
         self._observed_span_s = (0.0, 0.0)
@@ -74,6 +75,13 @@ class FolderSource:
 
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
         self._open.close()
+
+    def notes(self, most_apart_s: float) -> list[str]:
+        """Return what does not fit together in the tables: stretches without readings, angles of no frame.
+
+        Between readings further apart than ``most_apart_s`` nothing is interpolated.
+        """
+        return self._readings.notes(self._observed_span_s, most_apart_s) + self._angle_notes
 
     def __iter__(self) -> Iterator[Event]:
         """Yield all events in order of session time, then raise the fault of the recording, if any."""
@@ -107,6 +115,8 @@ class FolderSource:
         beyond = bool(np.any(times[timed] > self._to))
         self._fault = None if beyond else table.fault
         self._check_range("frames.csv", times[timed])
+        if table.fault is None:
+            self._angle_notes = self._angles.notes(table.stamps_s)
         everything = table.fault is None and not np.isfinite(self._from) and not np.isfinite(self._to)
         self._whole = everything and bool(timed[-1])
         self._listed = {n: int(numbers.max()) + 1 for n, numbers in table.numbers.items()}

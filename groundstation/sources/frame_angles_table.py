@@ -1,5 +1,8 @@
 """frame_angles.csv: what pictures told of their heads' angles in operation, by station and stamp of the frame."""
 
+from collections.abc import Mapping
+
+from groundstation.arrays import FloatArray
 from groundstation.errors import SessionError
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.toml_table import quoted
@@ -46,3 +49,15 @@ class FrameAnglesTable:
     def of_frame(self, station: str, t_s: float) -> FrameAngles | None:
         """Return the angles of a station's frame of a session time, None where its picture told none."""
         return self._rows.get((station, t_s))
+
+    def notes(self, stamps_s: Mapping[str, FloatArray]) -> list[str]:
+        """Return a note on the rows that are none of the frames, whose times are ``stamps_s`` by station."""
+        frames = {name: set(times.tolist()) for name, times in stamps_s.items()} if self._rows else {}
+        unused = [(name, t_s) for name, t_s in self._rows if t_s not in frames.get(name, ())]
+        if not unused:
+            return []
+        name, t_s = unused[0]
+        return [
+            f"{NAME}: {len(unused)} of {len(self._rows)} rows are of no frame and are not used, the first of {name} at "
+            f"{t_s:.13g} s: frames.csv has no such time"
+        ]

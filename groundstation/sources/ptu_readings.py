@@ -13,6 +13,7 @@ from groundstation.rig.ptu_axes import AxisCorrection
 from groundstation.session import Session
 from groundstation.session.folder import ptu_table
 from groundstation.session.time_units import picture_unit_hint, unit_hint
+from groundstation.sources.reading_gaps import ReadingGaps, gap_notes
 
 # no head turns further; thousandths of degrees and encoder counts are beyond it
 _MOST_DEG = 3600.0
@@ -39,6 +40,15 @@ class PtuReadings:
         self._stream: Iterator[PtuSample] = iter(())
         self._next: PtuSample | None = None
         self._read_s = (np.inf, -np.inf)
+        self._gaps: dict[str, ReadingGaps] = {name: ReadingGaps() for name in self._clocks}
+
+    def notes(self, span_s: tuple[float, float], most_apart_s: float) -> list[str]:
+        """Return notes on stretches of a span without a reading among those handed out, longer than ``most_apart_s``.
+
+        A fault that ended the stream speaks for what follows it.
+        """
+        to_s = span_s[1] if self.fault is None else min(span_s[1], self.newest_s)
+        return gap_notes(self._gaps, self._file, (span_s[0], to_s), most_apart_s)
 
     def start(self, from_s: float, to_s: float) -> None:
         """Seek the first reading at or after ``from_s``.
@@ -58,6 +68,9 @@ class PtuReadings:
                 got = f"readings from {first:.13g} to {last:.13g} s{picture_unit_hint(self._read_s, from_s, to_s)}"
             if self._next is not None:
                 got = f"a first reading at {first:.13g} s{self._unit_hint(first, to_s)}"
+                if self.fault is not None:
+                    # times that go backwards
+                    raise self.fault
             wanted = f"readings around the frames, {from_s:.13g} to {to_s:.13g} s of the session's clock"
             raise SessionError(self._table.path.name, got=got, wanted=wanted)
 
@@ -71,6 +84,7 @@ class PtuReadings:
         """Yield all readings not handed out yet, up to session time ``t_s``."""
         while self._next is not None and self._next.t_s <= t_s:
             self.newest_s = self._next.t_s
+            self._gaps[self._next.station].add(self._next.t_s)
             yield self._next
             self._next = next(self._stream, None)
 
@@ -78,14 +92,14 @@ class PtuReadings:
         """Return whether a fault has ended the stream and all before it has been handed out, earlier than ``t_s``."""
         return self.fault is not None and self._next is None and self.newest_s < t_s
 
-    def _require_one_time(self, row: Sequence[PtuSample]) -> None:
+    def _require_one_time(self, table: CsvTable, line: int, row: Sequence[PtuSample]) -> None:
         """Raise `SessionError` if the stations' clocks spread the readings of a row."""
         if len(row) < 2:
             return
         first, *_, last = sorted(row, key=lambda sample: sample.t_s)
         if last.t_s - first.t_s > _CLOCKS_APART_S:
             got = f"{first.station} at {first.t_s:.13g} s and {last.station} at {last.t_s:.13g} s by their ptu_clock"
-            raise SessionError(f"{self._file}: a row", got=got, wanted=f"at most {_CLOCKS_APART_S:g} s between them")
+            raise table.fault(line, got=got, wanted=f"at most {_CLOCKS_APART_S:g} s between them")
 
     def _readings(self, table: CsvTable, from_s: float) -> Iterator[PtuSample]:
         waiting: list[tuple[float, int, PtuSample]] = []
@@ -101,7 +115,7 @@ class PtuReadings:
                 self._read_s = (min(self._read_s[0], settled), max(self._read_s[1], *times.values()))
                 # the whole row first: of a row at fault nothing is used
                 samples = [_reading(table, row, name, t_s, *cells[name]) for name, t_s in times.items()]
-                self._require_one_time([sample for sample in samples if sample is not None])
+                self._require_one_time(table, row.line, [sample for sample in samples if sample is not None])
                 for sample in samples:
                     if sample is not None and sample.t_s >= from_s:
                         number += 1

@@ -6,6 +6,7 @@ _WORDS = {
     "late_ptu": "PTU readings came too late to be used",
     "late_frames": "frames came too late to be used",
     "ptu_spikes": "PTU readings rejected: outliers that the next reading did not confirm",
+    "ptu_repeats": "PTU readings not used: the same to the last digit as many before, although encoders have noise",
     "references_refused": "positions of the reference receiver refused",
     "stations_lost": "times a station delivered nothing for a while",
     "stations_doubted": "times a station was suspected of a wrong calibration",

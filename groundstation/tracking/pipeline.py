@@ -149,7 +149,7 @@ class Pipeline:
         return {
             "late_ptu": late.ptu - fused["fused_late_ptu"],
             "late_frames": late.frames - fused["fused_late_frames"],
-            "ptu_spikes": self._encoders.spikes,
+            **self._encoders.counts(),
             "references_refused": self._references.refused + late.references - self._references.fused_late,
             "stations_lost": health.lost,
             "stations_doubted": health.monitor.doubts,

@@ -126,3 +126,12 @@ def test_an_unknown_option_is_told_with_its_commands_usage(
     assert told.startswith(usage)
     assert "unrecognized arguments: " in told.splitlines()[-1]
     assert said in told
+
+
+def test_a_path_that_the_shell_left_with_a_tilde_is_in_the_home(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: as of ``--config=~/none.toml``, where a shell expands nothing."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert main(["config", "--config=~/none.toml"]) == 1
+    assert f"{tmp_path}/none.toml: got no such file" in capsys.readouterr().err

@@ -10,9 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.cli.main import main
+from groundstation.conversion.import_session import _behind
 from groundstation.conversion.video_frame_pairing import frames_csv
 from groundstation.conversion.video_stamps import read_video_stamps
 from groundstation.errors import InputError
+from groundstation.messages import DgpsFix
+from groundstation.rig.rig import load_rig
 from groundstation.session import load_dgps, load_session
 from groundstation.sources.frame_table import read_frames
 from tests.complaints import complaint
@@ -213,6 +216,89 @@ def test_offsets_a_frame_table_and_no_log(parts: Path) -> None:
     shutil.rmtree(parts / "session")
     # a log in UTC next to times of an unknown clock
     assert run(parts, "--frames", str(parts / "times.csv"), without=starts) == 2
+    # times of the table and a start say two things
+    assert run(parts, "--frames", str(parts / "times.csv"), without=("--dgps",)) == 2
+
+
+HEAD = "left_pan_deg,left_tilt_deg,right_pan_deg,right_tilt_deg"
+
+
+@pytest.mark.parametrize(
+    ("table", "more", "message"),
+    [
+        ("index,left_t_s,right_t_s\n0,0.5,0.5\n", (), "angles.csv: line 1: got index, left_t_s, right_t_s; wanted"),
+        (
+            f"t_s;{HEAD.replace(',', ';')}\n0,5;0;1;2;3\n",
+            (),
+            "got cells separated by semicolons; wanted commas between",
+        ),
+        (f"t_s,{HEAD}\n0.5,0,1,2,3\n0.4,0,1,2,3\n", (), "line 3: got t_s = 0.4, an earlier time than the row before"),
+        (
+            f"unix_s,{HEAD}\n1746705591500,0,1,2,3\n",
+            (),
+            "line 2: got unix_s = '1746705591500', which would be a time of our days in milliseconds; wanted seconds",
+        ),
+        (
+            f"unix_s,{HEAD}\n1746705591500000000,0,1,2,3\n",
+            (),
+            "which would be a time of our days in nanoseconds; wanted seconds since 1970",
+        ),
+        (None, ("--span", "230"), "--span, --antenna: span_m: got 230.0; wanted a finite number > 0 ≤ 200"),
+        (None, ("--antenna", "-400,0,-100"), "--span, --antenna: antenna_in_body_m: got [-400.0, 0.0, -100.0]; wanted"),
+        (
+            None,
+            ("--antenna", "-40,0,-10", "--span", "2.3"),
+            "antenna_in_body_m: got [-40.0, 0.0, -10.0]; wanted metres from the nose, on an aircraft of 2.3 m span",
+        ),
+    ],
+)
+def test_what_cannot_be_right_is_told_before_the_videos_are_read(
+    parts: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    table: str | None,
+    more: tuple[str, ...],
+    message: str,
+) -> None:
+    monkeypatch.delattr("groundstation.conversion.import_session.read_video_stamps")
+    if table is not None:
+        (parts / "angles.csv").write_text(table)
+    assert run(parts, *more) == 1
+    assert message in capsys.readouterr().err
+
+
+def test_angles_of_a_local_time_are_named(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(parts, "--ptu-start", "2025-05-08T13:59:51Z") == 1
+    printed = capsys.readouterr().err
+    assert "got angles from 7200.00 to 7202.95 s, which would fit 2 h earlier: a local time?; wanted some" in printed
+
+
+def test_an_azimuth_in_radians_is_named(parts: Path) -> None:
+    """Expected: of positions that lie ahead at 200°, and behind at 3.49°."""
+    fixes = [DgpsFix(t_s=float(k), position_runway_m=np.array([0.0, -300.0, 20.0])) for k in range(4)]
+    rig = load_rig(parts / "rig.toml")
+    (note,) = _behind(fixes, rig, 3.4906585, "flight.nmea")
+    assert note.endswith("lie behind the stations at --azimuth 3.49066; if that is in radians, it is --azimuth 200")
+    (note,) = _behind(fixes, rig, 0.1, "flight.nmea")
+    assert note.endswith("if the runway is the other way round, it is --azimuth 180.1")
+
+
+def test_videos_called_as_the_other_station_are_noted(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (parts / "L.avi").rename(parts / "right.avi")
+    (parts / "R.avi").rename(parts / "Left.avi")
+    for one, other in (("L", "right"), ("R", "Left")):
+        (parts / f"{one}.avi").symlink_to(f"{other}.avi")
+    assert run(parts) == 0
+    assert "is given as" not in capsys.readouterr().err
+    shutil.rmtree(parts / "session")
+    for link in "LR":
+        (parts / f"{link}.avi").unlink()
+    words = ["--rig", parts / "rig.toml", "--ptu", parts / "angles.csv", "--out", parts / "session"]
+    starts = ["--left-start", "0", "--right-start", "0"]
+    assert main(["import", str(parts / "right.avi"), str(parts / "Left.avi"), *map(str, words), *starts]) == 0
+    printed = capsys.readouterr().err
+    assert "right.avi is given as the video of left: is it that of right?" in printed
+    assert "Left.avi is given as the video of right: is it that of left?" in printed
 
 
 def test_angles_in_utc_and_unix_time(parts: Path) -> None:

@@ -388,6 +388,9 @@ def test_a_run_without_a_track_is_refused_before_anything_is_written(
     assert main(["convert", str(written[0]), str(tmp_path / "bag"), "--ros2", "--run", str(tmp_path)]) == 1
     assert "track.csv" in capsys.readouterr().err
     assert not (tmp_path / "bag").exists()
+    assert main(["convert", str(written[0]), str(tmp_path / "bag.mcap"), "--ros2"]) == 2
+    assert "OUT: got " in (reported := capsys.readouterr().err)
+    assert "bag.mcap; wanted a new folder's name with --ros2: a bag is a folder" in reported
 
 
 def test_a_reference_without_sigma_has_none_afterwards(tmp_path: Path) -> None:

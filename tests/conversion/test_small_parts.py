@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.conversion.angle_table import ptu_csv
+from groundstation.conversion.angle_table import read_angle_table
 from groundstation.conversion.import_clock import ImportClock
 from groundstation.conversion.import_session import _after
 from groundstation.errors import SessionError
@@ -25,4 +25,4 @@ def test_a_table_without_a_time_shows_its_first_columns(tmp_path: Path) -> None:
     (tmp_path / "angles.csv").write_text(f"{angles},a,b,c\n1,2,3,4,5,6,7\n")
     clock = ImportClock.__new__(ImportClock)
     with pytest.raises(SessionError, match=r"got left_pan_deg, .*, a, b; wanted a column t_s, utc or unix_s"):
-        ptu_csv(tmp_path / "angles.csv", rig, clock, 0.0, 1.0)
+        read_angle_table(tmp_path / "angles.csv", rig, clock)

@@ -37,12 +37,33 @@ def reference(position: FloatArray) -> ReferenceSeries:
         (lambda p: p[:, [1, 0, 2]] * np.array([-1.0, 1.0, 1.0]), "x and y exchanged and one of them reversed"),
         (lambda p: 0.5 * p, "the track 2 times as far away as the DGPS log has it"),
         (lambda p: 0.3048 * p, "the track taken as feet"),
+        (lambda p: p * np.array([1.0, 1.0, -1.0]), "0.0 m with z reversed in the DGPS log"),
+        (
+            lambda p: p + [0.0, 0.0, 47.8],
+            "another origin or height of the DGPS log, which moves it by x +0, y +0, z -48",
+        ),
+        (lambda p: p + [465000.0, 5250000.0, 455.0], "which moves it by x -465000, y -5250000, z -455 m"),
+        (
+            lambda p: p @ np.array([[0.866, 0.5, 0.0], [-0.5, 0.866, 0.0], [0.0, 0.0, 1.0]]).T,
+            "the DGPS log turned by 30.0° to the left: is the azimuth of +y another?",
+        ),
     ],
 )
 def test_a_usual_fault_is_named(stored, words):
     line = reference_contradiction(track(path(TIMES_S)), reference(stored(path(REFERENCE_S))), 3.0, "the DGPS log")
     assert line is not None
     assert words in line
+
+
+@pytest.mark.parametrize("off_s", [18.0, -18.0, 7.0])
+def test_a_clock_that_is_off_by_more_than_is_looked_for_is_named(off_s):
+    """Expected: as by leap seconds: the reference's times lead by 18 s."""
+    times = np.arange(-30.0, 40.0, 0.2)
+    sigma = np.full((len(times), 3), 0.05)
+    late = ReferenceSeries(t_s=times, position_m=path(times - off_s), sigma_m=sigma)
+    line = reference_contradiction(track(path(TIMES_S)), late, 3.0, "the DGPS log")
+    assert line is not None
+    assert f"the times of the DGPS log {abs(off_s):.1f} s {'earlier' if off_s > 0.0 else 'later'}" in line
 
 
 def test_a_fault_of_no_known_kind_is_reported_without_a_name():

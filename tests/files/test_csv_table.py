@@ -56,7 +56,8 @@ def test_an_empty_cell_is_absent_or_a_fault(tmp_path: Path) -> None:
 
 
 def test_a_missing_column_is_named_with_the_existing_ones(tmp_path: Path) -> None:
-    assert fault_of(tmp_path, "t_s;x_m\n1;2\n") == "table.csv: line 1: got t_s;x_m; wanted a column t_s"
+    expected = "table.csv: line 1: got cells separated by semicolons; wanted commas between them, and points in numbers"
+    assert fault_of(tmp_path, "t_s;x_m\n1;2\n") == expected
     assert fault_of(tmp_path, "") == "table.csv: line 1: got nothing; wanted a column t_s"
     assert fault_of(tmp_path, "\n\n") == "table.csv: line 1: got nothing; wanted a column t_s"
 
@@ -82,6 +83,9 @@ def test_bytes_that_are_no_text_spoil_their_own_row_only(tmp_path: Path) -> None
 def test_numbers_beyond_all_measure_and_of_other_scripts(tmp_path: Path) -> None:
     wanted = "wanted a number of at most 1e+12 in size"
     assert fault_of(tmp_path, "t_s,x_m\n1,-2e12\n") == f"table.csv: line 2: got x_m = '-2e12'; {wanted}"
+    assert fault_of(tmp_path, "t_s,x_m\n1,2\n1779010218007299840,2\n").endswith(
+        "in size, in seconds: neither milliseconds nor nanoseconds"
+    )
     assert "line 2: got x_m = '１２'; wanted a finite number" in fault_of(tmp_path, "t_s,x_m\n1,１２\n")
 
 
@@ -140,3 +144,23 @@ def test_utf_16_is_named(tmp_path: Path) -> None:
     path.write_bytes("t_s,x_m\n1,2\n".encode("utf-16"))
     with pytest.raises(SessionError, match="got text in UTF-16; wanted a table in UTF-8"):
         CsvTable(path, ["t_s"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"t_s;a;b\n0,5;1;2\n", "t.csv: line 1: got cells separated by semicolons; wanted commas between them, and"),
+        (b"t_s\ta\tb\n0.5\t1\t2\n", "t.csv: line 1: got cells separated by tabs; wanted commas between them"),
+        (
+            b"PK\x03\x04\x14\x00\x06\x00xl/workbook.xml",
+            "t.csv: got a workbook or another ZIP file; wanted a table saved",
+        ),
+        # a name may have a semicolon
+        (b"x;y\n1\n", "t.csv: line 1: got x;y; wanted a column t_s"),
+    ],
+)
+def test_what_spreadsheets_write_is_named(tmp_path: Path, text: bytes, message: str) -> None:
+    (tmp_path / "t.csv").write_bytes(text)
+    with pytest.raises(SessionError) as refused:
+        CsvTable(tmp_path / "t.csv", ["t_s", "a"])
+    assert str(refused.value).startswith(message)

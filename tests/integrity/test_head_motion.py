@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.angle_series import AngleSeries
-from groundstation.integrity.head_motion import HeadMotionMonitor
+from groundstation.integrity.head_motion import HeadMotionMonitor, fault_lines
 from groundstation.integrity.reading_hypothesis import GRADIAN_DEG
 from groundstation.messages import Frame, PtuSample
 from groundstation.picture import BgrPicture
@@ -58,6 +58,12 @@ def picture(scene: NDArray[np.uint8], pan_rad: float, tilt_rad: float) -> BgrPic
     return BgrPicture(np.repeat(grey[:, :, None], 3, axis=2))
 
 
+def noisy(seen: BgrPicture, rng: np.random.Generator, sigma: float) -> BgrPicture:
+    """A picture as a sensor takes it again: with noise of so many grey levels."""
+    pixels = seen.whole()
+    return BgrPicture(np.clip(pixels + rng.normal(0.0, sigma, pixels.shape), 0, 255).astype(np.uint8))
+
+
 def watched(
     rng: np.random.Generator,
     stored: Stored = lambda name, t_s, pan, tilt: (name, t_s, pan, tilt),
@@ -80,6 +86,7 @@ def watched(
     for epoch, t_s in enumerate(np.arange(0.0, duration_s, 0.2)):
         for name in NAMES:
             seen = picture(scene, *angles(name, 0.0 if resting else t_s))
+            seen = noisy(seen, rng, 1.0) if resting else seen
             monitor.add_frame(Frame(t_s=t_s, station=name, epoch=epoch, image=seen))
     return monitor
 
@@ -114,6 +121,18 @@ def test_a_fault_of_the_readings_is_named(rng: np.random.Generator, fault: str) 
             assert got == pytest.approx(value, rel=0.02, abs=0.06), one
         assert one.agreeing > 0.8 * one.pairs
         assert one.agreeing_as_stored < 0.3 * one.pairs
+
+
+@pytest.mark.parametrize(("tilt_from", "sign"), [("zenith", -1.0), ("nadir", 1.0)])
+def test_a_tilt_that_is_not_counted_from_the_horizon_is_named(
+    rng: np.random.Generator, tilt_from: str, sign: float
+) -> None:
+    found = watched(rng, lambda n, t, p, q: (n, t, p, math.pi / 2.0 + sign * q)).faults()
+    assert [f.station for f in found] == list(NAMES)
+    for one in found:
+        assert one.hypothesis is not None
+        assert one.hypothesis.words().startswith(f"tilt counted from the {tilt_from}, where")
+        assert one.agreeing > 0.9 * one.pairs
 
 
 def test_exchanged_stations_are_named(rng: np.random.Generator) -> None:
@@ -155,6 +174,25 @@ def test_an_even_sky_is_no_evidence(rng: np.random.Generator, stored: Stored) ->
 def test_a_scene_that_does_not_move_is_no_evidence(rng: np.random.Generator) -> None:
     """Expected: a target that fills the picture is followed by the head, and rests in it."""
     assert watched(rng, resting=True).faults() == ()
+
+
+def still(rng: np.random.Generator, noise: float) -> HeadMotionMonitor:
+    """A head that turns, of which one picture is there over and over, with noise of so many grey levels."""
+    scene, monitor = panorama(rng), HeadMotionMonitor({"left": geometry()}, {"left": math.radians(0.01)})
+    for t_s in np.arange(0.0, DURATION_S, 0.02):
+        pan, tilt = angles_at("left", t_s)
+        monitor.add_reading(PtuSample(t_s=t_s, station="left", pan_rad=pan, tilt_rad=tilt))
+    one = picture(scene, *angles_at("left", 0.0))
+    for epoch, t_s in enumerate(np.arange(0.0, DURATION_S, 0.2)):
+        monitor.add_frame(Frame(t_s=t_s, station="left", epoch=epoch, image=noisy(one, rng, noise)))
+    return monitor
+
+
+def test_a_frozen_video_is_named(rng: np.random.Generator) -> None:
+    """Expected: the same picture again and again, not one that a camera took again of what rests in it."""
+    (line,) = fault_lines(still(rng, 0.0).faults())
+    assert "of its pictures are one and the same while its head turns by its angles" in line
+    assert still(rng, 2.0).faults() == ()
 
 
 @pytest.mark.parametrize("pan_rate_deg_s", [0.0, 0.5])

@@ -113,6 +113,28 @@ def test_exchanged_pixels_of_fixed_stations_are_named(rng: np.random.Generator, 
         assert "the pixels of left and right exchanged (100 of 100)" in found.line()
 
 
+def test_exchanged_lenses_are_named_and_what_the_pictures_refute_is_not(rng: np.random.Generator) -> None:
+    """Expected: principal points 40 px apart are 0.34°; a focal length explains that only against the motion."""
+    rig = make_rig()
+    left, right = rig.stations
+    shifted = replace(right.lens, principal_point_px=right.lens.principal_point_px - 40.0)
+    true = {"left": left.geometry(), "right": replace(right, lens=shifted).geometry()}
+    stored = {"left": true["left"].with_lens(shifted), "right": true["right"].with_lens(left.lens)}
+    monitor = RayAgreementMonitor(stored, NAMES)
+    for epoch, t_s in enumerate(np.arange(0.0, 12.0, 0.1)):
+        for name, geometry in true.items():
+            pan, tilt = aim(geometry, glide(t_s))
+            seen = geometry.project(glide(t_s), pan, tilt)
+            assert seen is not None
+            u, v = seen.pixel + rng.normal(0.0, 0.5, 2)
+            list(monitor.watched([PtuSample(t_s=t_s, station=name, pan_rad=pan, tilt_rad=tilt)]))
+            monitor.add_pixel(epoch, name, t_s, (u, v))
+    found = monitor.fault(lambda name, reading: reading.focal_factor != 1.0)
+    assert found is not None
+    assert "with the lenses of left and right exchanged" in found.line()
+    assert monitor.fault(lambda name, reading: True) is not None
+
+
 @pytest.mark.parametrize("factor", [0.1, 4.0])
 def test_a_wrong_focal_length_is_named(rng: np.random.Generator, factor: float) -> None:
     """Expected: with a wobble of the heads, so that the target is not always in the middle."""

@@ -365,6 +365,8 @@ def test_a_frozen_encoder_is_detected() -> None:
             frozen.append(e)
     flown = Flown(frozen, rig=rig)
     assert any("repeats one reading" in e.text for e in flown.events)
+    # 100 readings, less those that it takes to tell
+    assert 50 <= flown.pipeline.counts["ptu_repeats"] < 100
     assert any("change again" in e.text for e in flown.events)
     assert TrackStatus.TRACKING not in flown.statuses(6.5, 7.9)
     assert flown.statuses(8.5, 12.0) == {TrackStatus.TRACKING}

@@ -99,6 +99,26 @@ def test_clocks_and_covariance(tmp_path: Path) -> None:
             "ptu_sigma_deg: got 36; wanted a finite number",
         ),
         (
+            "ptu_resolution_deg",
+            "camera_in_head_m = [11, 64, 47]\nptu_resolution_deg",
+            "camera_in_head_m: got [11.0, 64.0, 47.0]; wanted metres from the axes, at most 5",
+        ),
+        (
+            "ptu_resolution_deg",
+            "readout_s = 33\nptu_resolution_deg",
+            "readout_s: got 33; wanted seconds, at most 1 either",
+        ),
+        (
+            "ptu_resolution_deg",
+            "distortion = [0.0004, -0.0003, -0.212, 0.63, 0.0]\nptu_resolution_deg",
+            "distortion: got p1 = -0.212 and p2 = 0.63, which displace a corner by",
+        ),
+        (
+            "ptu_resolution_deg",
+            "covariance = { parameters = ['runway_from_base.z'], matrix = [[400.0]] }\nptu_resolution_deg",
+            "matrix: got a variance of 400 for runway_from_base.z; wanted rad² of at most 1",
+        ),
+        (
             "focal_px",
             "focal_length_px",
             "station left: focal_length_px: got an unknown key; wanted one of camera_clock",

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from groundstation.conversion.angle_table import ptu_csv
+from groundstation.conversion.angle_table import read_angle_table
 from groundstation.conversion.import_clock import ImportClock
 from groundstation.conversion.video_stamps import read_video_stamps
 from groundstation.errors import InputError, RecordingError, SessionError
@@ -119,7 +119,7 @@ def session_targets(folder: Path) -> dict[str, Callable[[], object]]:
         "rig.toml": lambda: load_rig(folder / "rig.toml"),
         "session.toml": lambda: load_session(folder),
         "config.toml": lambda: load_config(folder / "config.toml"),
-        "angles.csv": lambda: ptu_csv(folder / "angles.csv", session.rig, clock, 1.0, 1.3),
+        "angles.csv": lambda: read_angle_table(folder / "angles.csv", session.rig, clock).require_overlap(1.0, 1.3),
         "visibility.csv": lambda: read_visibility(session),
         "masks.npz": lambda: SilhouetteArchive(session).find("left", 0),
         "left/000001.png": lambda: _played(folder),

@@ -1,5 +1,6 @@
 import errno
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -321,3 +322,30 @@ def test_what_may_not_be_read_is_called_so(name: str, tmp_path: Path, monkeypatc
     reported = complaint(SessionError, lambda: load_session(folder))
     wanted = "a file" if name else "a folder"
     assert reported == f"{name or folder}: got {os.strerror(errno.EACCES)}; wanted {wanted} that can be read"
+
+
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+def test_one_video_for_two_stations_is_refused(tmp_path: Path, link: Callable[[Path, Path], None]) -> None:
+    folder = Tiny(rows=3, video="avi").write(tmp_path)
+    load_session(folder)
+    (folder / "right.avi").unlink()
+    link(folder / "right.avi", folder / "left.avi")
+    reported = complaint(SessionError, lambda: load_session(folder))
+    assert reported == "left.avi, right.avi: got one file for left and right; wanted each station's own video"
+
+
+@pytest.mark.parametrize("name", ["bag.mcap", "bag_0.db3"])
+def test_a_bag_without_its_metadata_is_named(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"")
+    reported = complaint(SessionError, lambda: load_session(tmp_path))
+    assert f"got {name} and neither session.toml nor metadata.yaml; wanted a session folder, or a ROS 2 bag" in reported
+
+
+def test_a_link_to_nowhere_is_named(tmp_path: Path) -> None:
+    folder = Tiny(rows=3, video="avi").write(tmp_path)
+    (folder / "right.avi").unlink()
+    (folder / "right.avi").symlink_to("/media/usb/right.avi")
+    reported = complaint(SessionError, lambda: load_session(folder))
+    assert (
+        "got no pictures of station right (right.avi is a link to /media/usb/right.avi, which is not there)" in reported
+    )

@@ -1,5 +1,5 @@
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -10,6 +10,7 @@ from groundstation.messages import Frame
 from groundstation.session import load_session
 from groundstation.sources.folder_source import FolderSource
 from groundstation.sources.ptu_readings import PtuReadings
+from groundstation.sources.reading_gaps import ReadingGaps, gap_notes
 from tests.complaints import complaint
 from tests.session.folder import Tiny
 
@@ -49,7 +50,7 @@ def test_a_clock_that_takes_one_station_away_is_named(tmp_path: Path, offset_s: 
     """Expected: as where the offset to an epoch is stated of one station."""
     clock = {"right": f"ptu_clock = {{ offset_s = {offset_s} }}"}
     reported = complaint(SessionError, lambda: opened(tmp_path, rig_more=clock))
-    assert reported == f"ptu.csv: a row: got {got} by their ptu_clock; wanted at most 3600 s between them"
+    assert reported == f"ptu.csv: line 2: got {got} by their ptu_clock; wanted at most 3600 s between them"
 
 
 def test_it_starts_at_the_requested_time(tmp_path: Path) -> None:
@@ -98,3 +99,56 @@ def test_a_long_table_is_streamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         assert rows < 20
         assert len(list(frames)) == 14
     assert rows < 50
+
+
+@pytest.mark.parametrize(
+    ("without", "span_s", "notes"),
+    [
+        (lambda t_s, name: False, (0.6, 2.6), []),
+        (
+            lambda t_s, name: 1.22 < t_s < 1.88,
+            (1.0, 2.0),
+            ["ptu.csv: no readings of left and right from 1.20 to 1.90 s: pictures have no angles there"],
+        ),
+        (
+            lambda t_s, name: name == "left" and t_s > 1.52,
+            (1.0, 2.0),
+            ["ptu.csv: no readings of left from 1.50 to 2.00 s: pictures have no angles there"],
+        ),
+        (
+            lambda t_s, name: name == "right",
+            (1.0, 2.0),
+            ["ptu.csv: no readings of right from 1.00 to 2.00 s: pictures have no angles there"],
+        ),
+    ],
+)
+def test_stretches_without_readings_are_noted(
+    tmp_path: Path, without: Callable[[float, str], bool], span_s: tuple[float, float], notes: list[str]
+) -> None:
+    """Expected: as where a log was cut, ended early, or has an empty column."""
+    folder = Tiny(rows=1, video="png").write(tmp_path)
+    head, *rows = (folder / "ptu.csv").read_text().split()
+    cut = []
+    for cells in (row.split(",") for row in rows):
+        for k, name in ((1, "left"), (3, "right")):
+            if without(float(cells[0]), name):
+                cells[k : k + 2] = ["", ""]
+        cut.append(",".join(cells))
+    (folder / "ptu.csv").write_text("\n".join([head, *cut]) + "\n")
+    readings = PtuReadings(load_session(folder))
+    readings.start(-1e9, 1e9)
+    list(readings.until(1e9))
+    assert readings.notes(span_s, 0.25) == notes
+
+
+def test_of_many_stretches_the_longest_are_named() -> None:
+    gaps = ReadingGaps()
+    for k in range(100):
+        gaps.add(float(k))
+    gaps.add(104.0)
+    notes = gap_notes({"left": gaps}, "ptu.csv", (0.0, 108.0), 0.5)
+    assert notes == [
+        "ptu.csv: no readings of left from 99.00 to 104.00 s: pictures have no angles there",
+        "ptu.csv: no readings of left from 104.00 to 108.00 s: pictures have no angles there",
+        "ptu.csv: 19 or more other stretches of over 0.5 s without readings",
+    ]

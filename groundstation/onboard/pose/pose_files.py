@@ -24,6 +24,8 @@ POSE_COLUMNS = (
     "filename", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "range_m", "reprojection_px", "status",
 )  # fmt: skip
 _CORNER_COLUMNS = tuple(f"{axis}_{corner}" for corner in "ABCD" for axis in "xy")
+# in radians a runway's coordinates are a fifty-seventh of its size apart
+_NARROWEST_M = 2.0
 _MOST_BYTES = 50_000_000
 _MOST_NAMES = 12
 _NAME = re.compile(r"^(?P<airport>[^_]+)_(?P<runway>[^_]+)_")
@@ -64,6 +66,9 @@ def read_corners(path: Path) -> Iterator[CornerRow]:
         values = [table.optional_number(row, column) for column in _CORNER_COLUMNS]
         present = [value for value in values if value is not None]
         pixels = np.array(present).reshape(4, 2) if len(present) == len(values) else None
+        if pixels is not None and np.all((pixels >= 0.0) & (pixels <= 1.0)):
+            got = f"corners from {pixels.min():g} to {pixels.max():g}"
+            raise table.fault(row.line, got=got, wanted="px, not shares of the picture")
         where = f"{path.name}: line {row.line}"
         yield CornerRow(where=where, filename=name, airport=match["airport"], runway=match["runway"], pixels=pixels)
     if not pictures:
@@ -126,10 +131,19 @@ class Runways:
             made = runway_from_geodetic(first, second)
         else:
             made = runway_from_geodetic(second, first)
+        _require_degrees(where, places, made)
         if not (made.length_m > 10.0 and made.width_m > 1.0):
             got = f"{made.length_m:.1f} m by {made.width_m:.1f} m"
             raise PoseError(where, got=got, wanted="a runway, A and B at one end, C and D at the other")
         return made
+
+
+def _require_degrees(where: str, places: FloatArray, made: Runway) -> None:
+    """Raise where coordinates (4, 3) are in radians: a runway that has a size only if they are."""
+    small = np.all(np.abs(places[:, 0]) <= 0.5 * np.pi) and np.all(np.abs(places[:, 1]) <= np.pi)
+    if small and made.width_m < _NARROWEST_M and np.degrees(made.width_m) > _NARROWEST_M:
+        got = f"a runway of {made.length_m:.0f} m by {made.width_m:.2f} m at latitude {places[0, 0]:.4g}"
+        raise PoseError(where, got=got, wanted="degrees; are these radians?")
 
 
 def _some(table: Mapping[str, Any]) -> str:

@@ -13,6 +13,7 @@ from calibration.errors import IntrinsicsError
 from calibration.lens.lens_files import format_of, read_lens, write_lens
 from calibration.lens.model import CalibratedLens, without_k3
 from calibration.lens.plain_yaml import parse_yaml
+from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.geometry.camera import Lens
 from groundstation.rig.rig import load_rig
@@ -202,3 +203,14 @@ def test_a_lens_without_k3_is_nearly_the_same() -> None:
     assert moved < 1.3 * reduced.worst_px < 0.3
     assert reduced.calibrated.lens.distortion[4] == 0.0
     assert np.all(reduced.calibrated.covariance[8] == 0.0)
+
+
+def test_a_focal_length_in_millimetres_is_not_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: a rig file would refuse it as well."""
+    (tmp_path / "ros.yaml").write_text(
+        ROS.replace("{0}", ROS_FIVE).replace("438.783367", "25").replace("437.302876", "25")
+    )
+    assert main(["calibrate", "convert-lens", str(tmp_path / "ros.yaml"), str(tmp_path / "lens.toml")]) == 1
+    reported = capsys.readouterr().err
+    assert "ros.yaml: got a focal length of 25, 25 px; wanted pixels, not mm: at least 0.1 of the picture's" in reported
+    assert not (tmp_path / "lens.toml").exists()

@@ -29,6 +29,12 @@ def corner(north_m: float, east_m: float, height_m: float = 12.0) -> dict[str, d
     return {"coordinate": {"latitude": north_m * DEG_PER_M, "longitude": east_m * DEG_PER_M, "altitude": height_m}}
 
 
+IN_RADIANS = {
+    name: corner(float(np.radians(north)), float(np.radians(east)))
+    for name, (north, east) in {"A": (900, -15), "B": (900, 15), "C": (0, 15), "D": (0, -15)}.items()
+}
+
+
 def write_runways(path: Path, *, swapped: bool = False) -> Path:
     far, near = (corner(900, -15), corner(900, 15)), (corner(0, 15), corner(0, -15))
     a, b = (near, far) if swapped else (far, near)
@@ -76,6 +82,16 @@ def test_poses_of_shuffled_corners(work: dict[str, Path], capsys: pytest.Capture
         assert float(row["reprojection_px"]) < 1e-3
     assert table[12]["status"] == "no_corners"
     assert not any(table[12][name] for name in POSE_COLUMNS[1:-1])
+
+
+def test_a_camera_of_another_resolution_is_noted(work: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(work) == 0
+    assert "another resolution" not in capsys.readouterr().err
+    small = CAMERA.replace("[1280, 960]", "[320, 240]").replace("[642.0, 475.0]", "[160.0, 120.0]")
+    work["camera"].write_text(small.replace("[1400.0, 1390.0]", "[350.0, 347.5]"))
+    assert run(work) == 0
+    printed = capsys.readouterr().err
+    assert "12 pictures have corners outside of 320×240 px: is the camera of another resolution?" in printed
 
 
 def test_which_end_is_near_follows_from_the_runways_name(tmp_path: Path) -> None:
@@ -132,6 +148,16 @@ def test_corners_are_put_in_order(permutation: list[int], seed: int) -> None:
         ("corners", "filename,x_A,y_A,x_B,y_B,x_C,y_C,x_D,y_D\n\n", "got no row below the header"),
         ("corners", "filename,x_A,y_A,x_B,y_B,x_C,y_C,x_D,y_D\nme.png,1,2,3,4,5,6,7,8\n", "AIRPORT_RUNWAY_"),
         ("corners", "filename,x_A,y_A,x_B,y_B,x_C,y_C,x_D,y_D\nABCD_36_1.png,a,2,3,4,5,6,7,8\n", "x_A = 'a'"),
+        (
+            "corners",
+            "filename,x_A,y_A,x_B,y_B,x_C,y_C,x_D,y_D\nABCD_36_1.png,.4,.5,.5,.5,.6,.4,.3,.7\n",
+            "corners.csv: line 2: got corners from 0.3 to 0.7; wanted px, not shares of the picture",
+        ),
+        (
+            "runways",
+            json.dumps({"ABCD": {"36": IN_RADIANS}}),
+            "ABCD 36: got a runway of 16 m by 0.52 m at latitude 0.0001411; wanted degrees; are these radians?",
+        ),
     ],
 )
 def test_a_file_at_fault_is_one_clear_line(

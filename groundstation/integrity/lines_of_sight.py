@@ -1,0 +1,134 @@
+"""Where the cameras of a run look, by the rig and the heads' angles: what to say of a run that found nothing.
+
+A rig whose quaternions are in another order, places with axes in another order, and angles from another zero leave the
+pictures' motion as it is and turn the cameras elsewhere: to the zenith, behind the runway, along the line between
+the stations. No pixels are needed to see that, and where there is a reference, it tells how far off it is.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.geometry.station import StationGeometry
+from groundstation.messages import Event, PtuSample
+
+# a look at each head so often is enough for medians; of a long run every second is dropped
+_EVERY_S, _MOST_LOOKS = 0.2, 1000
+# between two cameras' directions, off the line between their stations, above the horizon: beyond these it is told
+_APART_DEG, _ALONG_DEG, _HIGHEST_DEG, _LOWEST_DEG = 60.0, 15.0, 60.0, -30.0
+# a reference is out of the pictures from so far outside of their corners on: clocks may differ by seconds
+_OUTSIDE_DEG = 10.0
+_LEAST_COMMON = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownPositions:
+    """Positions (n, 3) of the aircraft at times (n,) s of the session, called ``name`` in a message."""
+
+    name: str
+    t_s: FloatArray
+    position_m: FloatArray
+
+
+class LinesOfSight:
+    """Collects where each camera looks during a run. ``stations`` are all stations of the rig by name."""
+
+    def __init__(self, stations: Mapping[str, StationGeometry]) -> None:
+        self._stations = dict(stations)
+        self._looks: dict[str, list[tuple[float, float, float]]] = {name: [] for name in stations}
+        self._every_s = dict.fromkeys(stations, _EVERY_S)
+
+    def watched(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Yield the events, and take the readings from them."""
+        for event in events:
+            if isinstance(event, PtuSample) and event.station in self._looks:
+                self._add(event)
+            yield event
+
+    def _add(self, sample: PtuSample) -> None:
+        looks = self._looks[sample.station]
+        if looks and sample.t_s < looks[-1][0] + self._every_s[sample.station]:
+            return
+        looks.append((sample.t_s, sample.pan_rad, sample.tilt_rad))
+        if len(looks) >= _MOST_LOOKS:
+            del looks[::2]
+            self._every_s[sample.station] *= 2.0
+
+    def line(self, references: Iterable[KnownPositions] = ()) -> str | None:
+        """Return in a line where the cameras look, if that is no way to see an aircraft land; None if it is."""
+        axes = {name: self._axes(name) for name in self._stations}
+        middles = {name: _mean_direction(axis) for name, (_, axis) in axes.items() if len(axis)}
+        told = [*self._apart(middles), *(line for of in references for line in self._outside(axes, of))]
+        steep = any(not _LOWEST_DEG <= _elevation_deg(axis) <= _HIGHEST_DEG for axis in middles.values())
+        if not told and not steep:
+            return None
+        where = ", ".join(f"{name} {_direction_words(axis)}" for name, axis in middles.items())
+        return "; ".join([f"by rig and angles the cameras look: {where} (on average)", *told])
+
+    def _axes(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Return the times (n,) of a station's looks, and the unit directions (n, 3) of its optical axis."""
+        looks = np.array(self._looks[name] or [(math.nan, 0.0, 0.0)])
+        poses = [self._stations[name].camera_pose(pan, tilt).runway_from_camera for _, pan, tilt in looks]
+        return looks[:, 0], np.array([pose[:, 2] for pose in poses])
+
+    def _apart(self, middles: Mapping[str, FloatArray]) -> Iterator[str]:
+        """Yield a line on each pair of stations that look into different directions, or along the line between them."""
+        for a, b in itertools.combinations(middles, 2):
+            apart_deg = _angle_deg(middles[a], middles[b])
+            between = self._eye(b) - self._eye(a)
+            if apart_deg > _APART_DEG:
+                yield f"{a} and {b} look {apart_deg:.0f}° apart"
+            elif np.linalg.norm(between) > 0.0:
+                off_deg = _angle_deg(middles[a] + middles[b], between)
+                if min(off_deg, 180.0 - off_deg) < _ALONG_DEG:
+                    yield f"{a} and {b} stand one behind the other in that direction, from which no range follows"
+
+    def _outside(self, axes: Mapping[str, tuple[FloatArray, FloatArray]], known: KnownPositions) -> Iterator[str]:
+        """Yield a line if the known positions are out of the pictures of all stations."""
+        off_deg = {}
+        for name, (t_s, axis) in axes.items():
+            # a fixed station looks the same way all the time
+            at_s = known.t_s if np.isnan(t_s[0]) else t_s
+            common = (at_s >= known.t_s[0]) & (at_s <= known.t_s[-1])
+            if np.count_nonzero(common) < _LEAST_COMMON:
+                return
+            there = np.stack([np.interp(at_s[common], known.t_s, column) for column in known.position_m.T], axis=1)
+            line = there - self._eye(name)
+            line /= np.maximum(np.linalg.norm(line, axis=1, keepdims=True), 1e-9)
+            cosine = np.sum(line * (axis if len(axis) == 1 else axis[common]), axis=1)
+            off = float(np.degrees(np.median(np.arccos(np.clip(cosine, -1.0, 1.0)))))
+            if off <= self._half_field_deg(name) + _OUTSIDE_DEG:
+                return
+            off_deg[name] = off
+        words = " and ".join(f"{off:.0f}° off {name}'s" for name, off in off_deg.items())
+        yield f"{known.name} has the aircraft {words} (median), in no picture: rig, angles, or that are wrong"
+
+    def _eye(self, name: str) -> FloatArray:
+        return self._stations[name].camera_pose(0.0, 0.0).position_runway_m
+
+    def _half_field_deg(self, name: str) -> float:
+        lens = self._stations[name].lens
+        return math.degrees(math.atan(0.5 * float(np.hypot(*(np.array(lens.image_size_px) / lens.focal_px)))))
+
+
+def _mean_direction(axis: FloatArray) -> FloatArray:
+    return np.asarray(axis.mean(axis=0))
+
+
+def _angle_deg(a: FloatArray, b: FloatArray) -> float:
+    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b)))
+
+
+def _elevation_deg(axis: FloatArray) -> float:
+    return math.degrees(math.atan2(float(axis[2]), math.hypot(*axis[:2])))
+
+
+def _direction_words(axis: FloatArray) -> str:
+    """Return a direction in the runway frame: x right, y along the runway, z up."""
+    right_deg, up_deg = math.degrees(math.atan2(float(axis[0]), float(axis[1]))), _elevation_deg(axis)
+    side, way = "right" if right_deg >= 0.0 else "left", "up" if up_deg >= 0.0 else "down"
+    return f"{abs(right_deg):.0f}° to the {side} of +y and {abs(up_deg):.0f}° {way}"
