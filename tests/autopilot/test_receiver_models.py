@@ -134,6 +134,7 @@ def test_ardupilot_drops_external_navigation_above_fifty_hertz_and_names_it_unhe
     floored = coarse.receive(_sent(AutopilotMode.ODOMETRY, 2.0), 50.0).sample
     assert floored is not None
     assert floored.sigma_horizontal_m == 0.3
+    np.testing.assert_array_equal(floored.position_sigma_ned_m(), 0.3)
     assert receiver.healthy(50.3)
     assert not receiver.healthy(50.34)
 
@@ -149,6 +150,8 @@ def test_px4_starts_with_two_samples_and_stops_after_a_gap() -> None:
     assert sample is not None
     # 3 cm and 4 cm are below EKF2_EVP_NOISE, 40 cm are not
     assert (sample.sigma_horizontal_m, sample.sigma_vertical_m) == pytest.approx((0.35, 0.1), abs=0.06)
+    # of each axis its own: 0.35, 0.20 and 0.04 m north, east and down
+    np.testing.assert_allclose(sample.position_sigma_ned_m(), (0.35, 0.2, 0.1), atol=0.06)
 
 
 def test_the_clock_by_the_least_lag_forgets_and_has_a_limit() -> None:

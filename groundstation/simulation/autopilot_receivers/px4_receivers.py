@@ -116,6 +116,7 @@ class Px4VisionReceiver:
                 sigma_horizontal_m=float(np.max(sigma[:2])),
                 sigma_vertical_m=float(sigma[2]),
                 sigma_speed_m_s=math.inf,
+                sigma_north_east_m=(float(sigma[0]), float(sigma[1])),
                 reset=last is not None and counter != last,
             ),
         )

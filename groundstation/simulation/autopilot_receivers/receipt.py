@@ -41,6 +41,7 @@ class ReceivedSample:
     position_runway_m : (3,) in the runway frame.
     velocity_ned_m_s : (3,) north, east, down; None where the message has none.
     sigma_horizontal_m, sigma_vertical_m, sigma_speed_m_s : after the parameters' floors.
+    sigma_north_east_m : (2,) of a filter that takes one for each axis; None where the horizontal one is for both.
     reset : whether the filter is to be reset to it.
     """
 
@@ -50,7 +51,13 @@ class ReceivedSample:
     sigma_horizontal_m: float
     sigma_vertical_m: float
     sigma_speed_m_s: float
+    sigma_north_east_m: tuple[float, float] | None = None
     reset: bool = False
+
+    def position_sigma_ned_m(self) -> FloatArray:
+        """Return the position's sigma north, east, down, (3,)."""
+        horizontal = (self.sigma_horizontal_m,) * 2 if self.sigma_north_east_m is None else self.sigma_north_east_m
+        return np.array([*horizontal, self.sigma_vertical_m])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -158,13 +158,12 @@ class _StreamedVehicle:
         self.navigation.accelerate(flight.t_s, flight.runway_from_ned @ flight.sensed.acceleration_ned_m_s2)
 
     def _position_sample(self, sample: ReceivedSample) -> PositionSample:
-        horizontal, vertical = sample.sigma_horizontal_m, sample.sigma_vertical_m
-        velocity = sample.velocity_ned_m_s
+        velocity, runway_from_ned = sample.velocity_ned_m_s, SITE_FRAME.ned_from_runway.T
         return PositionSample(
             t_s=min(sample.t_s - VEHICLE_CLOCK_S, self._flight.t_s),
             position_runway_m=sample.position_runway_m,
-            position_sigma_m=np.array([horizontal, horizontal, vertical]),
-            velocity_runway_m_s=None if velocity is None else SITE_FRAME.ned_from_runway.T @ velocity,
+            position_sigma_m=np.sqrt(runway_from_ned**2 @ sample.position_sigma_ned_m() ** 2),
+            velocity_runway_m_s=None if velocity is None else runway_from_ned @ velocity,
             velocity_sigma_m_s=np.full(3, sample.sigma_speed_m_s),
         )
 
