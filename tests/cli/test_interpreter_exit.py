@@ -35,12 +35,12 @@ def _run(command: str) -> "subprocess.CompletedProcess[str]":
 
 @pytest.mark.parametrize(("ends", "code"), [("return 3", 3), ("raise KeyboardInterrupt", 130)])
 def test_with_a_thread_left_the_interpreter_is_not_taken_apart(ends: str, code: int) -> None:
-    """A thread within OpenCV aborts the process in that: exit by SIGABRT after true words."""
+    """A thread within OpenCV aborts the process in that: exit by SIGABRT after a correct output."""
     done = _run(f"{LEFT}; {ends}")
     assert (done.returncode, done.stdout) == (code, "exit function\n")
 
 
 def test_without_one_it_is() -> None:
-    """The thread that ran before the command is of no account."""
+    """A thread that ran before the command makes no difference."""
     done = _run("return 3")
     assert (done.returncode, done.stdout) == (3, "exit function\ntaken apart\n")
