@@ -6,11 +6,14 @@ for a thread within OpenCV. An interrupt between a thread's start and the `with`
 """
 
 import atexit
-import contextlib
+import errno
 import os
 import sys
 import threading
 from typing import NoReturn
+
+# the interpreter's own where standard output cannot be written
+_OUTPUT_LOST = 120
 
 
 class InterpreterExit:
@@ -33,10 +36,16 @@ class InterpreterExit:
 def leave(code: int) -> NoReturn:
     """End the process now, without exit functions and without taking the interpreter apart.
 
-    That takes half a second of a core with all its libraries, and longer on a busy machine.
+    That takes half a second of a core with all its libraries, and longer on a busy machine. Output that a full disk
+    does not take makes ``code`` that of the interpreter; a terminal or a reader that is gone changes nothing.
     """
     for stream in (sys.stdout, sys.stderr):
-        # a terminal that is gone
-        with contextlib.suppress(OSError, ValueError):
+        try:
             stream.flush()
+        except OSError as fault:
+            if fault.errno == errno.ENOSPC:
+                code = code or _OUTPUT_LOST
+        except ValueError:
+            # closed
+            pass
     os._exit(code)

@@ -21,8 +21,14 @@ def _path(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("got ''; wanted a path")
     path = Path(text)
+    if not text.startswith("~/"):
+        return path
     # shells leave it as it is in --out=~/x
-    return path.expanduser() if text.startswith("~/") else path
+    try:
+        return path.expanduser()
+    except RuntimeError:
+        # a user without an entry, as in a container, and no HOME
+        raise argparse.ArgumentTypeError(f"got {text!r}, and this user has no home; wanted a path") from None
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,10 +35,16 @@ class KnownPositions:
 
 
 class LinesOfSight:
-    """Collects where each camera looks during a run. ``stations`` are all stations of the rig by name."""
+    """Collects where each camera looks during a run.
 
-    def __init__(self, stations: Mapping[str, StationGeometry]) -> None:
-        self._stations = dict(stations)
+    Parameters
+    ----------
+    stations : all stations of the rig by name.
+    turning : names of those that turn: without a reading nothing is known of them.
+    """
+
+    def __init__(self, stations: Mapping[str, StationGeometry], turning: Iterable[str] = ()) -> None:
+        self._stations, self._turning = dict(stations), frozenset(turning)
         self._looks: dict[str, list[tuple[float, float, float]]] = {name: [] for name in stations}
         self._every_s = dict.fromkeys(stations, _EVERY_S)
 
@@ -60,9 +66,12 @@ class LinesOfSight:
 
     def line(self, references: Iterable[KnownPositions] = ()) -> str | None:
         """Return in a line where the cameras look, if that is no way to see an aircraft land; None if it is."""
-        axes = {name: self._axes(name) for name in self._stations}
-        middles = {name: _mean_direction(axis) for name, (_, axis) in axes.items() if len(axis)}
-        told = [*self._apart(middles), *(line for of in references for line in self._outside(axes, of))]
+        known = [name for name in self._stations if self._looks[name] or name not in self._turning]
+        axes = {name: self._axes(name) for name in known}
+        middles = {name: _mean_direction(axis) for name, (_, axis) in axes.items()}
+        told = list(self._apart(middles))
+        if len(known) == len(self._stations):
+            told += [line for of in references for line in self._outside(axes, of)]
         steep = any(not _LOWEST_DEG <= _elevation_deg(axis) <= _HIGHEST_DEG for axis in middles.values())
         if not told and not steep:
             return None

@@ -28,7 +28,7 @@ class InputChecks:
         self._rays = RayAgreementMonitor(geometries, turning)
         self._size = ApparentSpanMonitor(geometries, span_m)
         self._pan = RelativePanMonitor(geometries, span_m)
-        self._sights = LinesOfSight(geometries)
+        self._sights = LinesOfSight(geometries, turning)
         places = np.array([station.ptu_position_m for station in rig.stations])
         self._apart_m = float(np.linalg.norm(np.ptp(places, axis=0)))
 

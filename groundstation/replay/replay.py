@@ -111,7 +111,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         outcome = run_pipeline(events, pipeline, outputs.sinks(), lambda done: progress(done, source.epoch_count))
         outputs.finish_approach()
     pipeline.finish_smoothing()
-    notes = [] if outcome.fault is None else [str(outcome.fault)]
+    notes = _why_unseen(inputs, outputs, source.span_s) + ([] if outcome.fault is None else [str(outcome.fault)])
     notes += source_notes(source, outputs.recorder, config.synchronise.max_gap_s) + _pipeline_notes(pipeline, fixes)
     notes += reference_time_notes(request, inputs, source.span_s)
     smoothed_track = outputs.smoothed_track()
@@ -151,6 +151,17 @@ def _registered_heads(request: ReplayRequest, session: Session) -> RegisteredHea
     return RegisteredHeads(session.rig, panoramas, where=str(request.panorama), stars=stars)
 
 
+def _has_tracked(outputs: ReplayOutputs) -> bool:
+    return outputs.collector.tracked_share >= _TRACKED_SHARE
+
+
+def _why_unseen(inputs: ReplayInputs, outputs: ReplayOutputs, span_s: tuple[float, float]) -> list[str]:
+    """Return what the cameras' directions say of a run over ``span_s`` that has tracked nothing."""
+    if _has_tracked(outputs):
+        return []
+    return list(outputs.checks.why_nothing_was_seen(known_positions(inputs, span_s)))
+
+
 def _pipeline_notes(pipeline: Pipeline, fixes: list[ReferenceFix]) -> list[str]:
     """Return notes on rejected data, on head angles, and on reference fixes of which none was used."""
     notes = list(describe_counts(pipeline.counts))
@@ -170,8 +181,6 @@ def _evaluate(
 ) -> Evaluation:
     """Evaluate a finished run against DGPS and truth; ``notes`` follow those on the inputs."""
     session, config, prior, dgps = inputs.session, inputs.config, inputs.prior, inputs.dgps
-    tracked = outputs.collector.tracked_share >= _TRACKED_SHARE
-    unseen = () if tracked else outputs.checks.why_nothing_was_seen(known_positions(inputs))
     description = RunDescription(
         name=session.name,
         phases=session.phases,
@@ -180,10 +189,10 @@ def _evaluate(
         acceleration_psd_m2_s3=config.estimation.acceleration_psd_m2_s3,
         configuration=config_to_mapping(config),
         speed=speed,
-        faults=(*inputs.notes, *unseen, *notes),
+        faults=(*inputs.notes, *notes),
         place=place_of(session),
         provenance=written,
-        contradictions=outputs.checks.contradictions(tracked=tracked),
+        contradictions=outputs.checks.contradictions(tracked=_has_tracked(outputs)),
         carried_errors=pipeline.carried_errors,
         learnt_until_s=_dgps_time(pipeline.reference_used_until_s, prior),
         fused_late=pipeline.fused_late,

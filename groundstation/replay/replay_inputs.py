@@ -94,15 +94,21 @@ def learning_fixes(request: ReplayRequest, inputs: ReplayInputs) -> list[Referen
     return fixes
 
 
-def known_positions(inputs: ReplayInputs) -> list[KnownPositions]:
-    """Return where truth, or else the DGPS log, has the aircraft at times of the session."""
+def known_positions(inputs: ReplayInputs, span_s: tuple[float, float]) -> list[KnownPositions]:
+    """Return where truth, or else the DGPS log, has the aircraft while there are pictures, ``span_s``.
+
+    A log may be of the whole flight, most of which no camera sees.
+    """
     if inputs.truth is not None:
-        return [KnownPositions(name="truth.csv", t_s=inputs.truth.t_s, position_m=inputs.truth.position_runway_m)]
-    if len(inputs.dgps) < 2:
+        name, t_s, position_m = "truth.csv", inputs.truth.t_s, inputs.truth.position_runway_m
+    else:
+        name = "the DGPS log"
+        t_s = np.array([fix.t_s for fix in inputs.dgps]) - inputs.prior.offset_s
+        position_m = np.array([fix.position_runway_m for fix in inputs.dgps]).reshape(-1, 3)
+    pictured = (t_s >= span_s[0]) & (t_s <= span_s[1])
+    if np.count_nonzero(pictured) < 2:
         return []
-    t_s = np.array([fix.t_s for fix in inputs.dgps]) - inputs.prior.offset_s
-    position_m = np.array([fix.position_runway_m for fix in inputs.dgps])
-    return [KnownPositions(name="the DGPS log", t_s=t_s, position_m=position_m)]
+    return [KnownPositions(name=name, t_s=t_s[pictured], position_m=position_m[pictured])]
 
 
 def reference_time_notes(request: ReplayRequest, inputs: ReplayInputs, span_s: tuple[float, float]) -> list[str]:

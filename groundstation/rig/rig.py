@@ -319,11 +319,14 @@ def _lens(table: TomlTable, required: bool) -> Lens:
     if np.any(middle < -size) or np.any(middle > 2 * size):
         wanted = f"a point in the picture of {size[0]:.0f} × {size[1]:.0f} px, or at most its size away"
         raise table.fail("principal_point_px", str(middle.tolist()), wanted)
+    # without a size or a focal length there is no corner to displace
+    measured = "image_size_px" in table and "focal_px" in table
+    distortion = read_distortion(table, size, focal) if measured else table.vector("distortion", 5, (0.0,) * 5)
     return Lens(
         image_size_px=(int(size[0]), int(size[1])),
         focal_px=focal,
         principal_point_px=middle,
-        distortion=read_distortion(table, size, focal),
+        distortion=distortion,
     )
 
 

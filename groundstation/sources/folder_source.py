@@ -54,6 +54,8 @@ class FolderSource:
         self._labels: dict[str, FloatArray] = {}
         # stamps of the first and the last picture or pixel; an epoch's own stamp is a mean
         self._observed_span_s = (0.0, 0.0)
+        # of the newest event that was handed out
+        self._newest_s = -np.inf
         if not self._from < self._to:
             raise SessionError(
                 session.name, got=f"a part {asked_span(self._from, self._to)}", wanted="a start before the end"
@@ -79,9 +81,11 @@ class FolderSource:
     def notes(self, most_apart_s: float) -> list[str]:
         """Return what does not fit together in the tables: stretches without readings, angles of no frame.
 
-        Between readings further apart than ``most_apart_s`` nothing is interpolated.
+        Between readings further apart than ``most_apart_s`` nothing is interpolated. Where pictures end the recording
+        early, readings after that were not asked for.
         """
-        return self._readings.notes(self._observed_span_s, most_apart_s) + self._angle_notes
+        from_s, to_s = self._observed_span_s
+        return self._readings.notes((from_s, min(to_s, self._newest_s)), most_apart_s) + self._angle_notes
 
     def __iter__(self) -> Iterator[Event]:
         """Yield all events in order of session time, then raise the fault of the recording, if any."""
@@ -92,7 +96,7 @@ class FolderSource:
                 # frames after the fault have no angles; those before it are usable
                 self._fault = self._readings.fault
                 break
-            last = t_s
+            last = self._newest_s = t_s
             yield event
         yield from self._readings.until(last + LEAD_S)
         fault = self._fault or self._readings.fault or self._angles.fault

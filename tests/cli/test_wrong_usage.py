@@ -135,3 +135,18 @@ def test_a_path_that_the_shell_left_with_a_tilde_is_in_the_home(
     monkeypatch.setenv("HOME", str(tmp_path))
     assert main(["config", "--config=~/none.toml"]) == 1
     assert f"{tmp_path}/none.toml: got no such file" in capsys.readouterr().err
+
+
+def test_a_tilde_of_a_user_without_a_home_is_wrong_usage(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: exit code 2 and a line, as for a user's number alone in a container."""
+
+    def homeless(path: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "expanduser", homeless)
+    with pytest.raises(SystemExit) as ended:
+        main(["config", "--config=~/none.toml"])
+    assert ended.value.code == 2
+    assert "got '~/none.toml', and this user has no home; wanted a path" in capsys.readouterr().err

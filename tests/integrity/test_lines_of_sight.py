@@ -95,3 +95,15 @@ def test_of_a_long_run_every_other_look_is_dropped() -> None:
     assert line is not None
     assert "86° up" in line
     assert 500 <= len(sights._looks["left"]) <= 1000
+
+
+def test_nothing_is_said_of_a_head_without_readings() -> None:
+    """Expected: no direction of it, and no word on where the aircraft is seen from it; the other one is told."""
+    sights = LinesOfSight({name: station.geometry() for name, station in STATIONS.items()}, STATIONS)
+    assert sights.line([positions(0.0, -300.0, 20.0)]) is None
+    list(sights.watched(PtuSample(t_s=0.05 * k, station="left", pan_rad=0.0, tilt_rad=1.5) for k in range(200)))
+    line = sights.line([positions(0.0, -300.0, 20.0)])
+    assert line is not None
+    assert "left 0° to the right of +y and 86° up (on average)" in line
+    assert "right 0°" not in line
+    assert "dgps.csv" not in line

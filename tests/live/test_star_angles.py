@@ -1,11 +1,13 @@
 """Head angles by the stars in operation: in some frames, the encoder's error carried between, and what refuses."""
 
 import sys
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from calibration.stars.simulated.star_field import star_field
 from calibration.stars.simulated.star_renderer import hot_pixel_map, render_stars
 from calibration.stars.sky import SkyOverSite
 from calibration.stars.star_angles import StarAngles, star_angles_in_operation
-from calibration.stars.star_images import StarImages
+from calibration.stars.star_images import NO_STARS, StarImages
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.cli.main import main
 from groundstation.cli.star_loader import load_stars
@@ -171,6 +173,26 @@ def test_operation_looks_at_the_brightest_dots_alone_and_as_often_as_it_may() ->
     assert bounded.register_at(image, t_s + 43_200.0, *true.tolist(), 1e-4) is RegistrationFault.DAYLIGHT
     assert bounded.seconds > 0.0
     assert [frames_apart([s], 30.0) for s in (0.001, 0.03, 0.031, 0.1)] == [1, 9, 10, 30]
+
+
+def test_what_a_frame_takes_counts_threads_of_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: at least what a thread that looks for the dots has spent."""
+    spent_s = 0.02
+
+    def spend() -> None:
+        began_s = time.thread_time()
+        while time.thread_time() < began_s + spent_s:
+            pass
+
+    def found_in_a_thread(*_: object, **__: object) -> StarImages:
+        thread = Thread(target=spend)
+        thread.start()
+        thread.join()
+        return NO_STARS
+
+    monkeypatch.setattr("calibration.stars.star_angles.find_stars", found_in_a_thread)
+    stars = StarAngles(station(), SkyOverSite(night().site), night_solver(night()), zero(), in_operation=True)
+    assert stars.seconds >= spent_s
 
 
 class Timed:

@@ -46,3 +46,12 @@ def test_a_log_in_the_right_units_is_read(tmp_path: Path) -> None:
 )
 def test_a_log_in_other_units_is_refused(tmp_path: Path, units: dict[str, float], words: str) -> None:
     assert words in complaint(UnitLogError, lambda: read_samples(log(tmp_path, **units)))
+
+
+def test_a_first_sample_from_before_the_clock_was_set_costs_nothing(tmp_path: Path) -> None:
+    """Expected: read, as a gap of decades takes no memory, and refused by its units as any other."""
+    path = log(tmp_path, rates=RADIAN)
+    names, first, *others = path.read_text().splitlines()
+    later = [f"{1.7e9 + float(line.split(',', 1)[0]):.3f},{line.split(',', 1)[1]}" for line in others]
+    path.write_text("\n".join([names, first, *later]) + "\n")
+    assert "are the rates in rad/s?" in complaint(UnitLogError, lambda: read_samples(path))

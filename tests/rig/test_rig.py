@@ -163,6 +163,15 @@ def test_a_fault_names_station_and_key(tmp_path: Path, old: str, new: str, messa
     assert message in edited(tmp_path, old, new)
 
 
+def test_distortion_of_a_lens_without_a_focal_length_is_read(tmp_path: Path) -> None:
+    """Expected: read, as a start for a calibration: what it displaces follows from the focal length alone."""
+    text = rig_text(["left", "right"])
+    line = next(line for line in text.splitlines() if line.startswith("focal_px"))
+    known = 'known = ["position"]\ndistortion = [-0.26, 0.07, -0.0001, 0.0002, 0.0]'
+    left = load(tmp_path, text.replace(line, known, 1))["left"]
+    assert left.lens.distortion.tolist() == [-0.26, 0.07, -0.0001, 0.0002, 0.0]
+
+
 @pytest.mark.parametrize(
     ("matrix", "message"),
     [

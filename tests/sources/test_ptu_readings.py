@@ -152,3 +152,17 @@ def test_of_many_stretches_the_longest_are_named() -> None:
         "ptu.csv: no readings of left from 104.00 to 108.00 s: pictures have no angles there",
         "ptu.csv: 19 or more other stretches of over 0.5 s without readings",
     ]
+
+
+def test_pictures_that_end_early_are_no_gap_in_the_readings(tmp_path: Path) -> None:
+    """Expected: no note on what was not read, as the fault of the pictures speaks for it."""
+    folder = Tiny(rows=40, video="png").write(tmp_path)
+    for path in (folder / "left").glob("*.png"):
+        if int(path.stem) >= 10:
+            path.unlink()
+    taken = []
+    with FolderSource(load_session(folder)) as source:
+        with pytest.raises(SessionError, match="no picture number 10"):
+            taken.extend(source)
+        assert len(taken) > 10
+        assert source.notes(0.25) == []

@@ -44,7 +44,8 @@ class PoseNoise:
     Attributes
     ----------
     attitude_rad, position_m : white, independent in each row.
-    lasting_attitude_rad, lasting_height_m : constant, of roll and pitch, and of height.
+    lasting_attitude_rad, lasting_height_m : constant, of roll and pitch, and of height; for the status of yaw and of
+        the place across the runway, too.
     """
 
     attitude_rad: float | None = None

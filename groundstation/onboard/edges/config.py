@@ -36,7 +36,8 @@ class TrackerConfig:
     band_m, least_band_px, most_band_px : width of the neighbourhoods on the ground, and its limits in the picture.
     attitude_sigma_rad, position_sigma_m : errors of a pose, independent in each frame (crossings only).
     estimate_noise : take a pose's attitude for noisier than that where measurements show it (crossings only).
-    lasting_attitude_rad, lasting_height_m : constant ones: roll and pitch, and height; estimated (crossings only).
+    lasting_attitude_rad, lasting_height_m : constant ones: roll and pitch, and height; estimated (crossings only). For
+        the status they are those of yaw and of the place across the runway, too.
     lasting_turn_rad, lasting_rise_m : process noise of these per frame.
     turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
     start_turn_rad, start_shift_m, start_width : prior sigmas of a pair: direction, position, factor in

@@ -103,12 +103,18 @@ def _check_times(path: Path, times_s: FloatArray) -> None:
 def _check_rates(path: Path, times_s: FloatArray, rates_deg_s: FloatArray, attitude_deg: FloatArray) -> None:
     """Raise where rates about x and y (n, 2) and the log's own roll and pitch (n, 2) are in different units.
 
-    Over a second each the attitude changes by the integral of the rate, as long as bank and pitch are small.
+    Over a second each the attitude changes by the integral of the rate, as long as bank and pitch are small. Windows
+    begin at the first sample of each half of one; those that a gap in the log makes longer tell nothing.
     """
     steps = np.diff(times_s)[:, None] * 0.5 * (rates_deg_s[1:] + rates_deg_s[:-1])
     turned = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    begins = np.searchsorted(times_s, np.arange(times_s[0], times_s[-1] - _WINDOW_S, 0.5 * _WINDOW_S))
+    # not from all halves of the time: a first sample from before a clock was set is decades away
+    halves = np.floor((times_s - times_s[0]) / (0.5 * _WINDOW_S))
+    begins = np.flatnonzero(np.diff(halves, prepend=-1.0) > 0.0)
     ends = np.minimum(np.searchsorted(times_s, times_s[begins] + _WINDOW_S), len(times_s) - 1)
+    took_s = times_s[ends] - times_s[begins]
+    whole = (took_s >= _WINDOW_S) & (took_s <= _WINDOW_S + _SLOWEST_S)
+    begins, ends = begins[whole], ends[whole]
     changes = np.stack([turned[ends] - turned[begins], attitude_deg[ends] - attitude_deg[begins]])
     for axis, name in enumerate(("x", "y")):
         by_rate, by_attitude = changes[:, np.isfinite(changes[:, :, axis]).all(axis=0), axis]
