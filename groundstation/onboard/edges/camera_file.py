@@ -27,7 +27,12 @@ _KEYS = frozenset(
     },
 )
 _RUNWAY_KEYS = frozenset({"width_m", "width_sigma_m", "length_m", "heading_deg", "lat_deg", "lon_deg", "alt_m"})
-_NOISE_KEYS = frozenset({"attitude_deg", "position_m", "lasting_attitude_deg", "lasting_height_m"})
+_NOISE_KEYS = frozenset(
+    {
+        *("attitude_deg", "position_m", "lasting_attitude_deg", "lasting_height_m"),
+        *("lasting_yaw_deg", "lasting_across_m"),
+    }
+)
 _START_KEYS = frozenset({"height_m", "distance_m", "lateral_m", "roll_deg", "pitch_deg", "yaw_deg"})
 # of the picture's width: a view of 157°, and one of 0.06°
 _LEAST_FOCAL, _MOST_FOCAL = 0.1, 1000.0
@@ -44,14 +49,16 @@ class PoseNoise:
     Attributes
     ----------
     attitude_rad, position_m : white, independent in each row.
-    lasting_attitude_rad, lasting_height_m : constant, of roll and pitch, and of height; for the status of yaw and of
-        the place across the runway, too.
+    lasting_attitude_rad, lasting_height_m : constant, of roll and pitch, and of height.
+    lasting_yaw_rad, lasting_across_m : of yaw and of the place across the runway.
     """
 
     attitude_rad: float | None = None
     position_m: float | None = None
     lasting_attitude_rad: float | None = None
     lasting_height_m: float | None = None
+    lasting_yaw_rad: float | None = None
+    lasting_across_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,12 +161,17 @@ def _noise(table: TomlTable) -> PoseNoise:
     def stated(key: str, least: float, most: float) -> float | None:
         return noise.number(key, minimum=least, maximum=most) if key in noise else None
 
-    attitude, lasting = stated("attitude_deg", 0.0, 30.0), stated("lasting_attitude_deg", 0.001, 30.0)
+    def angle_rad(key: str, least_deg: float) -> float | None:
+        angle_deg = stated(key, least_deg, 30.0)
+        return None if angle_deg is None else math.radians(angle_deg)
+
     return PoseNoise(
-        attitude_rad=None if attitude is None else math.radians(attitude),
+        attitude_rad=angle_rad("attitude_deg", 0.0),
         position_m=stated("position_m", 0.0, 100.0),
-        lasting_attitude_rad=None if lasting is None else math.radians(lasting),
+        lasting_attitude_rad=angle_rad("lasting_attitude_deg", 0.001),
         lasting_height_m=stated("lasting_height_m", 0.001, 100.0),
+        lasting_yaw_rad=angle_rad("lasting_yaw_deg", 0.001),
+        lasting_across_m=stated("lasting_across_m", 0.001, 100.0),
     )
 
 

@@ -36,8 +36,9 @@ class TrackerConfig:
     band_m, least_band_px, most_band_px : width of the neighbourhoods on the ground, and its limits in the picture.
     attitude_sigma_rad, position_sigma_m : errors of a pose, independent in each frame (crossings only).
     estimate_noise : take a pose's attitude for noisier than that where measurements show it (crossings only).
-    lasting_attitude_rad, lasting_height_m : constant ones: roll and pitch, and height; estimated (crossings only). For
-        the status they are those of yaw and of the place across the runway, too.
+    lasting_attitude_rad, lasting_height_m : constant ones: roll and pitch, and height; estimated (crossings only).
+    lasting_yaw_rad, lasting_across_m : of yaw and of the place across the runway, for the status; None: as large as
+        those of roll and pitch, and of height.
     lasting_turn_rad, lasting_rise_m : process noise of these per frame.
     turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
     start_turn_rad, start_shift_m, start_width : prior sigmas of a pair: direction, position, factor in
@@ -89,6 +90,8 @@ class TrackerConfig:
     estimate_noise: bool = True
     lasting_attitude_rad: float = math.radians(0.7)
     lasting_height_m: float = 1.5
+    lasting_yaw_rad: float | None = None
+    lasting_across_m: float | None = None
     lasting_turn_rad: float = math.radians(0.02)
     lasting_rise_m: float = 0.02
     turn_sigma_rad: float = math.radians(0.05)
@@ -143,6 +146,8 @@ def with_noise(config: TrackerConfig, noise: PoseNoise) -> TrackerConfig:
         position_sigma_m=config.position_sigma_m if noise.position_m is None else (noise.position_m,) * 3,
         lasting_attitude_rad=noise.lasting_attitude_rad or config.lasting_attitude_rad,
         lasting_height_m=noise.lasting_height_m or config.lasting_height_m,
+        lasting_yaw_rad=noise.lasting_yaw_rad or config.lasting_yaw_rad,
+        lasting_across_m=noise.lasting_across_m or config.lasting_across_m,
         estimate_noise=config.estimate_noise and noise.attitude_rad is None,
     )
 

@@ -232,8 +232,8 @@ def _like_announced(pair: Hypothesis, config: TrackerConfig, pose: NoseCameraPos
     factor = max(abs(float(mean[C] - mean[D])), _LEAST_WIDTH_M) / config.guess.width_m
     if max(factor, 1.0 / factor) > config.tracked_width or pair.nis > config.tracked_nis:
         return False
-    turned = math.hypot(config.lasting_attitude_rad, _ANNOUNCED_RAD)
-    place = math.hypot(config.lasting_height_m, turned * float(pose.camera_threshold_m[1]))
+    turned = math.hypot(config.lasting_yaw_rad or config.lasting_attitude_rad, _ANNOUNCED_RAD)
+    place = math.hypot(config.lasting_across_m or config.lasting_height_m, turned * float(pose.camera_threshold_m[1]))
     apart = max(abs(angle_between(mean)) / turned, 0.5 * abs(float(mean[C] + mean[D])) / place)
     return apart <= config.tracked_sigmas
 

@@ -76,12 +76,16 @@ def test_noise_is_what_the_file_states_and_estimated_where_it_says_nothing(tmp_p
     path.write_text(LENS)
     assert load_nose_camera(path).noise == PoseNoise()
     assert with_noise(CONFIG, PoseNoise()) == CONFIG
-    path.write_text(f"{LENS}[pose_noise]\nattitude_deg = 0.05\nposition_m = 0.02\nlasting_height_m = 0.5\n")
+    path.write_text(
+        f"{LENS}[pose_noise]\nattitude_deg = 0.05\nposition_m = 0.02\nlasting_height_m = 0.5\nlasting_yaw_deg = 1.5\n"
+    )
     noise = load_nose_camera(path).noise
     stated = with_noise(CONFIG, noise)
     assert stated.attitude_sigma_rad == pytest.approx(math.radians(0.05))
     assert stated.position_sigma_m == (0.02,) * 3
     assert stated.lasting_height_m == 0.5
+    assert stated.lasting_yaw_rad == pytest.approx(math.radians(1.5))
+    assert stated.lasting_across_m is None
     assert stated.lasting_attitude_rad == CONFIG.lasting_attitude_rad
     assert CONFIG.estimate_noise
     assert not stated.estimate_noise

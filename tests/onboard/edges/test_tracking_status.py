@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from groundstation.onboard.edges import tracker as tracker_module
-from groundstation.onboard.edges.config import TrackerConfig
+from groundstation.onboard.edges.camera_file import PoseNoise
+from groundstation.onboard.edges.config import TrackerConfig, with_noise
 from groundstation.onboard.edges.hypotheses import Hypothesis
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_tracking import TrackingStep, track_lines
@@ -94,6 +95,18 @@ def test_a_pair_where_the_poses_leave_no_runway_is_not_tracked(stated_rad: float
     reports = [tracker.step(painted_runway(pose, seed=k, lines=aside), pose) for k in range(3)]
     assert all(report.edges is not None for report in reports)
     assert {report.status for report in reports} == {EdgeStatus.TRACKING if tracked else EdgeStatus.ACQUIRING}
+
+
+@pytest.mark.parametrize("wide", [{"lasting_yaw_rad": 0.02}, {"lasting_across_m": 4.0}])
+def test_a_yaw_and_a_place_that_are_known_less_well_have_sigmas_of_their_own(wide: dict[str, float]) -> None:
+    """A compass is off by more than roll and pitch: the runway of `RUNWAY`, 12 m aside of the poses, is tracked."""
+    aside = RUNWAY + np.array([0.0, 0.0, 12.0, 12.0])
+    noise = PoseNoise(lasting_attitude_rad=0.0005, lasting_height_m=0.3, **wide)
+    config = with_noise(TrackerConfig(guess=RunwayGuess(width_m=18.0), estimate_noise=False), noise)
+    tracker, pose = EdgeTracker(KAPPA, SIZE, config), approach()
+    tracker.start(LineState(mean=np.concatenate([aside, np.zeros(3)]), covariance=STATE.covariance))
+    reports = [tracker.step(painted_runway(pose, seed=k, lines=aside), pose) for k in range(3)]
+    assert {report.status for report in reports} == {EdgeStatus.TRACKING}
 
 
 def test_a_pair_whose_edges_differ_is_not_tracked_in_the_picture_that_confirms_it(
