@@ -16,8 +16,9 @@ PLACES: dict[str, tuple[str, ...]] = {
     "stream at the moment of use, radio of 30–200 ms: rms over the filter's": (
         "ratio # (GPS_INPUT, ArduPilot as `autopilot check` recommends) to # (PX4",
     ),
-    "26 landings on the stream: height below 20 m; scatter over the true state's": (
-        "height below 20 m # m rms; touchdown scatter over that on the true state # along and # across",
+    "100 landings on the stream, GPS_INPUT: height below 20 m; scatter across": (
+        "height below 20 m # and ~ m rms;",
+        "along, # (95 %: 1.13–1.37) and",
     ),
     "misleading approaches, faults by stated priors": (
         "| – misleading | # |",
