@@ -116,7 +116,8 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
     notes += reference_time_notes(request, inputs, source.span_s)
     smoothed_track = outputs.smoothed_track()
     speed = _speed(outcome, span_s, prepared_s)
-    evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed, written)
+    contradictions = _contradictions(source, outputs)
+    evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed, written, contradictions)
     # frees the fixes (one object each) before the figures are drawn
     del inputs
     files = outputs.write(evaluation, smoothed_track, config.evaluation)
@@ -155,6 +156,13 @@ def _has_tracked(outputs: ReplayOutputs) -> bool:
     return outputs.collector.tracked_share >= _TRACKED_SHARE
 
 
+def _contradictions(source: FolderSource | RecordingSource, outputs: ReplayOutputs) -> tuple[str, ...]:
+    """Return what cannot be right in the inputs; the readings' unit of time only if no target was tracked."""
+    tracked = _has_tracked(outputs)
+    unit = source.unit_fault() if isinstance(source, FolderSource) and not tracked else ""
+    return (unit,) if unit else outputs.checks.contradictions(tracked=tracked)
+
+
 def _why_unseen(inputs: ReplayInputs, outputs: ReplayOutputs, span_s: tuple[float, float]) -> list[str]:
     """Return what the cameras' directions say of a run over ``span_s`` that has tracked nothing."""
     if _has_tracked(outputs):
@@ -178,6 +186,7 @@ def _evaluate(
     notes: list[str],
     speed: dict[str, float],
     written: dict[str, Any],
+    contradictions: tuple[str, ...],
 ) -> Evaluation:
     """Evaluate a finished run against DGPS and truth; ``notes`` follow those on the inputs."""
     session, config, prior, dgps = inputs.session, inputs.config, inputs.prior, inputs.dgps
@@ -192,7 +201,7 @@ def _evaluate(
         faults=(*inputs.notes, *notes),
         place=place_of(session),
         provenance=written,
-        contradictions=outputs.checks.contradictions(tracked=_has_tracked(outputs)),
+        contradictions=contradictions,
         carried_errors=pipeline.carried_errors,
         learnt_until_s=_dgps_time(pipeline.reference_used_until_s, prior),
         fused_late=pipeline.fused_late,

@@ -87,6 +87,10 @@ class FolderSource:
         from_s, to_s = self._observed_span_s
         return self._readings.notes((from_s, min(to_s, self._newest_s)), most_apart_s) + self._angle_notes
 
+    def unit_fault(self) -> str:
+        """Return in which unit the readings' times are, where their spacing is that of another than seconds; or ""."""
+        return self._readings.unit_fault()
+
     def __iter__(self) -> Iterator[Event]:
         """Yield all events in order of session time, then raise the fault of the recording, if any."""
         last = self._observed_span_s[0]

@@ -12,7 +12,7 @@ from groundstation.messages import PtuSample
 from groundstation.rig.ptu_axes import AxisCorrection
 from groundstation.session import Session
 from groundstation.session.folder import ptu_table
-from groundstation.session.time_units import picture_unit_hint, unit_hint
+from groundstation.session.time_units import picture_unit_hint, spacing_hint, unit_hint
 from groundstation.sources.reading_gaps import ReadingGaps, gap_notes
 
 # no head turns further; thousandths of degrees and encoder counts are beyond it
@@ -40,6 +40,7 @@ class PtuReadings:
         self._stream: Iterator[PtuSample] = iter(())
         self._next: PtuSample | None = None
         self._read_s = (np.inf, -np.inf)
+        self._closest_s = np.inf
         self._gaps: dict[str, ReadingGaps] = {name: ReadingGaps() for name in self._clocks}
 
     def notes(self, span_s: tuple[float, float], most_apart_s: float) -> list[str]:
@@ -49,6 +50,11 @@ class PtuReadings:
         """
         to_s = span_s[1] if self.fault is None else min(span_s[1], self.newest_s)
         return gap_notes(self._gaps, self._file, (span_s[0], to_s), most_apart_s)
+
+    def unit_fault(self) -> str:
+        """Return what the spacing of the rows that were read says of the unit of their times; "" where nothing."""
+        hint = spacing_hint(self._closest_s)
+        return f"{self._file}: readings {hint}: wanted seconds" if hint else ""
 
     def start(self, from_s: float, to_s: float) -> None:
         """Seek the first reading at or after ``from_s``.
@@ -108,7 +114,8 @@ class PtuReadings:
         before: float | None = None
         try:
             for row in table:
-                before = table.advance(row, "t_s", before)
+                last_s, before = before, table.advance(row, "t_s", before)
+                self._closest_s = self._closest_s if last_s is None else min(self._closest_s, before - last_s)
                 times = {name: clock.session_from_device(before) for name, clock in self._clocks.items()}
                 # stations' clocks may differ; no reading of a later row can be earlier than the earliest of this one
                 settled = min(times.values())

@@ -118,6 +118,21 @@ def test_a_reference_of_another_time_is_told(tmp_path: Path, capsys: pytest.Capt
         assert ("have nothing in common with the pictures'" in capsys.readouterr().out) is told
 
 
+@pytest.mark.parametrize(("factor", "every", "told"), [(1e3, 1, True), (1.0, 1, False), (1.0, 40, False)])
+def test_readings_in_milliseconds_among_the_pictures_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], factor: float, every: int, told: bool
+) -> None:
+    """The table begins half a second before the pictures, which then have readings among them; sparse ones are none."""
+    session = Tiny(rows=12, ptu_from_s=-0.5).write(tmp_path / "session")
+    head, *rows = (session / "ptu.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows[::every]]
+    stored = [",".join([f"{factor * float(t):.3f}", *others]) for t, *others in cells]
+    (session / "ptu.csv").write_text("\n".join([head, *stored]) + "\n")
+    code = main(["replay", str(session), "--out", str(tmp_path / "out"), "--no-rerun"])
+    told_words = "s if its times are in milliseconds: wanted seconds" in capsys.readouterr().err
+    assert (code == 1, told_words) == (told, told)
+
+
 @pytest.mark.parametrize("table", ["dgps", "truth"])
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1.0, ""), (0.0, "")])
 def test_a_reference_in_another_unit_is_told_of_a_part_too(
