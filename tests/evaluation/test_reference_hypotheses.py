@@ -116,3 +116,10 @@ def test_a_reference_that_ends_early_is_not_compared_at_another_offset():
     """Expected: what has too few epochs in common at no offset is not judged by those that it has at three seconds."""
     early = reference(path(REFERENCE_S)).keep(REFERENCE_S < 4.5)
     assert reference_contradiction(track(path(TIMES_S)), early, 3.0, "it") is None
+
+
+def test_on_one_clock_a_distance_along_the_path_is_a_contradiction():
+    """Expected: 45 m at 22 m/s, as of angles in gradians, are 2 s of another clock, but not of the session's own."""
+    behind = path(TIMES_S) + [0.0, 45.0, 0.0]
+    assert reference_contradiction(track(behind), reference(path(REFERENCE_S)), 3.0, "the DGPS log") is None
+    assert reference_contradiction(track(behind), reference(path(REFERENCE_S)), 0.0, "truth.csv") is not None

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from groundstation.cli.main import main
+from groundstation.evaluation import evaluate
 from groundstation.replay.replay import ReplayRequest, replay
 from tests.session.folder import Tiny
 
@@ -131,6 +132,22 @@ def test_readings_in_milliseconds_among_the_pictures_are_told(
     code = main(["replay", str(session), "--out", str(tmp_path / "out"), "--no-rerun"])
     told_words = "s if its times are in milliseconds: wanted seconds" in capsys.readouterr().err
     assert (code == 1, told_words) == (told, told)
+
+
+def test_the_truth_is_compared_on_the_sessions_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: no offset is looked for, as it is of a DGPS log: it would hide 50 m along the path."""
+    session = Tiny(rows=12).write(tmp_path / "session")
+    rows = [f"{1.0 + 0.1 * k:.3f},0,{300 - k},20,10,10,10,10" for k in range(10)]
+    head = "t_s,x_m,y_m,z_m,left_u_px,left_v_px,right_u_px,right_v_px"
+    (session / "truth.csv").write_text("\n".join([head, *rows]) + "\n")
+    compared: dict[str, float] = {}
+
+    def noted(_track: object, _reference: object, offset_s: float, name: str, *_: float) -> None:
+        compared[name] = offset_s
+
+    monkeypatch.setattr(evaluate, "reference_contradiction", noted)
+    main(["replay", str(session), "--out", str(tmp_path / "out"), "--no-rerun"])
+    assert compared == {"truth.csv": 0.0}
 
 
 @pytest.mark.parametrize("table", ["dgps", "truth"])
