@@ -7,6 +7,7 @@ import numpy as np
 from calibration.clocks.calibrate import ClockDifference, TimingCalibration
 from calibration.clocks.ptu_clock_fit import TimingFit
 from calibration.flight.parameters import FLOOR_CLOCK_S
+from calibration.reading_scale import roll_doubt, scale_doubt
 
 RANGES_M = (100.0, 200.0, 400.0)
 _TURNING_DEG_S = 5.0
@@ -117,6 +118,9 @@ def _verdict(found: TimingCalibration) -> list[str]:
         f"{word}: PTU against camera to {1e3 * sigma:.2f} ms or better (1 sigma, {worst})",
         f"a head that turns at {_TURNING_DEG_S:g} deg/s is then off by {off:.4f} deg: {parts}, across",
     ]
+    for name, fit in found.by_pictures.items():
+        doubts = [scale_doubt(fit.scale), roll_doubt(float(np.degrees(fit.roll_rad)))]
+        lines += [f"doubtful: {name}: {doubt}" for doubt in doubts if doubt]
     if sigma <= GOOD_S:
         lines.append("next: `groundstation calibrate check` before each session, or fly")
     elif worst in found.by_pictures:

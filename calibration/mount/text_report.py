@@ -9,6 +9,7 @@ from calibration.mount.fit import MountFit
 from calibration.mount.parameters import LEVER
 from calibration.mount.pointing import USABLE_DEG, PointingSigma, pointing_sigma
 from calibration.mount.problem import AXES
+from calibration.reading_scale import scale_doubt
 from groundstation.rig.ptu_axes import axes_in_file_units
 
 RANGES_M = (100.0, 200.0, 400.0)
@@ -102,6 +103,10 @@ def verdict(one: StationMount) -> list[str]:
         f" {at.roll_deg:.4f} deg in roll (1 sigma, {'from the runway' if tied else 'from its base'},"
         " pan -30 to 30, tilt 0 to 15 deg)"
     ]
+    axes = fit.problem.axes(fit.change)
+    for name, scale in (("pan", axes.pan_scale), ("tilt", axes.tilt_scale)):
+        doubt = scale_doubt(scale)
+        lines += [f"doubtful: in {name} {doubt}"] if doubt else []
     parts = []
     for away in RANGES_M:
         parts.append(f"{across_m(at.worst_deg, away):.3f} / {along_m(at.pan_deg, away):.2f} m at {away:.0f} m")

@@ -9,6 +9,7 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,8 @@ _APART_DEG, _ALONG_DEG, _HIGHEST_DEG, _LOWEST_DEG = 60.0, 15.0, 60.0, -30.0
 # a reference is out of the pictures from so far outside of their corners on: clocks may differ by seconds
 _OUTSIDE_DEG = 10.0
 _LEAST_COMMON = 5
+# an aircraft is told to have been in the pictures for so much of the time
+_LEAST_SEEN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,22 +102,59 @@ class LinesOfSight:
     def _outside(self, axes: Mapping[str, tuple[FloatArray, FloatArray]], known: KnownPositions) -> Iterator[str]:
         """Yield a line if the known positions are out of the pictures of all stations."""
         off_deg = {}
-        for name, (t_s, axis) in axes.items():
-            # a fixed station looks the same way all the time
-            at_s = known.t_s if np.isnan(t_s[0]) else t_s
-            common = (at_s >= known.t_s[0]) & (at_s <= known.t_s[-1])
-            if np.count_nonzero(common) < _LEAST_COMMON:
+        for name in axes:
+            seen = self._seen_from(name, axes[name], known)
+            if seen is None:
                 return
-            there = np.stack([np.interp(at_s[common], known.t_s, column) for column in known.position_m.T], axis=1)
-            line = there - self._eye(name)
-            line /= np.maximum(np.linalg.norm(line, axis=1, keepdims=True), 1e-9)
-            cosine = np.sum(line * (axis if len(axis) == 1 else axis[common]), axis=1)
-            off = float(np.degrees(np.median(np.arccos(np.clip(cosine, -1.0, 1.0)))))
+            off = float(np.median(seen.off_deg))
             if off <= self._half_field_deg(name) + _OUTSIDE_DEG:
                 return
             off_deg[name] = off
         words = " and ".join(f"{off:.0f}° off {name}'s" for name, off in off_deg.items())
         yield f"{known.name} has the aircraft {words} (median), in no picture: rig, angles, or that are wrong"
+
+    def in_pictures(self, references: Iterable[KnownPositions], span_m: float | None) -> str | None:
+        """Return in a line that by a reference two cameras had the aircraft in their pictures; None if they had not.
+
+        For a run that has tracked none. ``span_m`` is the wing span, None where it is not known.
+        """
+        for known in references:
+            seen = {}
+            for name in self._stations:
+                if not self._looks[name] and name in self._turning:
+                    continue
+                found = self._seen_from(name, self._axes(name), known)
+                if found is not None and np.mean(found.off_deg < self._inner_field_deg(name)) > _LEAST_SEEN:
+                    seen[name] = found
+            if len(seen) > 1:
+                words = " and ".join(f"{name} ({self._size_words(name, of, span_m)})" for name, of in seen.items())
+                return (
+                    f"no target was tracked, though {known.name} has the aircraft in the pictures of {words}: "
+                    "are lens, angles, clocks and places right?"
+                )
+        return None
+
+    def _size_words(self, name: str, seen: "_SeenFrom", span_m: float | None) -> str:
+        distance_m = float(np.median(seen.distance_m))
+        words = f"at {distance_m:.0f} m"
+        if span_m is None:
+            return words
+        width_px = span_m / distance_m * float(self._stations[name].lens.focal_px[0])
+        return f"{words}, up to {width_px:.0f} px wide"
+
+    def _seen_from(self, name: str, axes: tuple[FloatArray, FloatArray], known: KnownPositions) -> "_SeenFrom | None":
+        """Return where known positions are for a station while it looks; None where they have no time in common."""
+        t_s, axis = axes
+        # a fixed station looks the same way all the time
+        at_s = known.t_s if np.isnan(t_s[0]) else t_s
+        common = (at_s >= known.t_s[0]) & (at_s <= known.t_s[-1])
+        if np.count_nonzero(common) < _LEAST_COMMON:
+            return None
+        there = np.stack([np.interp(at_s[common], known.t_s, column) for column in known.position_m.T], axis=1)
+        line = there - self._eye(name)
+        distance_m = np.maximum(np.linalg.norm(line, axis=1), 1e-9)
+        cosine = np.sum(line * (axis if len(axis) == 1 else axis[common]), axis=1) / distance_m
+        return _SeenFrom(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), distance_m)
 
     def _eye(self, name: str) -> FloatArray:
         return self._stations[name].camera_pose(0.0, 0.0).position_runway_m
@@ -122,6 +162,18 @@ class LinesOfSight:
     def _half_field_deg(self, name: str) -> float:
         lens = self._stations[name].lens
         return math.degrees(math.atan(0.5 * float(np.hypot(*(np.array(lens.image_size_px) / lens.focal_px)))))
+
+    def _inner_field_deg(self, name: str) -> float:
+        """Return how far off the optical axis a point is in the picture in all directions."""
+        lens = self._stations[name].lens
+        return math.degrees(math.atan(0.5 * float(np.min(np.array(lens.image_size_px) / lens.focal_px))))
+
+
+class _SeenFrom(NamedTuple):
+    """How far off a camera's axis known positions are, deg, and how far away, m, (n,) each."""
+
+    off_deg: FloatArray
+    distance_m: FloatArray
 
 
 def _mean_direction(axis: FloatArray) -> FloatArray:

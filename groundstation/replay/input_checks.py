@@ -29,6 +29,7 @@ class InputChecks:
         self._size = ApparentSpanMonitor(geometries, span_m)
         self._pan = RelativePanMonitor(geometries, span_m)
         self._sights = LinesOfSight(geometries, turning)
+        self._span_m = span_m
         places = np.array([station.ptu_position_m for station in rig.stations])
         self._apart_m = float(np.linalg.norm(np.ptp(places, axis=0)))
 
@@ -48,7 +49,8 @@ class InputChecks:
 
     def why_nothing_was_seen(self, references: Iterable[KnownPositions]) -> tuple[str, ...]:
         """Return what the cameras' directions say of a run that tracked no target, against what is known of it."""
-        line = self._sights.line(references)
+        known = list(references)
+        line = self._sights.line(known) or self._sights.in_pictures(known, self._span_m)
         return () if line is None else (line,)
 
     def contradictions(self, *, tracked: bool) -> tuple[str, ...]:

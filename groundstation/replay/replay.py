@@ -114,10 +114,9 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
     notes = _why_unseen(inputs, outputs, source.span_s) + ([] if outcome.fault is None else [str(outcome.fault)])
     notes += source_notes(source, outputs.recorder, config.synchronise.max_gap_s) + _pipeline_notes(pipeline, fixes)
     notes += reference_time_notes(request, inputs, source.span_s)
-    smoothed_track = outputs.smoothed_track()
-    speed = _speed(outcome, span_s, prepared_s)
-    contradictions = _contradictions(source, outputs)
-    evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed, written, contradictions)
+    smoothed_track, speed = outputs.smoothed_track(), _speed(outcome, span_s, prepared_s)
+    told = _contradictions(source, outputs)
+    evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed, written, told)
     # frees the fixes (one object each) before the figures are drawn
     del inputs
     files = outputs.write(evaluation, smoothed_track, config.evaluation)

@@ -107,3 +107,22 @@ def test_nothing_is_said_of_a_head_without_readings() -> None:
     assert "left 0° to the right of +y and 86° up (on average)" in line
     assert "right 0°" not in line
     assert "dgps.csv" not in line
+
+
+def test_an_aircraft_in_two_pictures_that_was_not_tracked_is_told() -> None:
+    """A focal length a tenth of what it is leaves the directions as they are; one picture alone gives no track."""
+    sights = LinesOfSight({name: station.geometry() for name, station in STATIONS.items()})
+    events = [
+        PtuSample(t_s=0.05 * k, station=n, pan_rad=0.0, tilt_rad=math.radians(4.0))
+        for k in range(200)
+        for n in STATIONS
+    ]
+    assert list(sights.watched(events)) == events
+    inside = positions(0.0, 300.0, 21.0)
+    line = sights.in_pictures([inside], 2.3)
+    assert line is not None
+    assert line.startswith("no target was tracked, though dgps.csv has the aircraft in the pictures of left (at 30")
+    width_px = 2.3 / 300.0 * STATIONS["left"].lens.focal_px[0]
+    assert f"up to {width_px:.0f} px wide" in line
+    for elsewhere in (positions(0.0, 300.0, 80.0), positions(0.0, 300.0, 21.0, from_s=3600.0)):
+        assert sights.in_pictures([elsewhere], None) is None

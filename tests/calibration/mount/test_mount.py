@@ -201,6 +201,7 @@ def test_the_cameras_direction_is_that_of_the_rig(made, rng) -> None:
     at = pointing_sigma(one.fit)
     assert at.worst_deg < 0.003
     assert verdict(one)[0].startswith("good")
+    assert not [line for line in verdict(one) if line.startswith("doubtful")]
     off = []
     for pan in np.radians((-30.0, 0.0, 30.0)):
         for tilt in np.radians((0.0, 15.0)):
