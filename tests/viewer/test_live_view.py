@@ -16,6 +16,7 @@ from groundstation.messages import Kinematics, TrackEvent
 from groundstation.rig.rig import Rig
 from groundstation.simulation.standard_cases import standard_rig
 from groundstation.tracking.config import Config
+from groundstation.tracking.registered_heads import RegisteredHeads
 from groundstation.viewer import entity_paths
 from groundstation.viewer.live_view import LiveView
 from tests.viewer.recording import Recording
@@ -89,4 +90,5 @@ def test_an_operation_shows_the_approach_after_estimates_and_after_each_line() -
 
 def _operation(screen: Any, rig: Rig) -> Operation:
     file: Any = SimpleNamespace(rate_hz=30.0)
-    return Operation(file, rig, Config(), OperationOutputs(sinks=[screen]), clock=lambda: 0.0)
+    outputs, heads = OperationOutputs(sinks=[screen]), RegisteredHeads(rig, {})
+    return Operation(file, rig, Config(), outputs, clock=lambda: 0.0, heads=heads)
