@@ -31,10 +31,10 @@ $(VENV)/kernels: $(KERNELS) | $(VENV)/installed
 demo: $(VENV)/installed $(VENV)/kernels
 	$(BIN)/groundstation replay recordings/landing-1 --out $(OUT)
 
-## test: everything that must hold, a quarter of an hour on two cores (four workers: a quarter of their time is waiting for devices and processes)
+## test: everything that must hold, a quarter of an hour on two cores (three workers: a sixth of the time is waiting for devices)
 test: $(VENV)/installed $(VENV)/kernels
 	@$(MAKE) --no-print-directory --jobs=2 $(VENV)/kernels-ground lint $(VENV)/kernels-aboard $(VENV)/bytecode
-	$(BIN)/python -m pytest --numprocesses=4 --dist=loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest --numprocesses=3 --dist=loadfile --no-loadscope-reorder
 
 ## docs: these pages as a site, out/docs/index.html; no network, neither now nor when it is read
 docs: $(VENV)/installed
@@ -50,7 +50,7 @@ lint: $(VENV)/installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-## kernels: compile what is compiled, once, while lint has the other core; four workers would wait for each other
+## kernels: compile what is compiled, once, while lint has the other core; three workers would compile it three times
 kernels: $(VENV)/kernels-ground $(VENV)/kernels-aboard
 
 # again only where a kernel has changed: to run those that are compiled takes seven seconds of a core
@@ -62,7 +62,7 @@ $(VENV)/kernels-aboard: $(VENV)/kernels
 	$(BIN)/python -m tests.compile_kernels aboard >/dev/null
 	@touch $@
 
-# the tests' bytecode with its rewritten assertions, once; each worker would rewrite every assertion
+# the tests' bytecode with its rewritten assertions, once; three workers would rewrite each assertion three times
 $(VENV)/bytecode: | $(VENV)/installed
 	$(BIN)/python -m pytest --collect-only --quiet --quiet >/dev/null
 	@touch $@
