@@ -159,7 +159,8 @@ class NoiseRange(AttachedSimulator):
         pelco = HeadDevice(
             url=str(folder / "ptu-right"), protocol="pelco-d", options={"speeds_deg_s": SPEEDS_DEG_S}, poll_s=0.05
         )
-        flir = HeadDevice(url=str(folder / "ptu-left"), baud=115200, poll_s=0.05)
+        # as for the simulated range: on a machine at its limit the simulated unit may have to wait for its turn
+        flir = HeadDevice(url=str(folder / "ptu-left"), baud=115200, poll_s=0.05, options={"patience_s": 30.0})
         heads = {"left": flir, "right": pelco}
         # so wide and so hasty that the slower unit turns nearly all the time, too
         search = SearchConfig(azimuth_deg=(-30.0, 30.0), dwell_s=0.2)
