@@ -335,8 +335,7 @@ class TrackInitiator:
             return False
         if track.labelled:
             return True
-        odds = track.mean_odds
-        if odds is not None and odds < c.unlikely_odds and track.t_s - track.born_s < c.unlikely_age_s:
+        if self._is_too_young(track):
             return False
         mean_square = track.squares / (track.hits - 1)
         if mean_square > c.max_link_square or track.score / track.hits < c.min_relative_score * brightest:
@@ -345,6 +344,13 @@ class TrackInitiator:
         noise_scale = max(mean_square / 3.0, c.min_noise_scale if track.hits >= c.scale_hits else 1.0)
         significance = float(np.sqrt(track.x[3:] @ np.linalg.solve(track.P[3:, 3:], track.x[3:]) / noise_scale))
         return float(np.linalg.norm(track.x[3:])) >= c.min_speed_m_s and significance >= c.motion_sigma
+
+    def _is_too_young(self, track: TentativeTrack) -> bool:
+        """Return whether what is no likely aircraft has not moved for long enough, the longer the unlikelier."""
+        c, odds = self._config, track.mean_odds
+        if odds is None or odds >= c.unlikely_odds:
+            return False
+        return track.t_s - track.born_s < c.unlikely_age_s + c.unlikely_age_per_odds_s * (c.unlikely_odds - odds)
 
 
 def _is_explained(fix: Fix, tracks: Sequence[TentativeTrack]) -> bool:

@@ -37,6 +37,8 @@ from groundstation.tracking.track_state_machine import TrackStateMachine
 
 # other traffic is behind the aircraft that lands: of two, one whose distance is less than this share of the other's
 _FAR_NEARER = 0.5
+# different things in two cameras meet now and then only: of two targets, one with so many times the other's fixes
+_FAR_OFTENER = 2.0
 # pixels of two cameras so close in time confirm a target, though pairs lose frames
 _TOGETHER_S = 0.1
 
@@ -272,6 +274,7 @@ class TrackManager:
             moving_s=moving_s,
             odds=found.odds,
             far_nearer=self._range_m(found.kinematics) < _FAR_NEARER * self._range_m(self._ekf.kinematics_at(t_s)),
+            far_oftener=found.hits > _FAR_OFTENER * machine.fixes_since(t_s - found.age_s),
         )
 
     def _range_m(self, target: Kinematics) -> float:

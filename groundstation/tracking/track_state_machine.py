@@ -16,6 +16,7 @@ estimate, until it has had a fix and its velocity has converged and is not zero;
 false track.
 """
 
+from collections import deque
 from collections.abc import Iterable
 
 from groundstation.arrays import FloatArray
@@ -25,6 +26,9 @@ from groundstation.messages import TrackEvent, TrackStatus
 from groundstation.tracking.existence_probability import ExistenceProbability
 from groundstation.tracking.recognition import Recognition
 from groundstation.tracking.track_confirmation import TrackConfirmation
+
+# newest fixes of which the times are kept
+_KEPT_FIXES = 100
 
 
 class TrackStateMachine:
@@ -42,6 +46,7 @@ class TrackStateMachine:
         # fixes since the last gap without pixels
         self._fixes_since_gap = config.confirm_fixes
         self._was_fixed = False
+        self._fixed_s: deque[float] = deque(maxlen=_KEPT_FIXES)
 
     @property
     def started_s(self) -> float:
@@ -64,6 +69,7 @@ class TrackStateMachine:
         """
         self._newest_pixel_s = self._started_s = self._newest_fix_s = t_s
         self.confirmation.start(t_s, found_at_m, known=known, standing=standing)
+        self._fixed_s.clear()
         if not known:
             self._found_s = t_s
             self.recognition.start(t_s, odds)
@@ -89,6 +95,7 @@ class TrackStateMachine:
         if self._fixes_since_gap < c.confirm_fixes and alone:
             self._fixes_since_gap = 0
         self._newest_fix_s = t_s
+        self._fixed_s.append(t_s)
         self.confirmation.add_fix()
         self._fixes_since_gap += 1
 
@@ -132,6 +139,7 @@ class TrackStateMachine:
         moving_s: float | None,
         odds: float | None = None,
         far_nearer: bool = False,
+        far_oftener: bool = False,
     ) -> bool:
         """Return whether the target is given up for another one that is recognised, or has moved for ``moving_s``.
 
@@ -139,21 +147,26 @@ class TrackStateMachine:
         found target has to move, also to one that is by its mean log ``odds`` of aircraft far more likely to be one:
         what has been followed for long may be an aircraft unlike those of the channel's training. One that stands
         yields to each that moves and is recognised; one that stands and is not recognised, to each; one that stands and
-        is, to what has moved for as long as a found target has to move. Of two aircraft that move, the one that lands
-        is nearer than the traffic behind it: one whose velocity has not settled yields to one that is ``far_nearer``,
-        if it is about as likely to be an aircraft (birds are nearer, too).
+        is, to what has moved for as long as a found target has to move. Of two aircraft the one that lands is nearer
+        than the traffic and the horizon behind it: one that stands, or whose velocity has not settled, yields to one
+        that is ``far_nearer``, if it is about as likely to be an aircraft (birds are nearer, too); the latter also to
+        one that has had fixes ``far_oftener`` in the same time, as different things in two cameras seldom meet.
         """
-        known = self.recognition.is_recognised
+        known, likelier = self.recognition.is_recognised, self.recognition.is_likelier_than(odds)
         if not self.confirmation.is_standing:
             young = t_s - self._found_s <= self._config.false_target_s
             better = recognised or (young and self.recognition.is_outdone_by(odds))
             if known:
-                nearer = far_nearer and not self.recognition.is_likelier_than(odds)
-                return moving_s is not None and recognised and nearer and not self.confirmation.has_settled
+                rival = (far_nearer or far_oftener) and not likelier
+                return moving_s is not None and recognised and rival and not self.confirmation.has_settled
             return moving_s is not None and better
         if moving_s is None:
-            return recognised and not known
+            return recognised and (not known or (far_nearer and not likelier))
         return recognised or not known or moving_s > self._config.false_target_s
+
+    def fixes_since(self, t_s: float) -> int:
+        """Return the number of fixes from ``t_s`` on, at most a hundred."""
+        return sum(fixed_s >= t_s for fixed_s in self._fixed_s)
 
     def seen_by_two(self, t_s: float) -> bool:
         """Return whether two or more cameras detect the target: its last fix is at most ``search_again_s`` old."""

@@ -374,6 +374,15 @@ def test_what_is_taken_for_something_else_must_move_for_longer(rng: np.random.Ge
     assert not later[1].recognised
 
 
+def test_the_unlikelier_it_is_the_longer_it_must_move(rng: np.random.Generator) -> None:
+    """Expected: 2 s and half a second for each unit of log odds below 2, at most 9 s."""
+    for odds, age_s in ((1.9, 2.05), (0.0, 3.0), (-4.0, 5.0), (-30.0, 9.0)):
+        found = first_found(Scene(rng), glide, odds)
+        assert found is not None
+        assert age_s - 1e-9 <= found[0] <= age_s + 0.11
+        assert found[1].hits == round(10.0 * found[1].age_s) + 1
+
+
 def test_a_target_that_is_tracked_already_is_not_returned(rng: np.random.Generator) -> None:
     known = Kinematics(
         position_runway_m=standing(0.0), velocity_runway_m_s=np.zeros(3), covariance=np.diag([0.1, 1.0, 0.1, 1, 1, 1])

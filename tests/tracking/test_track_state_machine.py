@@ -219,6 +219,40 @@ def test_a_recognised_aircraft_that_stands_yields_to_what_moves() -> None:
     assert life.yields_to(9.9, recognised=False, moving_s=4.1)
 
 
+@pytest.mark.parametrize(("odds", "yields"), [(3.1, True), (2.9, False), (None, True)])
+def test_a_recognised_thing_that_stands_yields_to_a_much_nearer_one(odds: float | None, yields: bool) -> None:
+    """Expected: something on the horizon is left for an aircraft near by that has not moved far enough yet."""
+    life, _ = stood(4.0)
+    assert life.yields_to(9.9, recognised=True, moving_s=None, odds=odds, far_nearer=True) is yields
+    assert not life.yields_to(9.9, recognised=True, moving_s=None, odds=odds, far_nearer=False)
+    assert not life.yields_to(9.9, recognised=False, moving_s=None, odds=odds, far_nearer=True)
+
+
+def test_a_recognised_thing_that_two_cameras_hardly_ever_agree_on_yields_to_one_that_they_do() -> None:
+    """Expected: until its velocity has settled, to what moves and is recognised."""
+    life, ekf = started(found=True)
+    life.start(0.0, ekf.kinematics_at(0.0).position_runway_m, odds=4.0)
+    life.recognition.add("left", 0.0, 4.0)
+    life.add_fix(0.1)
+    assert life.yields_to(0.2, recognised=True, moving_s=0.6, far_oftener=True)
+    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, odds=2.9, far_oftener=True)
+    assert not life.yields_to(0.2, recognised=False, moving_s=0.6, far_oftener=True)
+    assert not life.yields_to(0.2, recognised=True, moving_s=None, far_oftener=True)
+    move(ekf, -15.0)
+    assert life.update(True, ekf) is TrackStatus.TRACKING
+    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, far_oftener=True)
+
+
+def test_fixes_are_counted_from_a_time_on_and_forgotten_with_the_target() -> None:
+    life, ekf = stood(4.0)
+    assert life.fixes_since(9.0) == 10
+    for k in range(100, 300):
+        life.add_fix(k * 0.1)
+    assert life.fixes_since(0.0) == 100
+    life.start(30.0, ekf.kinematics_at(0.0).position_runway_m)
+    assert life.fixes_since(0.0) == 0
+
+
 def test_what_moves_yields_to_what_moves_and_is_recognised_only() -> None:
     """Expected: parked aircraft and birds take no target over; a recognised one is not looked past."""
     for odds in (4.0, 0.5):
