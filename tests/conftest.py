@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from groundstation.cli.start import ONE_THREAD
+from groundstation.tracking.llvm_lock import drop_lock_events
 
 # as the program begins, before numpy is there; OpenCV's threads, too, would only take the cores from the other workers,
 # in the programs that tests start as well, and its operations then take up to 40 % more of a processor
@@ -32,6 +33,7 @@ settings.load_profile("same")
 DASK_START = "DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD"
 os.environ.setdefault(DASK_START, "forkserver")
 compile_once()
+drop_lock_events()
 keep_freed_memory()
 # a hundred thousand objects are alive once all tests are collected, and each full collection walks through all of them:
 # 30 % of the time of tests that build syntax trees (tests/architecture, 27.9 to 19.1 s)

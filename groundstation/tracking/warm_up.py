@@ -22,6 +22,7 @@ from groundstation.geometry import ray_kernels
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity import leave_one_out
+from groundstation.tracking.llvm_lock import drop_lock_events
 
 _WIDTH, _HEIGHT = 640, 480
 _SPAN_PX, _LARGE_SPAN_PX = 60.0, 320.0
@@ -35,6 +36,7 @@ def warm_up(kind: DetectorKind = DetectorKind.LEARNED) -> None:
 
     Takes seconds the first time, then one second, in which the kernels are read from numba's cache.
     """
+    drop_lock_events()
     lens = Lens(
         image_size_px=(_WIDTH, _HEIGHT),
         focal_px=np.array([1000.0, 1000.0]),
