@@ -5,19 +5,18 @@ kernel's metadata how long the lock was held. To read a replay's 67 kernels from
 calls: 1.5 s of a core with the events, 1.0 s without them (2026-11, numba 0.68, llvmlite 0.50).
 """
 
-import os
-
 
 def drop_lock_events() -> None:
     """Unregister numba's events from LLVM's lock, in this process; the lock itself stays.
 
-    Nothing changes where ``NUMBA_CHROME_TRACE`` asks numba for its events, or where llvmlite keeps the callbacks
-    elsewhere than the versions known do.
+    Nothing changes where numba was asked for a trace of its events (``NUMBA_CHROME_TRACE``), or where llvmlite keeps
+    the callbacks elsewhere than the versions known do.
     """
-    if "NUMBA_CHROME_TRACE" in os.environ:
-        return
     # numba registers them when it is imported
-    import numba  # noqa: F401
+    from numba.core import config
+
+    if getattr(config, "CHROME_TRACE", ""):
+        return
     from llvmlite.binding import ffi
 
     lock = getattr(ffi.lib, "_lock", None)

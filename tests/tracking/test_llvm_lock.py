@@ -30,6 +30,6 @@ def test_a_kernel_compiles_without_an_event_of_the_lock(how: str) -> None:
 
 def test_events_that_were_asked_for_stay() -> None:
     """Expected: with a trace file of numba's own they are all there."""
-    program = f"import os\nos.environ['NUMBA_CHROME_TRACE'] = ''\n{_PROGRAM}"
+    program = f"from numba.core import config\nconfig.CHROME_TRACE = 'trace.json'\n{_PROGRAM}"
     done = subprocess.run([sys.executable, "-c", program, "dropped"], capture_output=True, text=True, check=True)
     assert int(done.stdout) > 50
