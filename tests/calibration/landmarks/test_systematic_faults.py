@@ -84,6 +84,19 @@ def test_a_table_of_sightings(
     assert words in text
 
 
+def test_stations_whose_places_are_found_may_be_exchanged(rng: np.random.Generator) -> None:
+    """Nothing contradicts their places then, but their names."""
+    day = morning(rng, total_station=False)
+    seen = look(day.true, day.stands, rng, 4)
+    assert not any("doubtful" in note for note in solve_survey(day.stated, seen, day.table).notes)
+    exchanged = [replace(one, station="left" if one.station == "right" else "right") for one in seen]
+    notes = solve_survey(day.stated, exchanged, day.table).notes
+    doubts = [note for note in notes if note.startswith("doubtful: left is at x = ")]
+    assert len(doubts) == 1, notes
+    assert "to the right of right" in doubts[0]
+    assert doubts[0].endswith("are the stations exchanged in the sightings?")
+
+
 def test_one_station_of_two_is_named(rng: np.random.Generator) -> None:
     day = morning(rng)
     seen = [
