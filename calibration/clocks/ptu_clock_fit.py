@@ -14,6 +14,7 @@ import numpy as np
 
 from calibration.clocks.image_motion import ImageMotion
 from calibration.clocks.motion_spline import CUBIC, MotionSpline
+from calibration.clocks.reading_faults import reading_fault
 from calibration.robust_fit import OUTLIER_SIGMA, noise_factor
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
@@ -111,6 +112,10 @@ def _require_enough(name: str, readings: FloatArray, motion: ImageMotion, sigma_
     if good < LEAST_PAIRS:
         got = f"{good} pairs of frames whose motion shows, {motion.plain} without texture, {motion.torn} torn"
         wanted = "a scene with texture all over the picture that stands still: trees, houses, ground, no plain sky"
+        raise TimingFitError(f"{where}: got {got}; wanted {wanted}")
+    if fault := reading_fault(readings, motion):
+        got = f"readings that contradict the pictures as they stand, and agree with them as {fault}"
+        wanted = "pan positive to the left and tilt upwards, in degrees, each in its column of ptu.csv"
         raise TimingFitError(f"{where}: got {got}; wanted {wanted}")
     moves = np.degrees(np.ptp(_thin(readings)[:, 1:], axis=0)).max()
     seconds = max(float(np.ptp(readings[:, 0])), 1e-9)

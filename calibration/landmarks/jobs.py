@@ -19,8 +19,10 @@ from calibration.landmarks.check_reference import (
     require_new_sightings,
 )
 from calibration.landmarks.check_report import format_check, write_check_report
+from calibration.landmarks.rejection import LandmarkFitError
 from calibration.landmarks.survey import Survey, solve_survey, survey_words
 from calibration.landmarks.survey_report import format_survey, rig_header, write_survey_report
+from calibration.landmarks.systematic_faults import explained
 from calibration.rig_output import require_toml_name
 from calibration.sightings import Landmark, LandmarkSighting, read_landmarks, read_sightings
 from groundstation.errors import GroundstationError, InputError, UsageError, os_words
@@ -63,7 +65,10 @@ def run_survey(request: SurveyRequest) -> SurveyDone:
     rig = load_rig(request.rig)
     sightings, landmarks = read_sightings(request.sightings), read_landmarks(request.landmarks)
     heading = None if request.heading_sigma_deg is None else float(np.radians(request.heading_sigma_deg))
-    survey = solve_survey(rig, sightings, landmarks, words, request.sightings, heading)
+    try:
+        survey = solve_survey(rig, sightings, landmarks, words, request.sightings, heading)
+    except LandmarkFitError as fault:
+        raise explained(fault, rig, sightings, landmarks, (request.sightings, request.landmarks)) from fault
     text = format_survey(survey)
     header = rig_header(survey, request.sightings.name, request.landmarks.name)
     _write(request.out, header + rig_to_toml(survey.rig))

@@ -98,9 +98,23 @@ def solve_survey(
     found = _solved(rig, started, fit)
     unseen = [s.name for s in rig.stations if s.name not in names]
     notes = [f"{name}: no sighting; stays as the rig has it" for name in unseen]
+    notes += _exchanged(found, names)
     if fit.raised > 1.0:
         notes.append(f"residuals are {fit.raised:.1f} times what their noise allows: all sigmas are raised by that")
     return Survey(before=rig, rig=found, fit=fit, notes=tuple(notes))
+
+
+def _exchanged(rig: Rig, names: Sequence[str]) -> list[str]:
+    """Return a doubt where a station that is called left was found to the right of one that is called right."""
+    if not {"left", "right"} <= set(names):
+        return []
+    left, right = (float(rig[name].ptu_position_m[0]) for name in ("left", "right"))
+    if left <= right:
+        return []
+    return [
+        f"doubtful: left is at x = {left:.1f} m, to the right of right at {right:.1f} m:"
+        " are the stations exchanged in the sightings?"
+    ]
 
 
 def seen_landmarks(

@@ -7,6 +7,7 @@ from itertools import combinations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from calibration.landmarks.angles import LandmarkObservations, stops_of
 from calibration.landmarks.fit import LandmarkFit, solve_landmarks
@@ -15,7 +16,7 @@ from calibration.landmarks.rejection import LandmarkFitError
 from calibration.orientation import PoseGuess, bearings_in_base, find_orientation, find_position, kabsch
 from calibration.sightings import Landmark
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.geometry.rotation import matrix_from_wxyz, wxyz_from_matrix
+from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Station
 
@@ -34,6 +35,8 @@ _SAME_PLACE_M, _SAME_TURN_RAD = 0.05, 1e-3
 # a base stands on a tripod: of two poses with an equal fit, the one that is level to this
 _LEVEL = float(np.cos(np.radians(30.0)))
 _AS_GOOD = 9.0
+# bearings of right landmarks miss by less
+_ROBUST_RAD = 1e-3
 _OFF_AXIS = float(np.cos(np.radians(80.0)))
 
 
@@ -129,6 +132,40 @@ def _require_spread(name: str, seen: _Bearings) -> None:
         raise LandmarkFitError(f"station {name}: got {got}; wanted another one, far to the side")
 
 
+def bearing_misses(station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark]) -> FloatArray:
+    """Return by which angle (k,), rad, each of the k landmarks that a station saw is off in the pose that fits best.
+
+    Lenses and mounts are taken as the rig has them. Raises `LandmarkFitError` where no pose can be computed.
+    """
+    known = "position" in station.known
+    _require_enough(station, observed, landmarks, known)
+    seen = _seen(station, observed, landmarks)
+    if known:
+        towards = np.where(seen.far[:, None], station.ptu_position_m + seen.points_m, seen.points_m)
+        guesses = [find_orientation(seen.bearings, towards, station.ptu_position_m)]
+    else:
+        guesses = _different(sorted(_poses(station.name, seen), key=lambda g: g.median_rad)[: 4 * _FOLLOWED])[
+            :_FOLLOWED
+        ]
+    guesses = [guess for guess in guesses if guess.median_rad <= _MOST_MISS_RAD]
+    if not guesses:
+        raise LandmarkFitError(f"station {station.name}: got no pose that fits; wanted other landmarks")
+    off = min((_fitted(seen, guess, known) for guess in guesses), key=lambda each: float(np.sum(np.abs(each))))
+    return np.array([off[seen.landmark == k].mean() for k in np.unique(seen.landmark)])
+
+
+def _fitted(seen: _Bearings, guess: PoseGuess, known: bool) -> FloatArray:
+    """Return by which angle (n,), rad, each bearing is off after a robust fit from a guess."""
+
+    def off(change: FloatArray) -> FloatArray:
+        turn = rotation_from_vector(change[:3]) @ guess.runway_from_base
+        position = guess.position_m if known else guess.position_m + change[3:]
+        return (seen.bearings @ turn.T - _towards(seen, position)).ravel()
+
+    solved = least_squares(off, np.zeros(3 if known else 6), loss="soft_l1", f_scale=_ROBUST_RAD, x_scale="jac")
+    return np.asarray(np.linalg.norm(off(solved.x).reshape(-1, 3), axis=1))
+
+
 def _poses(name: str, seen: _Bearings) -> Iterator[PoseGuess]:
     """Yield poses from three bearings each, or from two far directions and a point."""
     far = np.unique(seen.landmark[seen.far])
@@ -174,10 +211,15 @@ def _three_points(seen: _Bearings, rows: list[int]) -> Iterator[PoseGuess]:
 
 
 def _judged(seen: _Bearings, runway_from_base: FloatArray, position_m: FloatArray) -> PoseGuess:
-    towards = np.where(seen.far[:, None], seen.points_m, seen.points_m - position_m)
-    towards = towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-9)
+    towards = _towards(seen, position_m)
     miss = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(seen.bearings @ runway_from_base.T - towards, axis=1), 0, 1))
     return PoseGuess(runway_from_base=runway_from_base, position_m=position_m, median_rad=float(np.median(miss)))
+
+
+def _towards(seen: _Bearings, position_m: FloatArray) -> FloatArray:
+    """Return unit vectors (n, 3), runway frame, from a place (3,) to where each bearing should point."""
+    towards = np.where(seen.far[:, None], seen.points_m, seen.points_m - position_m)
+    return np.asarray(towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-9))
 
 
 def _different(guesses: list[PoseGuess]) -> list[PoseGuess]:

@@ -10,6 +10,7 @@ from groundstation.errors import InputError, RigError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import PARTS, Rig
+from groundstation.rig.rig_limits import size_relation
 from groundstation.rig.rig_toml import rig_to_toml
 
 
@@ -52,6 +53,18 @@ def require_station(rig: Rig, name: str) -> None:
     """Raise `RigError` where a rig has no such station."""
     if name not in rig.names:
         raise RigError(rig.path, got=f"no station {name!r}", wanted="--station with one of " + ", ".join(rig.names))
+
+
+def other_size(rig: Rig, name: str, calibrated: CalibratedLens) -> str:
+    """Return a doubt where a new lens is for pictures of another size than the station's so far; "" where it is not."""
+    station, got = rig[name], calibrated.lens.image_size_px
+    wanted = station.lens.image_size_px
+    if "lens" not in station.known or got == wanted:
+        return ""
+    return (
+        f"doubtful: got pictures of {got[0]}×{got[1]} px; wanted {wanted[0]}×{wanted[1]} px, which {name} has in"
+        f" {rig.path or 'the rig'}{size_relation(got, wanted)}; recordings of that size are refused with this lens"
+    )
 
 
 def write_rig_with_lens(path: Path, rig: Rig, name: str, calibrated: CalibratedLens) -> None:

@@ -93,7 +93,7 @@ def run_intrinsics(options: argparse.Namespace) -> int:
     from calibration.lens.html_report import write_lens_report
     from calibration.lens.intrinsics import calibrate_intrinsics
     from calibration.lens.lens_files import format_of, require_no_rig, write_lens
-    from calibration.lens.rig import require_station, write_rig_with_lens
+    from calibration.lens.rig import other_size, require_station, write_rig_with_lens
     from calibration.lens.summary import format_intrinsics
     from calibration.pictures import read_pictures
     from groundstation.rig.rig import load_rig
@@ -120,6 +120,8 @@ def run_intrinsics(options: argparse.Namespace) -> int:
         if form == "kalibr":
             print(_UNCARRIED)
     else:
+        if note := other_size(rig, options.station, found.calibrated):
+            print(f"groundstation: {options.images}: {note}", file=sys.stderr)
         write_rig_with_lens(options.out, rig, options.station, found.calibrated)
         if "orientation" in rig[options.station].known:
             print(f"next: {options.station} was aimed with its lens of before: calibrate mount or survey it again")

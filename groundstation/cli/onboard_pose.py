@@ -25,13 +25,13 @@ edges` and `onboard fly` will do.
 
 poses.csv has filename,x_m,y_m,z_m,qw,qx,qy,qz,range_m,reprojection_px,status;
 the quaternion is runway_from_camera; status is ok, uncertain (the corners
-hardly determine it), residual (a pose that does not fit the corners' noise), no_pose or
-no_corners (empty cells)
+hardly determine it), residual (a pose that does not fit the corners' noise), rolled (it
+fits, with the aircraft rolled by more than 60 deg), no_pose or no_corners (empty cells)
 
 --rerun poses.rrd also draws them: the runway, and picture by picture the camera,
 its range and how well it fits; rerun --bind 127.0.0.1 poses.rrd opens it
 
-exit code: 0 done; 1 a file is at fault; 2 wrong usage"""
+exit code: 0 done; 1 a file is at fault, or most pictures are rolled; 2 wrong usage"""
 
 
 def add_pose(kinds: Commands) -> None:
@@ -63,9 +63,11 @@ def run_pose(options: argparse.Namespace) -> int:
     # imported here: --help and a wrong option answer at once
     from calibration.lens.lens_files import read_lens
     from groundstation.onboard.edges.camera_file import is_camera_file, load_nose_camera
+    from groundstation.onboard.edges.pose import Attitude
+    from groundstation.onboard.pose.camera_roll import is_rolled, roll_doubt, roll_of
     from groundstation.onboard.pose.corner_labelling import solve_corners
     from groundstation.onboard.pose.pose_files import Runways, read_corners, write_poses
-    from groundstation.onboard.pose.pose_solver import RunwayPose
+    from groundstation.onboard.pose.pose_solver import PoseStatus, RunwayPose
     from groundstation.onboard.pose.runway import Runway
 
     if options.out.is_dir():
@@ -76,10 +78,11 @@ def run_pose(options: argparse.Namespace) -> int:
             raise UsageError("--rerun", got=str(options.rerun), wanted=wanted)
         if options.rerun.is_dir():
             raise InputError(str(options.rerun), got="a folder", wanted="--rerun with a file's name")
-    whole = is_camera_file(options.camera)
-    lens = load_nose_camera(options.camera).lens if whole else read_lens(options.camera).lens
+    nose = load_nose_camera(options.camera) if is_camera_file(options.camera) else None
+    lens, mount = (read_lens(options.camera).lens, Attitude()) if nose is None else (nose.lens, nose.mount)
     runways = Runways(options.runways)
     outside = 0
+    rolls: list[float | None] = []
     solved: list[tuple[str, Runway | None, RunwayPose | None, str]] = []
 
     def rows() -> Iterator[tuple[str, RunwayPose | None, str]]:
@@ -91,6 +94,9 @@ def run_pose(options: argparse.Namespace) -> int:
                 runway = runways.find(row.airport, row.runway, row.where)
                 found = solve_corners(runway, row.pixels, lens, options.sigma_px)
                 pose, status = found.pose, found.status.value
+            if pose is not None:
+                rolls.append(roll_of(pose, mount))
+                status = "rolled" if status == PoseStatus.OK.value and is_rolled(rolls[-1]) else status
             if options.rerun is not None:
                 solved.append((row.filename, runway, pose, status))
             yield row.filename, pose, status
@@ -98,10 +104,12 @@ def run_pose(options: argparse.Namespace) -> int:
     counts = write_poses(options.out, rows())
     total = sum(counts.values())
     print(f"{total} pictures: " + (", ".join(f"{n} {status}" for status, n in sorted(counts.items())) or "none"))
-    if 2 * outside > max(total - counts.get("no_corners", 0), 0):
+    doubt = roll_doubt(rolls)
+    if not doubt and 2 * outside > max(total - counts.get("no_corners", 0), 0):
         w, h = lens.image_size_px
-        text = f"{outside} pictures have corners outside of {w}×{h} px: is the camera of another resolution?"
-        print(f"groundstation: {options.corners}: {text}", file=sys.stderr)
+        doubt = f"{outside} pictures have corners outside of {w}×{h} px: is the camera of another resolution?"
+    if doubt:
+        print(f"groundstation: {options.corners}: {doubt}", file=sys.stderr)
     print(f"wrote {options.out}")
     if options.rerun is not None:
         from groundstation.onboard.pose_sinks import DrawnPose, draw_poses
@@ -109,4 +117,4 @@ def run_pose(options: argparse.Namespace) -> int:
         drawn = (DrawnPose(filename=name, runway=on, pose=pose, status=word) for name, on, pose, word in solved)
         draw_poses(options.rerun, lens, drawn)
         print(f"wrote {options.rerun}")
-    return 0
+    return 1 if roll_doubt(rolls) else 0

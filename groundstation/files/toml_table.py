@@ -62,7 +62,10 @@ def load_toml(path: TextFile, error: type[InputError]) -> dict[str, Any]:
         if isinstance(fault, UnicodeDecodeError) and is_utf16(fault.object):
             raise error(str(path), got="text in UTF-16", wanted="a TOML file in UTF-8") from fault
         # a whole number of thousands of digits is a plain ValueError
-        raise error(str(path), got=f"not TOML ({shown(str(fault), 200)})", wanted="a TOML file") from fault
+        why = shown(str(fault), 200)
+        if isinstance(fault, UnicodeDecodeError):
+            why = f"no text: byte 0x{fault.object[fault.start]:02x} in place {fault.start}"
+        raise error(str(path), got=f"not TOML ({why})", wanted="a TOML file") from fault
 
 
 def _check_integers(values: dict[str, Any]) -> None:

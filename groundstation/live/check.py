@@ -20,6 +20,7 @@ from groundstation.live.keep_out_zones import sun_text, with_keep_out
 from groundstation.live.live_stars import StarLoader, registered_heads
 from groundstation.live.station_file import StationDevices, StationFile, load_station
 from groundstation.rig.rig import Rig
+from groundstation.rig.rig_limits import size_relation
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
 from groundstation.tracking.config import load_config
 from ptu_drivers.errors import PtuError
@@ -119,6 +120,7 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, r
     if frames and frames[-1] != wanted:
         got = f"{frames[-1][0]} × {frames[-1][1]} px"
         text = f"{name}: got pictures of {got}; wanted {wanted[0]} × {wanted[1]} px as in the rig"
+        text += size_relation(frames[-1], wanted)
         return failed(text)
     if len(stamps) < 2:
         why = events[-1].text if events else "no frame received"

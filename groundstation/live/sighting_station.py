@@ -17,6 +17,7 @@ from groundstation.live.guarded_head import GuardedHead
 from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile, load_station
 from groundstation.rig.rig import Rig, Station
+from groundstation.rig.rig_limits import size_relation
 from groundstation.session.folder import GeoOrigin
 from groundstation.sources.cameras.camera import CameraError, CameraFrame
 from groundstation.sources.cameras.live_camera import LiveCamera
@@ -197,7 +198,7 @@ class SightingStation:
             raise InputError(
                 f"{self.name} camera",
                 got=f"pictures of {got[0]} × {got[1]} px",
-                wanted=f"{wanted[0]} × {wanted[1]} px as in the rig",
+                wanted=f"{wanted[0]} × {wanted[1]} px as in the rig{size_relation(got, wanted)}",
             )
 
     def _open_camera(self) -> LiveCamera:

@@ -20,6 +20,7 @@ from groundstation.pointing.search_pattern import SearchConfig
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.session.folder import GeoOrigin, parse_origin
 from groundstation.session.site_air import SiteAir, parse_air
+from groundstation.sources.cameras.open_camera import CameraUrlError, parse_camera_url
 from groundstation.sources.panorama_file import read_panoramas
 from groundstation.tracking.config import config_from_mapping
 from groundstation.tracking.registered_heads import AnglesFromPicture, RegisteredHeads
@@ -252,9 +253,14 @@ def _reference_at(url: str, table: TomlTable, learn: bool, senders: tuple[Networ
 def _station(table: TomlTable) -> StationDevices:
     table.refuse_unknown(_STATION)
     settings = table.table("camera_settings").values
+    camera = table.text("camera")
+    try:
+        parse_camera_url(camera)
+    except CameraUrlError as fault:
+        raise table.fail("camera", quoted(camera), fault.wanted) from fault
     return StationDevices(
         name=table.text("name"),
-        camera=table.text("camera"),
+        camera=camera,
         camera_settings=dict(settings),
         head=_head(table) if "ptu" in table else None,
     )

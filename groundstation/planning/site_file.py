@@ -20,6 +20,8 @@ MAX_RANGES = 200
 # ten degrees, metres or seconds: beyond it, small errors are no longer what is computed with
 _MOST_SIGMA = 10.0
 _FAR_M = 20_000.0
+# chosen: finer than any sensor's pixel and coarser than a thermal one's; a lens on a chip, and a telescope
+_PIXEL_UM, _FOCAL_MM = (0.3, 200.0), (0.5, 10_000.0)
 _TOP = {"format", "name", "rig", "baseline_m", "height_m", "station"}
 _TABLES = {"camera", "ptu", "calibration", "aircraft", "range", "required_sigma_m"}
 _LENS = {"focal_mm", "pixel_um", "focal_px", "image_size_px"}
@@ -160,8 +162,9 @@ def _lens(camera: TomlTable) -> Lens:
     if "focal_px" in camera:
         focal_px = camera.number("focal_px", above=0.0, maximum=1e7)
     else:
-        focal_mm = camera.number("focal_mm", above=0.0, maximum=10_000.0)
+        focal_mm = camera.number("focal_mm", above=0.0)
         pixel_um = camera.number("pixel_um", above=0.0)
+        _require_units(camera, focal_mm, pixel_um)
         focal_px = 1000.0 * focal_mm / pixel_um
         if not 1.0 <= focal_px <= 1e7:
             raise camera.fail("focal_mm", f"{focal_px:.3g} pixels of {pixel_um:g} µm", "1 to 10 million pixels")
@@ -174,6 +177,18 @@ def _lens(camera: TomlTable) -> Lens:
         principal_point_px=0.5 * (size - 1.0),
         distortion=np.zeros(5),
     )
+
+
+def _require_units(camera: TomlTable, focal_mm: float, pixel_um: float) -> None:
+    """Raise `SiteError` for a pixel or a focal length that is one in another unit; a view that is too wide is told."""
+    for key, value, (least, most), unit, others in (
+        ("pixel_um", pixel_um, _PIXEL_UM, "µm", {"mm": 1e3, "nm": 1e-3, "m": 1e6}),
+        ("focal_mm", focal_mm, _FOCAL_MM, "mm", {"µm": 1e-3}),
+    ):
+        likely = [name for name, factor in others.items() if least <= factor * value <= most]
+        if likely and not least <= value <= most:
+            wanted = f"a finite number > 0, {least:g} to {most:g} {unit}; is it in {likely[0]}?"
+            raise camera.fail(key, f"{value:g}", wanted)
 
 
 def _with_quality(rig: Rig, calibration: TomlTable) -> Rig:

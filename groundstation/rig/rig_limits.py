@@ -25,6 +25,18 @@ def focal_wanted(size: FloatArray, focal: FloatArray) -> str:
     return f"at most {_MOST_FOCAL_SHARE:g} times {picture}" if np.any(focal > _MOST_FOCAL_SHARE * size) else ""
 
 
+def size_relation(got: tuple[int, int], lens: tuple[int, int]) -> str:
+    """Return, to follow a size (w, h) of pictures that a lens's is not, how the two are related."""
+    across, down = got[0] / lens[0], got[1] / lens[1]
+    if abs(across * lens[1] - got[1]) <= 1.0 or abs(down * lens[0] - got[0]) <= 1.0:
+        return (
+            f"; focal_px and principal_point_px of that size times {across:.6g} are those of the pictures, unless cut"
+        )
+    if got == lens[::-1]:
+        return "; width and height are exchanged: are the pictures turned by 90 deg?"
+    return "; another shape, so one of the two is a part of the sensor: calibrate the lens with pictures of this size"
+
+
 def read_arm(table: TomlTable) -> FloatArray:
     """Return where the camera is on its head, m."""
     arm = table.vector("camera_in_head_m", 3, (0.0, 0.0, 0.0))

@@ -17,6 +17,7 @@ from groundstation.files.matroska_tables import repeats_tables
 from groundstation.files.text_file import absence, is_other_kind
 from groundstation.files.toml_table import shown
 from groundstation.rig.rig import Rig
+from groundstation.rig.rig_limits import size_relation
 
 # two of these for one station are ambiguous, which is an error
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".webm", ".wmv")
@@ -173,7 +174,8 @@ def check_medium(medium: Medium, size_px: tuple[int, int]) -> None:
 
 def size_fault(where: str, size: tuple[int, int], wanted: tuple[int, int]) -> SessionError:
     """Build (not raise) the error for pictures of another size (w, h) than the rig's."""
-    return SessionError(where, got=f"{size[0]}×{size[1]} px", wanted=f"{wanted[0]}×{wanted[1]} px as in the rig")
+    text = f"{wanted[0]}×{wanted[1]} px as in the rig"
+    return SessionError(where, got=f"{size[0]}×{size[1]} px", wanted=text + size_relation(size, wanted))
 
 
 def _video_size(path: Path) -> tuple[int, int]:

@@ -130,6 +130,13 @@ def test_the_example_of_the_docs_is_one() -> None:
         ("azimuth_deg = [-8, 4.5]", "azimuth_deg = [262, 275]", "azimuth_deg and elevation_deg must be from -80 to 80"),
         ("park_deg = [0, 20]", "park_deg = [0]", "park_deg: got [0]"),
         ('camera = "opencv:0"', "", "camera: got nothing"),
+        (
+            'camera = "opencv:0"',
+            'camera = "gigi:192.168.1.11"',
+            "camera: got 'gigi:192.168.1.11'; wanted genicam:SERIAL",
+        ),
+        ('camera = "opencv:0"', 'camera = "gigi:192.168.1.11"', "did you mean gige:192.168.1.11?"),
+        ('camera = "opencv:0"', 'camera = "basler:1"', "opencv:0, opencv:/dev/video0, rtsp://…"),
         ("learn = false", "learn = 0", "reference: learn: got 0"),
         ('url = "udp://0.0.0.0:5000"', "", "reference: url: got nothing"),
         ("clock_sigma_s = 0.02", "clock_sigma_s = 0", "clock_sigma_s: got 0"),

@@ -226,6 +226,13 @@ def test_the_table_as_csv(tmp_path: Path) -> None:
             "focal_mm = 25000\npixel_um = 3.75",
             "camera: focal_mm: got 25000; wanted a finite number > 0",
         ),
+        (
+            "focal_px = 6667",
+            "focal_mm = 25\npixel_um = 0.00375",
+            "camera: pixel_um: got 0.00375; wanted a finite number > 0, 0.3 to 200 µm; is it in mm?",
+        ),
+        ("focal_px = 6667", "focal_mm = 25\npixel_um = 3750", "pixel_um: got 3750; wanted a finite number > 0, 0.3 to"),
+        ("focal_px = 6667", "focal_mm = 25000\npixel_um = 3.75", "0.5 to 10000 mm; is it in µm?"),
         ("focal_px = 6667", "focal_mm = 9\npixel_um = 1e9", "focal_mm: got 9e-06 pixels of 1e+09 µm; wanted 1 to 10"),
         ("[1280, 960]", "[1280, 960.5]", "image_size_px: got [1280.0, 960.5]; wanted two whole numbers"),
         ("sigma_deg = 0", "sigma = 0", "ptu: sigma: got an unknown key; wanted one of resolution_deg, sigma_deg"),

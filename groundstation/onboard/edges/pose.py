@@ -78,6 +78,12 @@ def nose_pose(position_threshold_m: FloatArray, attitude: Attitude, mount: Attit
     )
 
 
+def level_from_body(threshold_from_camera: FloatArray, mount: Attitude) -> FloatArray:
+    """Return an aircraft's attitude (3, 3), as `Attitude.matrix`, from that of a camera in it."""
+    body_from_camera = mount.matrix @ _BODY_FROM_STRAIGHT_CAMERA
+    return np.asarray(_THRESHOLD_FROM_LEVEL.T @ threshold_from_camera @ body_from_camera.T)
+
+
 def corrected_pose(pose: NoseCameraPose, roll_rad: float, pitch_rad: float, up_m: float) -> NoseCameraPose:
     """Return a pose turned about the camera's own z axis (roll) and x axis (pitch), and raised."""
     turn = rotation_from_vector(np.array([pitch_rad, 0.0, roll_rad]))

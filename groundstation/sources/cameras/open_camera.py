@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import parse_qs, unquote
 
+from groundstation.files.nearest_word import nearest_word
 from groundstation.sources.cameras.camera import (
     CameraDevice,
     CameraError,
@@ -21,9 +22,18 @@ from groundstation.sources.cameras.gige import GigeCamera, checked_address, chec
 from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.sources.cameras.opencv_capture import FileCamera, OpencvCamera
 
+_SCHEMES = ("genicam", "gige", "opencv", "file")
 _STREAMS = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 WANTED = "genicam:SERIAL?cti=FILE, gige:ADDRESS, opencv:0, opencv:/dev/video0, rtsp://…, http://… or file:PATH"
 _OPTIONS = {"genicam": {"cti"}, "gige": {"packet"}}
+
+
+class CameraUrlError(CameraError):
+    """A text is no camera's URL; ``wanted`` is what is, for those who know where the text stands."""
+
+    def __init__(self, url: str, wanted: str) -> None:
+        super().__init__(f"camera: got {url!r}; wanted {wanted}")
+        self.wanted = wanted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,29 +47,31 @@ class CameraUrl:
 
 
 def parse_camera_url(url: str) -> CameraUrl:
-    """Parse a URL; raises `CameraError` where it is not that of a camera."""
+    """Parse a URL; raises `CameraError`, a `CameraUrlError` for its form, where it is not that of a camera."""
     scheme, colon, rest = url.partition(":")
     scheme = scheme.lower()
     if colon and scheme in _STREAMS:
         if not rest.startswith("//") or not rest.strip("/"):
-            raise CameraError(f"camera: got {url!r}; wanted {scheme}://HOST/…")
+            raise CameraUrlError(url, f"{scheme}://HOST/…")
         return CameraUrl(url=url, scheme=scheme, place=url, options={})
-    if not colon or scheme not in ("genicam", "gige", "opencv", "file"):
-        raise CameraError(f"camera: got {url!r}; wanted {WANTED}")
+    if not colon or scheme not in _SCHEMES:
+        hint = nearest_word(scheme, (*_SCHEMES, *_STREAMS))
+        meant = f"; did you mean {hint}:{rest}?" if hint else ""
+        raise CameraUrlError(url, f"{WANTED}{meant}")
     # a file's name may hold a question mark
     place, mark, query = (rest, "", "") if scheme in ("file", "opencv") else rest.partition("?")
     place = unquote(place.removeprefix("//") if scheme != "opencv" else place)
     try:
         options = parse_qs(query, keep_blank_values=True, strict_parsing=bool(mark))
     except ValueError as error:
-        raise CameraError(f"camera: got {url!r}; wanted KEY=VALUE after the question mark") from error
+        raise CameraUrlError(url, "KEY=VALUE after the question mark") from error
     able = _OPTIONS.get(scheme, set())
     unknown = sorted(set(options) - able)
     if unknown:
         wanted = ", ".join(sorted(able)) or "no options"
         raise CameraError(f"camera {scheme}:{place}: got option {unknown[0]!r}; wanted {wanted}")
     if not place:
-        raise CameraError(f"camera: got {url!r}; wanted a place behind {scheme}:, as in {WANTED}")
+        raise CameraUrlError(url, f"a place behind {scheme}:, as in {WANTED}")
     return CameraUrl(url=url, scheme=scheme, place=place, options=options)
 
 

@@ -156,7 +156,11 @@ def test_the_command_writes_a_whole_rig_and_never_a_lens_over_one(
     assert main([*arguments, "--rig", str(given), "--station", "middle", "--out", str(out)]) == 1
     assert "--station with one of left, right" in capsys.readouterr().err
     assert main([*arguments, "--rig", str(given), "--station", "right", "--out", str(out)]) == 0
-    assert "next: right was aimed with its lens of before" in capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert "next: right was aimed with its lens of before" in printed.out
+    w, h = right.lens.image_size_px
+    doubt = f"doubtful: got pictures of 480×360 px; wanted {w}×{h} px, which right has in {given}"
+    assert doubt in printed.err
     assert given.read_bytes() == before
     rig = load_rig(out)
     assert rig["left"].lens.image_size_px == left.lens.image_size_px

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,55 @@ def test_a_camera_of_another_resolution_is_noted(work: dict[str, Path], capsys: 
     assert run(work) == 0
     printed = capsys.readouterr().err
     assert "12 pictures have corners outside of 320×240 px: is the camera of another resolution?" in printed
+
+
+def rewrite(table: Path, change: Callable[[float, float], tuple[float, float]]) -> None:
+    """Replace each corner (x, y) of a table."""
+    rows = list(csv.reader(table.read_text().splitlines()))
+    for row in rows[1:]:
+        for k in range(1, len(row), 2):
+            if row[k]:
+                row[k : k + 2] = (f"{value:.6f}" for value in change(float(row[k]), float(row[k + 1])))
+    table.write_text("".join(",".join(row) + "\n" for row in rows))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda x, y: (y, x), "which no approach is flown with: are x and y exchanged, or is the camera mounted so"),
+        (lambda x, y: (x, 960.0 - y), "is y counted upwards from the lowest row, or is the camera mounted so"),
+    ],
+)
+def test_exchanged_and_reversed_columns_are_named(
+    work: dict[str, Path],
+    capsys: pytest.CaptureFixture[str],
+    change: Callable[[float, float], tuple[float, float]],
+    words: str,
+) -> None:
+    work["camera"].write_text(re.sub("distortion.*", "", CAMERA))
+    rewrite(work["corners"], change)
+    assert run(work) == 1
+    printed = capsys.readouterr()
+    assert words in printed.err
+    assert "corners.csv: doubtful: 12 of 12 pictures" in printed.err
+    assert " rolled" in printed.out
+    assert " ok" not in printed.out
+
+
+def test_a_camera_that_is_mounted_sideways_is_no_doubt(
+    work: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its file says so; the picture of 90° to the right has its rows where those of a level one have columns."""
+    lens = "image_size_px = [960, 1280]\nfocal_px = [1390.0, 1400.0]\nprincipal_point_px = [485.0, 642.0]\n"
+    rewrite(work["corners"], lambda x, y: (960.0 - y, x))
+    work["camera"].write_text(lens)
+    assert run(work) == 1
+    capsys.readouterr()
+    work["camera"].write_text(lens + "mount_deg = [-90.0, 0.0, 0.0]\n")
+    assert run(work) == 0
+    printed = capsys.readouterr()
+    assert "doubtful" not in printed.err
+    assert " rolled" not in printed.out
 
 
 def test_which_end_is_near_follows_from_the_runways_name(tmp_path: Path) -> None:
