@@ -292,7 +292,9 @@ def _alternatives(counts: Sequence[tuple[RayHypothesis, _RayCount]], score: floa
         either = best_tilt and any(h.tilt_off_rad for h in hypothesis.readings.values())
         if count.score >= _ALIKE * score or either:
             kinds.setdefault(str(hypothesis.kind()), hypothesis)
-    return tuple(_videos_before_lenses(list(kinds.values())))[:_MAX_ALTERNATIVES]
+    # what has no amount to be fitted explains more: principal points that differ make exchanged videos look like a tilt
+    named = sorted(kinds.values(), key=lambda hypothesis: hypothesis.has_amount())
+    return tuple(_videos_before_lenses(named))[:_MAX_ALTERNATIVES]
 
 
 def _videos_before_lenses(named: list[RayHypothesis]) -> list[RayHypothesis]:

@@ -1,6 +1,7 @@
 """Whole numbers where degrees are wanted, and what only looks like them."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -32,7 +33,9 @@ def test_counts_of_any_step_are_told(step_deg: float) -> None:
     assert line is not None
     assert "all angles of left are whole numbers" in line
     assert "an encoder's counts, or hundredths of degrees?" in line
-    assert "for each they would be -8" in line
+    low, high = map(float, re.findall(r"would be (\S+) to (\S+) deg", line)[0])
+    assert low == pytest.approx(-8.0, abs=step_deg)
+    assert high == pytest.approx(2.995, abs=step_deg)
 
 
 def test_unsigned_counts_are_told() -> None:
