@@ -171,7 +171,7 @@ class RayAgreementMonitor:
         explaining = [
             pair for pair in counts if pair[1].meeting >= _NAMED_SHARE * pair[1].rays >= _NAMED_SHARE * _MIN_RAYS
         ]
-        explaining = [pair for pair in explaining if not pair[0].is_endless() and not pair[0].is_refuted(refuted)]
+        explaining = [pair for pair in _without_endless(explaining) if not pair[0].is_refuted(refuted)]
         named = bool(explaining)
         found = max(explaining, key=lambda pair: pair[1].score)[1] if named else stored
         if not named and stored.apart < _APART_SHARE * stored.rays:
@@ -295,6 +295,16 @@ def _alternatives(counts: Sequence[tuple[RayHypothesis, _RayCount]], score: floa
     # what has no amount to be fitted explains more: principal points that differ make exchanged videos look like a tilt
     named = sorted(kinds.values(), key=lambda hypothesis: hypothesis.has_amount())
     return tuple(_videos_before_lenses(named))[:_MAX_ALTERNATIVES]
+
+
+def _without_endless(counts: Sequence[tuple[RayHypothesis, _RayCount]]) -> list[tuple[RayHypothesis, _RayCount]]:
+    """Return hypotheses without the focal lengths of a kind of which the longest one tried is the best."""
+    best: dict[str, tuple[RayHypothesis, _RayCount]] = {}
+    for hypothesis, count in counts:
+        kind = str(hypothesis.kind())
+        if kind not in best or count.score > best[kind][1].score:
+            best[kind] = (hypothesis, count)
+    return [pair for pair in counts if not best[str(pair[0].kind())][0].is_endless()]
 
 
 def _videos_before_lenses(named: list[RayHypothesis]) -> list[RayHypothesis]:

@@ -319,4 +319,4 @@ def test_exchanged_videos_of_heads_that_follow_one_aircraft_come_before_the_lens
     found = monitor.fault()
     assert found is not None
     assert "they do with the videos or the pixels of left and right exchanged, or with the lenses of" in found.line()
-    assert "20 times" not in found.line()
+    assert "a focal length" not in found.line()
