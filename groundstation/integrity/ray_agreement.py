@@ -292,9 +292,17 @@ def _alternatives(counts: Sequence[tuple[RayHypothesis, _RayCount]], score: floa
         either = best_tilt and any(h.tilt_off_rad for h in hypothesis.readings.values())
         if count.score >= _ALIKE * score or either:
             kinds.setdefault(str(hypothesis.kind()), hypothesis)
-    # what has no amount to be fitted explains more: principal points that differ make exchanged videos look like a tilt
-    named = sorted(kinds.values(), key=lambda hypothesis: hypothesis.has_amount())
-    return tuple(_videos_before_lenses(named))[:_MAX_ALTERNATIVES]
+    return tuple(sorted(list(kinds.values())[:_MAX_ALTERNATIVES], key=_rank))
+
+
+def _rank(hypothesis: RayHypothesis) -> int:
+    """Return the place among alternatives: videos are exchanged by a name, lenses by an edit of the rig.
+
+    Rays seldom tell the two apart; and principal points that differ make either look like a tilt that is off.
+    """
+    if hypothesis.pixels_exchanged is not None and not hypothesis.readings:
+        return 0
+    return 1 if hypothesis.lenses_exchanged is not None else 2
 
 
 def _without_endless(counts: Sequence[tuple[RayHypothesis, _RayCount]]) -> list[tuple[RayHypothesis, _RayCount]]:
@@ -305,17 +313,6 @@ def _without_endless(counts: Sequence[tuple[RayHypothesis, _RayCount]]) -> list[
         if kind not in best or count.score > best[kind][1].score:
             best[kind] = (hypothesis, count)
     return [pair for pair in counts if not best[str(pair[0].kind())][0].is_endless()]
-
-
-def _videos_before_lenses(named: list[RayHypothesis]) -> list[RayHypothesis]:
-    """Return alternatives with exchanged videos before exchanged lenses, which rays seldom tell apart.
-
-    Videos are exchanged by a name, lenses by an edit of the rig.
-    """
-    of_pixels = [k for k, h in enumerate(named) if h.pixels_exchanged is not None and not h.readings]
-    last = of_pixels[-1] if of_pixels else -1
-    places = {k: last + 0.5 if h.lenses_exchanged is not None and k < last else float(k) for k, h in enumerate(named)}
-    return [named[k] for k in sorted(places, key=lambda k: places[k])]
 
 
 def _rays_of(

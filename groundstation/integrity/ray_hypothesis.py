@@ -29,13 +29,6 @@ class RayHypothesis:
         exchanged = (self.pixels_exchanged, self.places_exchanged, self.lenses_exchanged)
         return (*exchanged, *((name, h.kind()) for name, h in self.readings.items()))
 
-    def has_amount(self) -> bool:
-        """Return whether an amount is fitted: a time, an angle or a focal length."""
-        return any(
-            reading.lag_s or reading.tilt_off_rad or reading.pan_off_rad or reading.focal_factor != 1.0
-            for reading in self.readings.values()
-        )
-
     def is_endless(self) -> bool:
         """Return whether it is the longest focal length tried: with it pixels have no effect, whatever is wrong."""
         return any(reading.focal_factor == FOCAL_FACTORS[-1] for reading in self.readings.values())
