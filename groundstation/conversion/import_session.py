@@ -17,6 +17,7 @@ from groundstation.arrays import FloatArray
 from groundstation.conversion.angle_table import AngleTable, read_angle_table
 from groundstation.conversion.import_clock import ImportClock, import_clock
 from groundstation.conversion.import_request import ImportRequest, ImportResult
+from groundstation.conversion.unused_options import unused_options
 from groundstation.conversion.video_frame_pairing import frames_csv, paired
 from groundstation.conversion.video_stamps import VideoStamps, read_video_stamps
 from groundstation.errors import InputError, SessionError, os_words
@@ -62,7 +63,7 @@ def import_session(request: ImportRequest, progress: Callable[[int], None] = lam
     # before the videos are read, which takes long
     fixes = _placed(request, log, clock)
     angles = _angles(request, rig, clock)
-    parts.remarks += _exchanged(request)
+    parts.remarks += _exchanged(request) + unused_options(request, rig, log)
     span = _frames(request, rig, clock, parts, progress)
     if angles is not None:
         angles.require_overlap(*span)

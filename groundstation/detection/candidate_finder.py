@@ -72,11 +72,13 @@ class AcquisitionConfig:
         if self.working_width_px < 64 or self.levels < 1 or self.reduction < 2 or self.max_candidates < 1:
             raise ValueError("working_width_px must be ≥ 64, levels and max_candidates ≥ 1, reduction ≥ 2")
         if not 0 < self.low_sigma <= self.high_sigma or not 0 < self.motion_low_sigma <= self.motion_high_sigma:
-            raise ValueError("a low threshold must be > 0 and not above its high one")
+            raise ValueError(
+                "low_sigma and motion_low_sigma must be > 0 and not above high_sigma and motion_high_sigma"
+            )
         if self.memory_s <= 0 or self.spacing_s < 0 or self.alignment_px <= 0:
             raise ValueError("memory_s and alignment_px must be > 0, spacing_s ≥ 0")
         if not 0 < self.max_size <= 1 or self.max_elongation < 1 or not 0 <= self.ground_weight <= 1:
-            raise ValueError("max_size in (0, 1], max_elongation ≥ 1 and ground_weight in [0, 1] are needed")
+            raise ValueError("max_size and ground_weight must be in (0, 1] and [0, 1], max_elongation ≥ 1")
         if min(self.join_reach, self.motion_join_reach) < 0:
             raise ValueError("join_reach and motion_join_reach must be ≥ 0")
 

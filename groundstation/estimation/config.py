@@ -266,4 +266,4 @@ class InitiationConfig:
         if min(self.min_age_s, self.unlikely_age_per_odds_s, self.start_share) < 0:
             raise ValueError("min_age_s, unlikely_age_per_odds_s and start_share must be ≥ 0")
         if not 0 <= self.min_speed_m_s < self.max_speed_m_s:
-            raise ValueError("min_speed_m_s not below max_speed_m_s")
+            raise ValueError("min_speed_m_s must be ≥ 0 and below max_speed_m_s")

@@ -71,7 +71,7 @@ class EvaluationConfig:
         if len(edges) < 1 or any(b <= a for a, b in pairwise(edges)):
             raise ValueError(f"range_bins_m {list(edges)} not rising")
         if min(self.max_interpolation_gap_s, self.lag_window_s, self.max_offset_s) <= 0:
-            raise ValueError("a gap, window or offset limit that is not > 0")
+            raise ValueError("max_interpolation_gap_s, lag_window_s and max_offset_s must be > 0")
         for name in _ABOVE_ZERO:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} {getattr(self, name):g} not > 0")

@@ -1,7 +1,7 @@
 """Evaluation of a finished run: comparison with the references and with the accuracy bounds."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from groundstation.evaluation.position_series import (
     ReferenceSeries,
     interpolate,
 )
-from groundstation.evaluation.reference_hypotheses import reference_contradiction
+from groundstation.evaluation.reference_hypotheses import reference_contradiction, too_few_common
 from groundstation.evaluation.run_description import RunDescription, TruthLike
 from groundstation.evaluation.summary import build_summary, smoothed_table
 from groundstation.files.output_names import below
@@ -91,7 +91,8 @@ def evaluate_run(
     epochs, cameras = collector.epochs(), collector.cameras()
     after = None if smoothed is None else smoothed.epochs()
     found = _compare_with_references(epochs, after, run, config, dgps, truth)
-    run = replace(run, contradictions=(*run.contradictions, *_contradictions(epochs, found, config)))
+    contradictions, uncompared = _contradictions(epochs, found, config)
+    run = replace(run, contradictions=(*run.contradictions, *contradictions), faults=(*run.faults, *uncompared))
     bounds = _bounds(epochs, cameras, collector.stations, rig, run, config, found.comparisons.get("truth"))
     summary = build_summary(
         epochs=epochs,
@@ -163,19 +164,23 @@ def _compare_with_references(
     )
 
 
-def _contradictions(epochs: NDArray[Any], found: _ReferenceComparisons, config: EvaluationConfig) -> Iterator[str]:
-    """Yield why the track and a reference cannot both be right, by the epochs *tracking*."""
+def _contradictions(
+    epochs: NDArray[Any], found: _ReferenceComparisons, config: EvaluationConfig
+) -> tuple[list[str], list[str]]:
+    """Return why the epochs *tracking* and a reference cannot both be right, and where too little is known to tell."""
     track = track_series(epochs[epochs["status"] == TRACK_STATUSES.index(TrackStatus.TRACKING)])
     # the truth is on the session's clock: an offset of it would hide 50 m along the path
     references = {
         "the DGPS log": (None if found.checked is None else found.checked.fixes, config.max_offset_s),
         "truth.csv": (found.truth, 0.0),
     }
+    gap_s = config.max_interpolation_gap_s
+    contradictions, uncompared = [], []
     for name, (reference, offset_s) in references.items():
         if reference is not None:
-            line = reference_contradiction(track, reference, offset_s, name, config.max_interpolation_gap_s)
-            if line is not None:
-                yield line
+            contradictions.append(reference_contradiction(track, reference, offset_s, name, gap_s))
+            uncompared.append(too_few_common(track, reference, name, gap_s))
+    return [line for line in contradictions if line], [line for line in uncompared if line]
 
 
 def write_summary(path: Path, evaluation: Evaluation) -> None:

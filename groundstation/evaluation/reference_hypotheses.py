@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.evaluation.position_series import PositionSeries, ReferenceSeries
+from groundstation.evaluation.position_series import BoolArray, PositionSeries, ReferenceSeries
 from groundstation.geometry.rotation import rotation_z
 
 _MOST_EPOCHS, _LEAST_EPOCHS = 200, 30
@@ -98,6 +98,35 @@ def reference_contradiction(
     return text
 
 
+def too_few_common(track: PositionSeries, reference: ReferenceSeries, name: str, most_gap_s: float = 0.5) -> str | None:
+    """Return that a track and a reference are not compared, as they have too few epochs in common; None where they are.
+
+    What the few say is told as a fact: errors of neighbouring epochs are one, and early ones are the largest.
+    """
+    if not len(track):
+        return None
+    inside = _between_fixes(track.t_s, reference, most_gap_s)
+    common = int(np.count_nonzero(inside))
+    wanted = max(_LEAST_EPOCHS, (len(track) + 1) // 2)
+    if common >= wanted:
+        return None
+    text = f"track and {name}: {common} of {len(track)} epochs tracking have a position of it at their time, "
+    text += f"{wanted} are needed to judge whether both can be right"
+    if not common:
+        return text
+    there = np.stack([np.interp(track.t_s[inside], reference.t_s, column) for column in reference.position_m.T], axis=1)
+    distance_m = float(np.median(np.linalg.norm(track.position_m[inside] - there, axis=1)))
+    return f"{text}; there they are {distance_m:.1f} m apart in the median"
+
+
+def _between_fixes(at_s: FloatArray, reference: ReferenceSeries, most_gap_s: float) -> BoolArray:
+    """Return which times (n,) lie between two fixes of a reference that are at most ``most_gap_s`` apart."""
+    after = np.searchsorted(reference.t_s, at_s, side="right")
+    inside = np.asarray((after > 0) & (after < len(reference.t_s)))
+    inside[inside] = np.diff(reference.t_s)[after[inside] - 1] <= most_gap_s
+    return inside
+
+
 def _is_told(hypothesis: _ReferenceHypothesis, found: _DistanceFit) -> bool:
     """Return whether what was fitted is more than errors of a rig or of a log are."""
     return not hypothesis.turned or abs(np.degrees(found.turn_rad)) >= _LEAST_TURN_DEG
@@ -139,15 +168,12 @@ def _agreement(
     ``limits`` are the largest offset and the largest gap between fixes, s.
     """
     most_offset_s, most_gap_s = limits
-    gap_s = np.diff(reference.t_s)
     path = reference.position_m[:, hypothesis.order] * np.array(hypothesis.signs)
     best: _DistanceFit | None = None
     # without enough common epochs at no offset, those at another one are of other parts of the flight
     for offset_s in _offsets(hypothesis, t_s, reference, most_offset_s):
         at_s = t_s + offset_s
-        after = np.searchsorted(reference.t_s, at_s, side="right")
-        inside = (after > 0) & (after < len(reference.t_s))
-        inside[inside] = gap_s[after[inside] - 1] <= most_gap_s
+        inside = _between_fixes(at_s, reference, most_gap_s)
         if np.count_nonzero(inside) < max(_LEAST_EPOCHS, 0.5 * len(t_s)):
             if offset_s == 0.0:
                 return None

@@ -16,7 +16,7 @@ cannot be told apart (in a symmetric approach pan of a wrong sign and exchanged 
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.ray_kernels import fill_rays
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.angle_series import AngleSeries
+from groundstation.integrity.ray_hypothesis import FOCAL_FACTORS, RayHypothesis
 from groundstation.integrity.reading_hypothesis import (
     RIGHT,
     ReadingHypothesis,
@@ -46,52 +47,10 @@ _MIN_RAYS = 30
 _RIGHT_SHARE, _NAMED_SHARE, _APART_SHARE = 0.65, 0.85, 0.7
 # hypotheses with such a share of the best one's score are alternatives, of which so many are named
 _ALIKE, _MAX_ALTERNATIVES = 0.97, 5
-_FOCAL_FACTORS = np.geomspace(0.05, 20.0, 53)
 _NO_VIEW = (np.nan, np.nan, np.nan)
 # angles that are off by less than this are for the filter and for `calibrate`
 _LEAST_OFF_RAD = float(np.radians(0.5))
 _LEAST_SINE = 1e-12
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RayHypothesis:
-    """A hypothesis on all stations: ``readings`` of those that turn, and what of two stations is exchanged.
-
-    ``pixels_exchanged``: their pixels; ``places_exchanged``: where they stand; ``lenses_exchanged``: their lenses.
-    With pixels and readings exchanged each is what the rig states of the other.
-    """
-
-    readings: Mapping[str, ReadingHypothesis] = field(default_factory=dict)
-    pixels_exchanged: tuple[str, str] | None = None
-    places_exchanged: tuple[str, str] | None = None
-    lenses_exchanged: tuple[str, str] | None = None
-
-    def kind(self) -> tuple[object, ...]:
-        """Return what is changed, without by how much."""
-        exchanged = (self.pixels_exchanged, self.places_exchanged, self.lenses_exchanged)
-        return (*exchanged, *((name, h.kind()) for name, h in self.readings.items()))
-
-    def is_refuted(self, refuted: Callable[[str, ReadingHypothesis], bool]) -> bool:
-        """Return whether a station's own pictures speak against it; with exchanged pixels they are another's."""
-        own = () if self.pixels_exchanged is not None else self.readings.items()
-        return any(refuted(name, reading) for name, reading in own)
-
-    def words(self) -> str:
-        """Return what would have to be changed, for a message: "with …"."""
-        if self.lenses_exchanged is not None:
-            return "the lenses of {} and {} exchanged".format(*self.lenses_exchanged)
-        if self.pixels_exchanged is not None:
-            what = "stations {} and {} of the rig" if self.readings else "the pixels of {} and {}"
-            return f"{what.format(*self.pixels_exchanged)} exchanged"
-        if self.places_exchanged is not None:
-            return "the places of {} and {} exchanged".format(*self.places_exchanged)
-        sources = [h.source for h in self.readings.values() if h.source is not None]
-        if len(sources) > 1:
-            return f"the angles of {' and '.join(sorted(sources))} exchanged"
-        changed = {name: h.words() for name, h in self.readings.items() if h.words()}
-        if len(set(changed.values())) == 1 and len(changed) > 1:
-            return next(iter(changed.values()))
-        return " and ".join(f"{words} for station {name}" for name, words in changed.items())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,7 +171,7 @@ class RayAgreementMonitor:
         explaining = [
             pair for pair in counts if pair[1].meeting >= _NAMED_SHARE * pair[1].rays >= _NAMED_SHARE * _MIN_RAYS
         ]
-        explaining = [pair for pair in explaining if not pair[0].is_refuted(refuted)]
+        explaining = [pair for pair in _without_endless(explaining) if not pair[0].is_refuted(refuted)]
         named = bool(explaining)
         found = max(explaining, key=lambda pair: pair[1].score)[1] if named else stored
         if not named and stored.apart < _APART_SHARE * stored.rays:
@@ -238,7 +197,7 @@ class RayAgreementMonitor:
             yield RayHypothesis(pixels_exchanged=pair)
             yield RayHypothesis(lenses_exchanged=pair)
         of_heads = [*axis_hypotheses(), *zero_hypotheses(), *unit_hypotheses(), *lag_hypotheses()] if turning else []
-        of_lenses = [ReadingHypothesis(focal_factor=float(f)) for f in _FOCAL_FACTORS]
+        of_lenses = [ReadingHypothesis(focal_factor=float(f)) for f in FOCAL_FACTORS]
         of_heads = [hypothesis for hypothesis in of_heads if hypothesis != RIGHT]
         for hypothesis in of_heads:
             yield RayHypothesis(readings=dict.fromkeys(turning, hypothesis))
@@ -333,7 +292,27 @@ def _alternatives(counts: Sequence[tuple[RayHypothesis, _RayCount]], score: floa
         either = best_tilt and any(h.tilt_off_rad for h in hypothesis.readings.values())
         if count.score >= _ALIKE * score or either:
             kinds.setdefault(str(hypothesis.kind()), hypothesis)
-    return tuple(kinds.values())[:_MAX_ALTERNATIVES]
+    return tuple(sorted(list(kinds.values())[:_MAX_ALTERNATIVES], key=_rank))
+
+
+def _rank(hypothesis: RayHypothesis) -> int:
+    """Return the place among alternatives: videos are exchanged by a name, lenses by an edit of the rig.
+
+    Rays seldom tell the two apart; and principal points that differ make either look like a tilt that is off.
+    """
+    if hypothesis.pixels_exchanged is not None and not hypothesis.readings:
+        return 0
+    return 1 if hypothesis.lenses_exchanged is not None else 2
+
+
+def _without_endless(counts: Sequence[tuple[RayHypothesis, _RayCount]]) -> list[tuple[RayHypothesis, _RayCount]]:
+    """Return hypotheses without the focal lengths of a kind of which the longest one tried is the best."""
+    best: dict[str, tuple[RayHypothesis, _RayCount]] = {}
+    for hypothesis, count in counts:
+        kind = str(hypothesis.kind())
+        if kind not in best or count.score > best[kind][1].score:
+            best[kind] = (hypothesis, count)
+    return [pair for pair in counts if not best[str(pair[0].kind())][0].is_endless()]
 
 
 def _rays_of(

@@ -62,7 +62,7 @@ class IntegrityConfig:
     def __post_init__(self) -> None:
         for name in ("false_alarms_per_hour", "window_s", "margin", "readmit_s", "silent_s"):
             if not 0 < getattr(self, name) <= 1e6:
-                raise ValueError(f"{name} must be > 0")
+                raise ValueError(f"{name} must be > 0 and at most 1e6")
         if self.min_epochs < 2 or self.constant_px < 0 or self.margin < 1:
             raise ValueError("min_epochs must be ≥ 2, constant_px ≥ 0, margin ≥ 1")
 

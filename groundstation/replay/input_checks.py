@@ -5,7 +5,11 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from groundstation.integrity.apparent_span import ApparentSpanMonitor
-from groundstation.integrity.head_motion import HeadMotionMonitor, fault_lines
+from groundstation.integrity.black_bars import BlackBarsMonitor
+from groundstation.integrity.camera_mount import odd_mounts, odd_mounts_line
+from groundstation.integrity.encoder_counts import EncoderCountsMonitor
+from groundstation.integrity.head_motion import HeadMotionMonitor
+from groundstation.integrity.head_motion_fault import fault_lines
 from groundstation.integrity.lines_of_sight import KnownPositions, LinesOfSight
 from groundstation.integrity.ray_agreement import RayAgreementMonitor
 from groundstation.integrity.relative_pan import RelativePanMonitor
@@ -29,13 +33,17 @@ class InputChecks:
         self._size = ApparentSpanMonitor(geometries, span_m)
         self._pan = RelativePanMonitor(geometries, span_m)
         self._sights = LinesOfSight(geometries, turning)
+        self._counts = EncoderCountsMonitor({s.name: s.ptu_resolution_rad for s in rig.stations if not s.fixed})
+        self._bars = BlackBarsMonitor(geometries)
+        self._odd_mounts = odd_mounts({s.name: s.head_from_camera_wxyz for s in rig.stations if not s.fixed})
         self._span_m = span_m
         places = np.array([station.ptu_position_m for station in rig.stations])
         self._apart_m = float(np.linalg.norm(np.ptp(places, axis=0)))
 
     def watched(self, events: Iterable[Event]) -> Iterator[Event]:
         """Yield the events, and take from them what the checks need."""
-        return self._sights.watched(self._rays.watched(self._heads.watched(events)))
+        seen = self._bars.watched(self._heads.watched(events))
+        return self._counts.watched(self._sights.watched(self._rays.watched(seen)))
 
     def write(self, report: StepReport) -> None:
         """Take the pixels and silhouettes that were found."""
@@ -61,6 +69,22 @@ class InputChecks:
         """
         if not tracked and self._apart_m > FAR_APART_M:
             return (f"the stations are {self._apart_m:.0f} m apart: is the rig in metres?",)
+        counts = self._counts.line()
+        if counts is not None:
+            return (counts,)
+        found = self._compared(tracked=tracked)
+        # whatever else would explain what a mount has turned by 90 degrees
+        odd = {name: off for name, off in self._odd_mounts.items() if not self._heads.confirms(name)}
+        if odd and (found or not tracked or self._sights.line() is not None):
+            return (odd_mounts_line(odd),)
+        return found
+
+    def notes(self) -> list[str]:
+        """Return a line on what the pictures show that is possible, but seldom meant."""
+        return self._bars.lines()
+
+    def _compared(self, *, tracked: bool) -> tuple[str, ...]:
+        """Return a line on each contradiction between pictures, readings and rig."""
         faults = [f for f in self._heads.faults() if f.hypothesis is not None or not tracked]
         if faults:
             return fault_lines(faults)

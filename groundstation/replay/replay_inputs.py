@@ -55,7 +55,7 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
     broken: list[SessionError] = []
     table_notes: list[str] = []
     dgps = load_dgps(session, broken.append, table_notes.append)
-    notes = _unstated(session) + rig_notes(session.rig)
+    notes = _unstated(session) + rig_notes(session.rig) + _without_use(request, session)
     notes += [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken]
     broken.clear()
     truth = load_truth(session, broken.append, table_notes.append)
@@ -80,6 +80,18 @@ def _unstated(session: Session) -> list[str]:
     if load_toml(session.folder / "session.toml", SessionError):
         return []
     return ["session.toml is empty: the aircraft's span, the place on Earth and the phases are unknown"]
+
+
+def _without_use(request: ReplayRequest, session: Session) -> list[str]:
+    """Return a note on each option that acts on pictures, where the session has pixels instead of them."""
+    if not session.detections_only:
+        return []
+    of_pictures = {"--weights": request.weights, "--panorama": request.panorama, "--stars": request.stars}
+    return [
+        f"{option} is not used: the session has detections.csv, and no pictures"
+        for option, given in of_pictures.items()
+        if given is not None
+    ]
 
 
 def learning_fixes(request: ReplayRequest, inputs: ReplayInputs) -> list[ReferenceFix]:

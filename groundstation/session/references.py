@@ -84,13 +84,18 @@ def _read_dgps(session: Session, fixes: list[DgpsFix], on_note: Callable[[str], 
             _read_log(session, session.folder / logs[0], fixes, on_note)
         return
     # the readers of logs use this package's tables
+    from groundstation.session.logs.fixes import ReadingNotes
     from groundstation.session.logs.positions_table import has_positions
 
     header = CsvTable(path, [])
     if "x_m" not in header.columns and has_positions(header.columns):
         _read_log(session, path, fixes, on_note)
-    else:
-        _read_table(session, path, fixes)
+        return
+    _read_table(session, path, fixes)
+    notes = ReadingNotes(path.name)
+    notes.note_unused(session.dgps.reading)
+    for line in notes.lines():
+        on_note(line)
 
 
 def _read_log(session: Session, path: TextFile, fixes: list[DgpsFix], on_note: Callable[[str], None]) -> None:

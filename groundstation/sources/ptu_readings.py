@@ -147,7 +147,12 @@ def _reading(
         raise table.fault(row.line, got=f"only one of {name}'s two angles", wanted="pan and tilt, or neither")
     largest = max(pan, tilt, key=abs)
     if abs(largest) > _MOST_DEG:
-        got = f"{name} at {largest:g} deg"
+        got = f"{name} at {largest:g} deg{_unit_words(pan, tilt)}"
         raise table.fault(row.line, got=got, wanted=f"angles in degrees, at most {_MOST_DEG:g} in size: ten turns")
     pan_rad, tilt_rad = correction.angles(math.radians(pan), math.radians(tilt))
     return PtuSample(t_s=t_s, station=name, pan_rad=pan_rad, tilt_rad=tilt_rad)
+
+
+def _unit_words(pan: float, tilt: float) -> str:
+    """Return what angles that no head has are likely to be."""
+    return ", as of an encoder's counts, or thousandths of degrees" if pan.is_integer() and tilt.is_integer() else ""

@@ -7,6 +7,7 @@ output.
 
 import dataclasses
 import json
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -103,7 +104,20 @@ def config_from_mapping(kind: type[T], values: Mapping[str, Any], where: str) ->
     try:
         return kind(**arguments)
     except ValueError as fault:
-        raise ConfigError(where, got=str(fault), wanted="a value inside its bounds") from fault
+        raise _out_of_bounds(kind, arguments, where, str(fault)) from fault
+
+
+def _out_of_bounds(kind: type, given: Mapping[str, Any], where: str, rule: str) -> ConfigError:
+    """Return the error for a rule that values break: with the given ones that it names, or else their defaults."""
+    bounds = "a value inside its bounds"
+    defaults = {f.name: f.default for f in dataclasses.fields(kind)}
+    named = [name for name in defaults if re.search(rf"\b{name}\b", rule)]
+    told = [name for name in named if name in given] or named
+    if not told or " must " not in rule:
+        # the rule itself says what was got
+        return ConfigError(where, got=rule, wanted=bounds)
+    got = ", ".join(f"{name} = {quoted(_plain(given.get(name, defaults[name])))}" for name in told)
+    return ConfigError(where, got=got, wanted=f"{bounds}: {rule}")
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:

@@ -340,3 +340,51 @@ def test_the_help_has_an_example_that_parses() -> None:
     )
     assert "groundstation import left.mp4 right.mp4 --rig rig.toml" in printed.stdout
     assert all(len(line) <= 100 for line in printed.stdout.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("more", "without", "told"),
+    [
+        (
+            ("--base", "35.68,139.76,60"),
+            (),
+            "flight.nmea: base in [dgps], or --base, is not used: it is for a log of base",
+        ),
+        (("--height", "sea level"), (), "flight.nmea: height in [dgps], or --height, is not used"),
+        (("--instance", "1"), (), "flight.nmea: instance in [dgps], or --instance, is not used"),
+        (
+            ("--height", "sea level"),
+            ("--dgps",),
+            "--dgps, which is not given: height in [dgps], or --height, is not used",
+        ),
+        ((), ("--dgps", "--azimuth"), "--origin is not used: the session's place on Earth takes --azimuth as well"),
+        (("--date", "2025-05-08"), (), ""),
+    ],
+)
+def test_an_option_without_an_effect_is_told(
+    parts: Path,
+    capsys: pytest.CaptureFixture[str],
+    more: tuple[str, ...],
+    without: tuple[str, ...],
+    told: str,
+) -> None:
+    assert run(parts, *more, without=without) == 0
+    shown = capsys.readouterr().err
+    assert told in shown
+    assert ("is not used" in shown) is bool(told)
+
+
+def test_what_a_table_in_the_sessions_frame_has_no_use_for_is_told(
+    parts: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: by the import, and by what loads the session with these keys in [dgps]."""
+    (parts / "local.csv").write_text("t_s,x_m,y_m,z_m\n0.5,1,200,20\n0.9,1,199,20\n")
+    assert run(parts, "--dgps", str(parts / "local.csv"), "--height", "sea level") == 0
+    assert "local.csv: height in [dgps], or --height, is not used" in capsys.readouterr().err
+    description = parts / "session" / "session.toml"
+    text = description.read_text()
+    assert text.count("[dgps]\n") == 1
+    description.write_text(text.replace("[dgps]\n", '[dgps]\nheight = "sea level"\n'))
+    notes: list[str] = []
+    load_dgps(load_session(parts / "session"), on_note=notes.append)
+    assert [note.partition(" is not used")[0] for note in notes] == ["dgps.csv: height in [dgps], or --height,"]

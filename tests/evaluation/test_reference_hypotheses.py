@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.position_series import PositionSeries, ReferenceSeries
-from groundstation.evaluation.reference_hypotheses import reference_contradiction
+from groundstation.evaluation.reference_hypotheses import reference_contradiction, too_few_common
 
 TIMES_S = np.arange(0.0, 12.0, 0.1)
 REFERENCE_S = np.arange(-4.0, 16.0, 0.2)
@@ -123,3 +123,19 @@ def test_on_one_clock_a_distance_along_the_path_is_a_contradiction():
     behind = path(TIMES_S) + [0.0, 45.0, 0.0]
     assert reference_contradiction(track(behind), reference(path(REFERENCE_S)), 3.0, "the DGPS log") is None
     assert reference_contradiction(track(behind), reference(path(REFERENCE_S)), 0.0, "truth.csv") is not None
+
+
+def test_what_is_not_compared_is_told() -> None:
+    """Expected: the numbers, and the distance as a fact; nothing where the two are compared, or without a track."""
+    flown, fixes = track(path(TIMES_S)), reference(path(REFERENCE_S) + [0.0, 0.0, 40.0])
+    line = too_few_common(flown, fixes.keep(REFERENCE_S < 2.0), "truth.csv")
+    assert line is not None
+    assert "19 of 120 epochs tracking have a position of it at their time, 60 are needed" in line
+    assert line.endswith("there they are 40.0 m apart in the median")
+    none = too_few_common(flown, fixes.keep(REFERENCE_S < -1.0), "truth.csv")
+    assert none is not None
+    assert "0 of 120 epochs" in none
+    assert "apart" not in none
+    assert too_few_common(flown, fixes, "truth.csv") is None
+    nothing = PositionSeries(t_s=np.empty(0), position_m=np.empty((0, 3)), covariance_m2=np.empty((0, 3, 3)))
+    assert too_few_common(nothing, fixes, "truth.csv") is None

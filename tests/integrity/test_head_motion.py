@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.angle_series import AngleSeries
-from groundstation.integrity.head_motion import HeadMotionMonitor, fault_lines
+from groundstation.integrity.head_motion import HeadMotionMonitor
+from groundstation.integrity.head_motion_fault import fault_lines
 from groundstation.integrity.reading_hypothesis import GRADIAN_DEG
 from groundstation.messages import Frame, PtuSample
 from groundstation.picture import BgrPicture

@@ -300,3 +300,23 @@ def test_few_pixels_are_no_evidence(rng: np.random.Generator) -> None:
             )
             monitor.add_pixel(epoch, name, 0.1 * epoch, (640.0, 480.0))
     assert monitor.fault() is None
+
+
+def test_exchanged_videos_of_heads_that_follow_one_aircraft_come_before_the_lenses(rng: np.random.Generator) -> None:
+    """Expected: with principal points 40 px apart; a focal length at the end of what is tried explains anything."""
+    left, right = make_rig().stations
+    shifted = replace(right.lens, principal_point_px=right.lens.principal_point_px - 40.0)
+    stations = {"left": left.geometry(), "right": replace(right, lens=shifted).geometry()}
+    monitor = RayAgreementMonitor(stations, NAMES)
+    for epoch, t_s in enumerate(np.arange(0.0, 6.0, 0.1)):
+        for name, other in (("left", "right"), ("right", "left")):
+            pan, tilt = aim(stations[name], glide(t_s))
+            list(monitor.watched([PtuSample(t_s=t_s, station=name, pan_rad=pan, tilt_rad=tilt)]))
+            seen = stations[name].project(glide(t_s), pan, tilt)
+            assert seen is not None
+            u, v = seen.pixel + rng.normal(0.0, 0.5, 2)
+            monitor.add_pixel(epoch, other, t_s, (u, v))
+    found = monitor.fault()
+    assert found is not None
+    assert "they do with the videos or the pixels of left and right exchanged, or with the lenses of" in found.line()
+    assert "a focal length" not in found.line()

@@ -127,7 +127,13 @@ def test_the_example_of_the_docs_is_one() -> None:
         ("gain_per_s = 3.0", "gain = 3.0", "gain"),
         ("azimuth_deg = [-8, 4.5]", "azimuth_deg = [4.5, -8]", "azimuth_deg"),
         # a compass bearing
-        ("azimuth_deg = [-8, 4.5]", "azimuth_deg = [262, 275]", "azimuth_deg and elevation_deg must be from -80 to 80"),
+        (
+            "azimuth_deg = [-8, 4.5]",
+            "azimuth_deg = [262, 275]",
+            "search: got azimuth_deg = [262.0, 275.0]; wanted a value inside its bounds: "
+            "azimuth_deg and elevation_deg must be from -80 to 80",
+        ),
+        ("azimuth_deg = [-8, 4.5]", "range_m = -5\nlost_s = 3", "search: got range_m = -5.0, lost_s = 3.0; wanted"),
         ("park_deg = [0, 20]", "park_deg = [0]", "park_deg: got [0]"),
         ('camera = "opencv:0"', "", "camera: got nothing"),
         (

@@ -170,3 +170,28 @@ def test_a_reference_in_another_unit_is_told_of_a_part_too(
     if unit:
         assert f"{name}: its times, {factor:.1f} to " in printed
         assert f", and would in {unit}: t_s is in seconds" in printed
+
+
+def test_an_encoders_counts_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: named where they could be degrees; an error that names them where no head has such angles."""
+    head = "t_s,left_pan_deg,left_tilt_deg,right_pan_deg,right_tilt_deg"
+    for times, code, words in (
+        (3, 1, "all angles of left and right are whole numbers, 6 to 192"),
+        (1000, 1, "counts, or"),
+    ):
+        session = Tiny(rows=12).write(tmp_path / f"session-{times}")
+        first_s = float((session / "frames.csv").read_text().splitlines()[1].split(",")[1])
+        rows = [f"{first_s - 0.1 + 0.03 * k:.3f},{times * (k + 2)},6,{times * (k + 5)},7" for k in range(60)]
+        (session / "ptu.csv").write_text("\n".join([head, *rows]) + "\n")
+        assert main(["replay", str(session), "--out", str(tmp_path / f"out-{times}"), "--no-rerun"]) == code
+        assert words in capsys.readouterr().err
+
+
+def test_a_mount_that_turns_the_axis_away_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session = Tiny(rows=12).write(tmp_path / "session")
+    rig = (session / "rig.toml").read_text()
+    ideal = "head_from_camera_wxyz = [0.70710678, -0.70710678, 0.0, 0.0]"
+    assert ideal in rig
+    (session / "rig.toml").write_text(rig.replace(ideal, "head_from_camera_wxyz = [1.0, 0.0, 0.0, 0.0]", 1))
+    assert main(["replay", str(session), "--out", str(tmp_path / "out"), "--no-rerun"]) == 1
+    assert "away from the head's forward axis, left's by 90°" in capsys.readouterr().err

@@ -70,13 +70,14 @@ def test_angles_that_no_head_has_are_named(tmp_path: Path) -> None:
     session = load_session(Tiny(rows=1, video="png").write(tmp_path))
     lines = (tmp_path / "ptu.csv").read_text(encoding="utf-8").splitlines()
     cells = lines[3].split(",")
-    lines[3] = ",".join([cells[0], "123456", *cells[2:]])
+    lines[3] = ",".join([cells[0], "123456", "7", *cells[3:]])
     (tmp_path / "ptu.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     readings = PtuReadings(session)
     readings.start(-1e9, 1e9)
     assert len(list(readings.until(1e9))) == 2 * 2
     assert str(readings.fault).startswith(
-        "ptu.csv: line 4: got left at 123456 deg; wanted angles in degrees, at most 3600"
+        "ptu.csv: line 4: got left at 123456 deg, as of an encoder's counts, or thousandths of degrees; "
+        "wanted angles in degrees, at most 3600"
     )
 
 

@@ -57,7 +57,21 @@ def test_what_a_file_leaves_out_keeps_its_default(tmp_path: Path) -> None:
         ("[detection]\nequalise = 1", "equalise: got 1; wanted true or false"),
         ("[detection]\nroi_basic_px = [250]", "roi_basic_px: got [250]; wanted a list of a whole number and a whole"),
         ("[detection]\nroi_basic_px = [250, 99.5]", "roi_basic_px: got 99.5; wanted a whole number"),
-        ("[detection]\nroi_basic_px = [0, 100]", "tuning.toml: detection: got roi_basic_px must be ≥ 1"),
+        (
+            "[detection]\nroi_basic_px = [0, 100]",
+            "tuning.toml: detection: got roi_basic_px = [0, 100]; wanted a value inside its bounds: "
+            "roi_basic_px must be ≥ 1",
+        ),
+        (
+            "[initiation]\nmax_speed_m_s = 2.0\nmin_speed_m_s = 3.0",
+            "initiation: got min_speed_m_s = 3.0, max_speed_m_s = 2.0; wanted a value inside its bounds: min_speed_m_s "
+            "must be ≥ 0 and below max_speed_m_s",
+        ),
+        (
+            "[evaluation]\nlag_window_s = -1",
+            "evaluation: got lag_window_s = -1.0; wanted a value inside its bounds: max",
+        ),
+        ("[estimation]\ngate_probability = 1.5", "estimation: got gate_probability 1.5 outside 0 … 1"),
         ("[detection.level_set]\niterations = true", "iterations: got True; wanted a whole number"),
         ("a = [", "got not TOML"),
     ],

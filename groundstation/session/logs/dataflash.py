@@ -114,6 +114,7 @@ class _FixRows:
         self._remarks = remarks
         self._heights = Heights(path, options)
         self._instance = options.instance
+        remarks.used.add("instance")
         self._accuracy: dict[int, tuple[float, float]] = {}
         self._undulation: dict[int, float] = {}
         self.fixes: list[LogFix] = []

@@ -81,13 +81,26 @@ class LogFix:
     covariance_en_m2: float = 0.0
 
 
+# by field of `LogOptions` that only some logs need: what it is called in [dgps] and as an option, and of which logs
+_OF_SOME_LOGS = {
+    "date": ("date", "--date", "a log of places on Earth"),
+    "height": ("height", "--height", "a table with an altitude of which its header does not say what it is above"),
+    "base_deg_m": ("base", "--base", "a log of baselines that does not state its base"),
+    "instance": ("instance", "--instance", "an autopilot's log"),
+}
+
+
 @dataclass(slots=True)
 class ReadingNotes:
-    """Omissions and assumptions of a reader: counted by reason, with the place of the first."""
+    """Omissions and assumptions of a reader: counted by reason, with the place of the first.
+
+    ``used`` has the fields of `LogOptions` that were taken instead of what the log lacks.
+    """
 
     name: str
     counts: dict[str, tuple[int, str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
 
     def count(self, reason: str, where: str = "", number: int = 1) -> None:
         """Count one more omission."""
@@ -106,6 +119,12 @@ class ReadingNotes:
             for reason, (number, where) in self.counts.items()
         ]
         return (*counted, *(f"{self.name}: {note}" for note in self.notes))
+
+    def note_unused(self, options: LogOptions) -> None:
+        """Add a sentence on each option that was given and that this log has no use for."""
+        for name, (key, option, logs) in _OF_SOME_LOGS.items():
+            if getattr(options, name) is not None and name not in self.used:
+                self.note(f"{key} in [dgps], or {option}, is not used: it is for {logs}")
 
     def short(self) -> str:
         """Return the counts in a few words."""

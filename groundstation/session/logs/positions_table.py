@@ -101,6 +101,7 @@ class _PositionsTable:
                     "height_m (above the ellipsoid), alt_msl_m, or a word which it is: height in [dgps], or --height"
                 )
                 raise self._fault("an altitude without a reference surface", wanted)
+            remarks.used.add("height")
             self._columns["ellipsoid" if options.height == "ellipsoid" else "sea"] = self._columns["either"]
         if self._columns["ellipsoid"] is None and self._columns["sea"] is None:
             raise self._fault("no column of height", "height_m (above the ellipsoid) or alt_msl_m")

@@ -73,6 +73,7 @@ def read_log(path: Path, options: LogOptions | None = None) -> GnssLog:
     if not fixes:
         raise LogError(path.name, got=f"no usable position ({remarks.short()})", wanted="positions with time and fix")
     fixes = _in_era(path, fixes, options, remarks)
+    remarks.note_unused(options)
     return _log(path, fixes, remarks)
 
 
@@ -105,6 +106,7 @@ def _in_era(path: Path, fixes: list[LogFix], options: LogOptions, remarks: Readi
     """Move a log whose receiver counts its weeks from the wrong 1024 to the user's date; refuse another date."""
     first = fixes[0]
     if options.date is not None:
+        remarks.used.add("date")
         wanted = (options.date - datetime.date(1980, 1, 6)).days
         # in the night a log may have two dates, and either is its own
         days = sorted(utc_day(gps_from_civil(fix.day, fix.second, fix.scale)) for fix in (first, fixes[-1]))

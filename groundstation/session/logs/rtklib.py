@@ -158,6 +158,8 @@ class _PosReader:
             if base is None:
                 wanted = "a '% ref pos' line, or the base's place: base in [dgps] of session.toml, or --base"
                 raise LogError(where, got="a baseline from a base at an unknown place", wanted=wanted)
+            if layout.base_deg_m is None:
+                self._remarks.used.add("base_deg_m")
             baseline = np.array([values[f"{axis}-baseline"] for axis in "enu"])
             # farther than any two places on Earth; products of far larger numbers are not finite
             if not np.all(np.abs(baseline) < _MAX_BASELINE_M):

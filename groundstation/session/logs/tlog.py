@@ -41,6 +41,7 @@ def read_tlog(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[Lo
     if path.stat().st_size > _MAX_BYTES:
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of log")
     kind = _KINDS[min(max(options.instance or 0, 0), 1)]
+    remarks.used.add("instance")
     positions: list[tuple[float, Any]] = []
     clocks: dict[int, list[tuple[float, float]]] = {}
     decoder = common.MAVLink(None)

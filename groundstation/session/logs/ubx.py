@@ -172,6 +172,7 @@ def _fix(message: Any, fine: dict[tuple[int, int], Any], options: LogOptions, re
         sigma_enu_m=sigma,
     )
     if options.base_deg_m is not None:
+        remarks.used.add("base_deg_m")
         return _from_base(fix, fine.get((_RELPOSNED[1], message.iTOW)), options.base_deg_m, remarks)
     if not plausible(fix):
         remarks.count("NAV-PVT that is no place on Earth")

@@ -56,6 +56,7 @@ def read_ulog(path: Path, options: LogOptions, remarks: ReadingNotes) -> list[Lo
     for drop in log.dropouts:
         remarks.count("stretch that the logger dropped", f"{1e-6 * drop.timestamp:.1f} s after boot")
     data = _chosen(path, log, options)
+    remarks.used.add("instance")
     return _fixes(path, data.data, options, remarks)
 
 
