@@ -210,7 +210,7 @@ class AutopilotStream:
             return "no estimate of that time"
         state = self._at_reference(t_s, kinematics, vehicle)
         sent = state.attributed_within(self.link_delay_sigma_s(vehicle))
-        if max(sent.horizontal_sigma_m, sent.vertical_sigma_m) > self._settings.most_sigma_m:
+        if max(sent.worst_horizontal_sigma_m, sent.vertical_sigma_m) > self._settings.most_sigma_m:
             return f"one sigma is more than {self._settings.most_sigma_m:g} m"
         return state
 
