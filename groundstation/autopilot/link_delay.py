@@ -56,6 +56,16 @@ class LinkDelay:
         return float(np.median(self._there_s)) - min(self._there_s) + self._least()
 
     @property
+    def answers(self) -> int:
+        """How many are kept."""
+        return len(self._there_s)
+
+    @property
+    def least_round_trip_s(self) -> float | None:
+        """Shortest time from a request to its answer; None before the first."""
+        return min((there + back for there, back in zip(self._there_s, self._back_s, strict=True)), default=None)
+
+    @property
     def one_way_sigma_s(self) -> float:
         """One sigma of a message's delay about the link's; before there are many answers it is drawn towards 20 ms."""
         there = np.array(self._there_s)

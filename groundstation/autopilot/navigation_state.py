@@ -46,8 +46,18 @@ class NavigationState:
 
     @property
     def horizontal_sigma_m(self) -> float:
+        """One sigma of the position for a receiver that takes one for north and east alike, m.
+
+        It is the root mean square over the horizontal directions, √((σ_N² + σ_E²)/2), whatever the correlation: the
+        squared error over its square, north and east together, then has the expectation 2, which such a filter's gains
+        and gates suppose. Of an elongated error the longest direction exceeds it, by √2 at most.
+        """
+        return _rms_sigma(self.covariance[:2, :2])
+
+    @property
+    def worst_horizontal_sigma_m(self) -> float:
         """One sigma of the position along the worst horizontal direction, m."""
-        return _largest_sigma(self.covariance[:2, :2])
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
 
     @property
     def vertical_sigma_m(self) -> float:
@@ -56,9 +66,13 @@ class NavigationState:
 
     @property
     def speed_sigma_m_s(self) -> float:
-        """One sigma of the velocity along its worst direction, m/s."""
-        return _largest_sigma(self.covariance[3:, 3:])
+        """One sigma of the velocity for a receiver that takes one for three axes, m/s: as of the position, over three.
+
+        ArduPilot forms it in the same way where a receiver states a covariance (AP_GPS_DroneCAN).
+        """
+        return _rms_sigma(self.covariance[3:, 3:])
 
 
-def _largest_sigma(covariance: FloatArray) -> float:
-    return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+def _rms_sigma(covariance: FloatArray) -> float:
+    """Return the root mean square, over all directions, of the sigma in a direction."""
+    return float(np.sqrt(np.trace(covariance) / len(covariance)))

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from groundstation.autopilot.clock_finding import ClockFinding, clock_finding
 from groundstation.autopilot.link_url import parse_link_url
 from groundstation.autopilot.mavlink_link import MavlinkLink
 from groundstation.autopilot.message import MavlinkMessage
@@ -22,6 +23,8 @@ from groundstation.errors import InputError
 
 _NAMES = {ARDUPILOT: "ArduPilot", PX4: "PX4"}
 _ASK_EVERY_S, _ASKED_TIMES = 0.5, 6
+# requests of the time, and how long their answers may take
+_CLOCK_ASKED_TIMES, _CLOCK_EVERY_S = 5, 0.3
 _WAIT_S = 0.01
 # of PX4's parameters, those that are integers
 _INTEGERS_OF_PX4 = ("_CTRL", "_ID", "HGT_REF", "NOISE_MD", "QMIN", "_MODE")
@@ -33,6 +36,7 @@ class VehicleCheck:
 
     vehicle: str
     findings: tuple[ParameterFinding, ...]
+    clock: ClockFinding
     parameter_file: str
 
     @property
@@ -83,6 +87,7 @@ def check_vehicle(
                 asked,
                 lambda: all(any(n in vehicle.parameters for n in rule.names) for rule in rules),
             )
+        _ask_time(link, vehicle, settings, clock, sleep, start_s)
     finally:
         link.close()
     findings = tuple(check_parameters(rules, vehicle.parameters))
@@ -90,6 +95,7 @@ def check_vehicle(
     return VehicleCheck(
         vehicle=words,
         findings=findings,
+        clock=clock_finding(settings, vehicle),
         parameter_file=_parameter_file(vehicle.autopilot, vehicle.system, findings),
     )
 
@@ -119,6 +125,30 @@ def _converse(
                 target_system=settings.target_system,
             )
         sleep(_WAIT_S)
+
+
+def _ask_time(
+    link: MavlinkLink,
+    vehicle: VehicleState,
+    settings: AutopilotSettings,
+    clock: Callable[[], float],
+    sleep: Callable[[float], None],
+    start_s: float,
+) -> None:
+    """Ask for the vehicle's time, one request after the other; the answers are in its link's delay."""
+    for _ in range(_CLOCK_ASKED_TIMES):
+        request = MavlinkMessage(name="TIMESYNC", fields={"tc1": 0, "ts1": round(1e9 * (clock() - start_s))})
+        answers = vehicle.link_delay.answers + 1
+        _converse(
+            link,
+            vehicle,
+            settings,
+            _CLOCK_EVERY_S,
+            clock,
+            sleep,
+            [request],
+            lambda answers=answers: vehicle.link_delay.answers >= answers,  # type: ignore[misc]
+        )
 
 
 def _request(system: int, name: str) -> MavlinkMessage:

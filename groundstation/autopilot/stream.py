@@ -30,6 +30,10 @@ from groundstation.messages import Kinematics, StepReport, TrackStatus
 
 # ArduPilot calls external navigation unhealthy after 0.3 s without a sample
 _LATEST_FIX_S = 0.3
+# The velocity of a track that has just been found is known to tens of m/s. EKF3 holds the largest accuracy that it was
+# told, decaying in 5 s, and takes a receiver's height only below 1.5 m/s (in flight; 1 m/s at first): from this it is
+# there after 3.5 s. Chosen
+_MOST_SPEED_SIGMA_M_S = 3.0
 # a radio may not ask for a longer prediction
 _MOST_PREDICTION_S = 0.5
 _EVERY_S = 1.0
@@ -210,8 +214,12 @@ class AutopilotStream:
             return "no estimate of that time"
         state = self._at_reference(t_s, kinematics, vehicle)
         sent = state.attributed_within(self.link_delay_sigma_s(vehicle))
-        if max(sent.horizontal_sigma_m, sent.vertical_sigma_m) > self._settings.most_sigma_m:
+        if max(sent.worst_horizontal_sigma_m, sent.vertical_sigma_m) > self._settings.most_sigma_m:
             return f"one sigma is more than {self._settings.most_sigma_m:g} m"
+        # GLOBAL_POSITION_SENSOR has no velocity
+        positions_only = self._settings.mode is AutopilotMode.GLOBAL_POSITION
+        if not positions_only and sent.speed_sigma_m_s > _MOST_SPEED_SIGMA_M_S:
+            return f"one sigma of the velocity is more than {_MOST_SPEED_SIGMA_M_S:g} m/s"
         return state
 
     def _at_reference(self, t_s: float, kinematics: Kinematics, vehicle: VehicleState) -> NavigationState:

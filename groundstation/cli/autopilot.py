@@ -52,6 +52,7 @@ def run_check_vehicle(options: argparse.Namespace) -> int:
     print(result.vehicle)
     for finding in result.findings:
         print(finding.text())
+    print(result.clock.text())
     if options.out is not None:
         write_text_whole(options.out, result.parameter_file)
         print(f"wrote {options.out}")

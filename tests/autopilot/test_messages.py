@@ -55,10 +55,10 @@ def test_gps_input_is_the_place_on_earth_with_velocity_north_east_down() -> None
     assert message.fields["ignore_flags"] == 0
     assert message.fields["fix_type"] == 3
     assert message.fields["yaw"] == 0
-    # the worst horizontal direction is along the runway
-    assert message.fields["horiz_accuracy"] == pytest.approx(0.4)
+    # over the horizontal directions, and all directions, of 0.03 and 0.4 m, of 0.05, 0.2 and 0.05 m/s
+    assert message.fields["horiz_accuracy"] == pytest.approx(math.sqrt((0.03**2 + 0.4**2) / 2.0))
     assert message.fields["vert_accuracy"] == pytest.approx(0.04)
-    assert message.fields["speed_accuracy"] == pytest.approx(0.2)
+    assert message.fields["speed_accuracy"] == pytest.approx(math.sqrt((0.05**2 + 0.2**2 + 0.05**2) / 3.0))
 
 
 def test_gps_time_of_known_moments() -> None:
@@ -94,7 +94,8 @@ def test_global_position_sensor() -> None:
     assert np.diff(values(message, "alt", "alt_ellipsoid")) == pytest.approx(SEPARATION_M)
     assert message.fields["time_usec"] == 1_002_000_000
     assert message.fields["processing_time"] == 0
-    assert (message.fields["eph"], message.fields["epv"]) == (pytest.approx(0.4), pytest.approx(0.04))
+    eph_m = math.sqrt((0.03**2 + 0.4**2) / 2.0)
+    assert (message.fields["eph"], message.fields["epv"]) == (pytest.approx(eph_m), pytest.approx(0.04))
 
 
 def test_vision_is_about_the_global_origin_with_angles_of_no_knowledge() -> None:

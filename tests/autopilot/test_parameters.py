@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from groundstation.autopilot.clock_finding import clock_finding
 from groundstation.autopilot.parameter_rules import TABLE, ParameterVerdict, check_parameters, parameter_rules
 from groundstation.autopilot.settings import AutopilotMode, AutopilotSettings
+from groundstation.autopilot.vehicle_state import VehicleState
 from groundstation.cli.main import main
 from tests.autopilot.vehicles import ParameterVehicle
 
@@ -132,6 +134,44 @@ def test_px4s_integers_are_read(capsys: pytest.CaptureFixture[str]) -> None:
     with ParameterVehicle(_PX4, values) as vehicle:
         assert main(["autopilot", "check", vehicle.url, "--mode", "global_position"]) == 0
     assert "EKF2_AGP0_CTRL = 3" in capsys.readouterr().out
+
+
+def test_a_vehicle_that_does_not_tell_its_time_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: one that answers is good; of another what the delay then costs is said, by autopilot."""
+    for autopilot, mode, words in (
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "late by that of the fastest message: 2.5 m for 100 ms"),
+        (_PX4, AutopilotMode.VISION, "PX4 takes each position for as old as its arrival"),
+    ):
+        rules = parameter_rules(autopilot, _settings(mode))
+        assert not isinstance(rules, str)
+        values = {rule.names[0]: float(rule.recommended) for rule in rules}
+        for tells_time in (True, False):
+            with ParameterVehicle(autopilot, values, tells_time=tells_time) as vehicle:
+                assert main(["autopilot", "check", vehicle.url, "--mode", str(mode)]) == 0
+            (line,) = [line for line in capsys.readouterr().out.splitlines() if "TIMESYNC" in line]
+            assert ("no answer" in line and words in line) is not tells_time
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "trip_s", "stated_s", "finding", "words"),
+    [
+        (_ARDUPILOT, 0.16, None, ParameterVerdict.OK, "from 160 ms on"),
+        (_PX4, 0.008, None, ParameterVerdict.OK, "from 8 ms on"),
+        (_PX4, 0.16, None, ParameterVerdict.WARNING, "below 10 ms only"),
+        (_ARDUPILOT, None, 0.08, ParameterVerdict.WARNING, "what link_delay_s states, 80 ms"),
+        (_PX4, None, None, ParameterVerdict.WARNING, "as old as its arrival"),
+    ],
+)
+def test_what_answers_to_timesync_mean(
+    autopilot: int, trip_s: float | None, stated_s: float | None, finding: ParameterVerdict, words: str
+) -> None:
+    vehicle = VehicleState(system=7, autopilot=autopilot)
+    for _ in range(5 if trip_s is not None else 0):
+        vehicle.link_delay.answered(1.0, 9.0, 1.0 + (trip_s or 0.0))
+    stream = AutopilotSettings(url="udpout:127.0.0.1:1", mode=AutopilotMode.VISION, link_delay_s=stated_s)
+    found = clock_finding(stream, vehicle)
+    assert found.finding is finding
+    assert words in found.text()
 
 
 def test_no_vehicle_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -104,6 +104,21 @@ def test_ardupilot_takes_an_old_gps_sample_for_one_of_a_quarter_second() -> None
     assert late.sample.t_s == pytest.approx(50.16 - 0.25)
 
 
+def test_ardupilot_holds_the_largest_accuracy_stated() -> None:
+    """Expected: a fifth is lost each second, what is stated then is taken if it is more, and 0.5 m/s is the least."""
+    receiver = _gps()
+    sigmas = []
+    for k, stated_m_s in enumerate((30.0, 1.0, 1.0, 1.0, 20.0, 1.0)):
+        message = _sent(AutopilotMode.GPS_INPUT, 2.0 + k, speed_accuracy=stated_m_s)
+        sample = receiver.receive(message, 50.0 + k).sample
+        assert sample is not None
+        sigmas.append(sample.sigma_speed_m_s)
+    assert sigmas == pytest.approx([30.0, 24.0, 19.2, 15.36, 20.0, 16.0], rel=1e-3)
+    quiet = _gps().receive(_sent(AutopilotMode.GPS_INPUT, speed_accuracy=0.1), 50.0).sample
+    assert quiet is not None
+    assert quiet.sigma_speed_m_s == 0.5
+
+
 @pytest.mark.parametrize(
     ("delay_ms", "beacon_delay_ms", "memory_s"), [(50.0, 50.0, 0.1), (0.0, 50.0, 0.2), (50.0, 250.0, 0.25)]
 )

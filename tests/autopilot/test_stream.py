@@ -148,6 +148,20 @@ def test_a_sigma_of_ten_metres_is_no_position() -> None:
     assert "one sigma" in stream.silent_because
 
 
+@pytest.mark.parametrize("mode", _MODES)
+def test_a_velocity_that_is_hardly_known_is_not_sent(mode: AutopilotMode) -> None:
+    """Expected: silence until the rms over three axes is 3 m/s; a message of the position alone is sent."""
+    flight = StraightFlight()
+    flight.covariance = np.diag([0.03, 0.4, 0.04, 0.05, 6.0, 0.05]) ** 2
+    stream = stream_of(flight, mode)
+    sent = _flown(stream, flight, 0.0, 1.0)
+    assert bool(sent) is (mode is AutopilotMode.GLOBAL_POSITION)
+    flight.covariance = np.diag([0.03, 0.4, 0.04, 0.05, 5.0, 0.05]) ** 2
+    assert _flown(stream, flight, 1.0, 2.0)
+    if mode is not AutopilotMode.GLOBAL_POSITION:
+        assert set(stream.statistics.withheld) == {"one sigma of the velocity is more than 3 m/s"}
+
+
 @pytest.mark.parametrize("broken", [math.nan, math.inf, -1.0])
 def test_numbers_that_are_none_are_never_sent(broken: float) -> None:
     flight = StraightFlight()

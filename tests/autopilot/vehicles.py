@@ -3,6 +3,7 @@
 import socket
 import struct
 import threading
+import time
 from collections.abc import Mapping
 from types import TracebackType
 
@@ -10,10 +11,13 @@ from pymavlink.dialects.v20 import common
 
 
 class ParameterVehicle:
-    """A vehicle with parameters; a link reaches it at ``url``. ``autopilot``: MAV_AUTOPILOT, 3 ArduPilot, 12 PX4."""
+    """A vehicle with parameters; a link reaches it at ``url``.
 
-    def __init__(self, autopilot: int, parameters: Mapping[str, float | int]) -> None:
-        self._autopilot, self._parameters = autopilot, parameters
+    ``autopilot``: MAV_AUTOPILOT, 3 ArduPilot, 12 PX4. It answers TIMESYNC if it ``tells_time``.
+    """
+
+    def __init__(self, autopilot: int, parameters: Mapping[str, float | int], *, tells_time: bool = True) -> None:
+        self._autopilot, self._parameters, self._tells_time = autopilot, parameters, tells_time
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.05)
@@ -50,6 +54,8 @@ class ParameterVehicle:
             for message in self._mav.parse_buffer(data) or ():
                 if message.get_type() == "PARAM_REQUEST_READ" and message.param_id in self._parameters:
                     self._answer(message.param_id)
+                if message.get_type() == "TIMESYNC" and message.tc1 == 0 and self._tells_time:
+                    self._mav.timesync_send(time.monotonic_ns(), message.ts1)
 
     def _answer(self, name: str) -> None:
         value = self._parameters[name]

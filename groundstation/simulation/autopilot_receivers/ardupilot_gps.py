@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from groundstation.autopilot.local_frame import LocalFrame
 from groundstation.autopilot.message import MavlinkMessage
 from groundstation.simulation.autopilot_receivers.least_lag import LeastLagClock
@@ -24,6 +26,8 @@ _LEAST_INTERVAL_S = 0.05
 _DRIVER_LAG_S = 0.2
 _MOST_LAG_S = 0.5
 _WEEK_S = 604_800.0
+# EKF3 keeps the largest accuracy stated, which decays with this time constant
+_ENVELOPE_S = 5.0
 # of a vehicle that measures its airspeed; the filter was tested with no longer memory than this
 _AIRSPEED_S, _MOST_MEMORY_S = 0.1, 0.25
 # the bits of ignore_flags: height, horizontal and vertical velocity
@@ -44,7 +48,8 @@ class ArdupilotGpsParameters:
     delay_ms: float = 0.0
     beacon_delay_ms: float = 50.0
     position_noise_m: float = 0.5
-    speed_noise_m_s: float = 0.3
+    # of a plane; a copter has 0.3
+    speed_noise_m_s: float = 0.5
 
 
 class ArdupilotGpsReceiver:
@@ -55,6 +60,8 @@ class ArdupilotGpsReceiver:
         self._clock = LeastLagClock(_MOST_LAG_S)
         self._first_week: float | None = None
         self._taken_s = -math.inf
+        # horizontal, vertical, speed
+        self._accuracy = np.zeros(3)
 
     def receive(self, message: MavlinkMessage, now_s: float) -> Receipt:
         """Take a message that arrives at ``now_s`` on the vehicle's clock."""
@@ -68,23 +75,27 @@ class ArdupilotGpsReceiver:
         local_s = self._clock.local_s(stamp_s, now_s)
         if abs(local_s - self._taken_s) <= _LEAST_INTERVAL_S:
             return refused(ReceiptVerdict.TOO_SOON)
+        decay = 1.0 - min((local_s - self._taken_s) / _ENVELOPE_S, 1.0)
         self._taken_s = local_s
         lag_s = 1e-3 * self._parameters.delay_ms or _DRIVER_LAG_S
         memory_s = ekf3_memory_s(lag_s, 1e-3 * self._parameters.beacon_delay_ms)
         t_s = local_s - lag_s
         held = t_s < now_s - memory_s
-        horizontal, vertical, speed = numbers(message, "horiz_accuracy", "vert_accuracy", "speed_accuracy")
+        stated = numbers(message, "horiz_accuracy", "vert_accuracy", "speed_accuracy")
         least_m = self._parameters.position_noise_m
+        # one and a half times the horizontal noise is the height's floor
+        least = np.array([least_m, 1.5 * least_m, self._parameters.speed_noise_m_s])
+        self._accuracy = np.maximum(np.maximum(decay * self._accuracy, stated), least)
+        horizontal, vertical, speed = (float(sigma) for sigma in self._accuracy)
         return Receipt(
             verdict=ReceiptVerdict.HELD if held else ReceiptVerdict.ACCEPTED,
             sample=ReceivedSample(
                 t_s=max(t_s, now_s - memory_s),
                 position_runway_m=geodetic_position(message, self._frame),
                 velocity_ned_m_s=numbers(message, "vn", "ve", "vd"),
-                sigma_horizontal_m=max(float(horizontal), least_m),
-                # EKF3 takes one and a half times the horizontal noise for the height's floor
-                sigma_vertical_m=max(float(vertical), 1.5 * least_m),
-                sigma_speed_m_s=max(float(speed), self._parameters.speed_noise_m_s),
+                sigma_horizontal_m=horizontal,
+                sigma_vertical_m=vertical,
+                sigma_speed_m_s=speed,
             ),
         )
 

@@ -106,8 +106,8 @@ class StreamedLanding:
 
     ``misdated_s`` are the sums over the samples, and of the squares, of how much later than the state in it a sample is
     taken to be, s and s²; ``longest_gap_s`` is the longest time between two samples. ``normalised`` are the sums over
-    the samples of squared errors over the variances that the receiver takes, (2,): horizontal, in the direction of the
-    error, and vertical.
+    the samples of squared errors over the variances that the receiver takes, (2,): horizontal, the mean of its two
+    axes, and vertical.
     """
 
     verdicts: Counter[ReceiptVerdict]
@@ -186,9 +186,9 @@ def _tally(
     counted = (times >= from_s) & (times <= until_s)
     places = np.array([s.position_runway_m for s in stream.taken]).reshape(-1, 3)[counted]
     off = places - flight.position(times[counted])
-    sigmas = np.array([(s.sigma_horizontal_m, s.sigma_vertical_m) for s in stream.taken]).reshape(-1, 2)[counted]
+    sigmas = np.array([s.position_sigma_ned_m() for s in stream.taken]).reshape(-1, 3)[counted]
     misdated_s = np.array(stream.misdated_s)[counted]
-    errors_m = np.column_stack([np.linalg.norm(off[:, :2], axis=1), off[:, 2]])
+    squares = (off @ SITE_FRAME.ned_from_runway.T / sigmas) ** 2
     return StreamedLanding(
         verdicts=stream.verdicts,
         lost=stream.lost,
@@ -196,7 +196,7 @@ def _tally(
         samples=len(off),
         misdated_s=(float(misdated_s.sum()), float(misdated_s @ misdated_s)),
         longest_gap_s=float(np.max(np.diff(np.sort(times[counted])), initial=0.0)),
-        normalised=np.asarray(((errors_m / sigmas) ** 2).sum(axis=0)),
+        normalised=np.array([0.5 * squares[:, :2].sum(), squares[:, 2].sum()]),
         zero_delay_m2=zero_delay_m2,
         estimates=estimates,
     )
