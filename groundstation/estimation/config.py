@@ -267,3 +267,9 @@ class InitiationConfig:
             raise ValueError("min_age_s, unlikely_age_per_odds_s and start_share must be ≥ 0")
         if not 0 <= self.min_speed_m_s < self.max_speed_m_s:
             raise ValueError("min_speed_m_s must be ≥ 0 and below max_speed_m_s")
+
+    def moving_age_s(self, odds: float | None) -> float:
+        """Return how long what has these mean log odds of aircraft must have moved, s; None: without such a channel."""
+        if odds is None or odds >= self.unlikely_odds:
+            return 0.0
+        return self.unlikely_age_s + self.unlikely_age_per_odds_s * (self.unlikely_odds - odds)

@@ -33,7 +33,8 @@ _LINK_GATE = 16.27
 _LINK_ODDS = 1.0
 # a fix that is likelier an aircraft by more than this, up to what is sure, starts a track of its own
 _LESS_LIKELY, _SURE_ODDS = 1.5, 3.0
-_MAX_TRACKS = 40
+# what the channel had no time to look at, as others stood out more, is as likely an aircraft as not
+_UNWEIGHED_ODDS, _MAX_TRACKS = 0.0, 40
 # an age of three frame intervals is one of three frames, whatever their stamps' last digit
 _ROUNDING_S = 1e-3
 
@@ -46,6 +47,7 @@ class TrackInitiator:
         self._config = config
         self._span_m = span_m
         self._tracks: list[TentativeTrack] = []
+        self._weighed = False
 
     @property
     def promising(self) -> bool:
@@ -64,6 +66,7 @@ class TrackInitiator:
         What is recognised comes before what only moves, then the likelier aircraft, then the higher score. ``known`` is
         a target at ``t_s`` that is tracked already: what is where it is, is not returned.
         """
+        self._weighed |= any(s.odds is not None for s in sightings)
         fixes = self.fixes(sightings)
         self._predict(t_s)
         self._link(fixes, t_s)
@@ -102,7 +105,6 @@ class TrackInitiator:
                     found.append(fix)
         return sorted(without_lesser(without_false_pairs(found)), key=lambda f: -f.score)
 
-    # -------------------------------------------------------------------------------------- geometry
     def _nearly_meeting(
         self, first: list[CameraCandidate], second: list[CameraCandidate]
     ) -> list[tuple[CameraCandidate, CameraCandidate, tuple[float, float]]]:
@@ -248,7 +250,6 @@ class TrackInitiator:
             low = min(low, self._config.min_size_m)
         return (partial or low <= slack * min(widths_m)) and max(widths_m) <= slack * high
 
-    # ------------------------------------------------------------------------------------------ time
     def _predict(self, t_s: float) -> None:
         """Predict all tentative tracks to ``t_s``; tracks started later are left unchanged."""
         motions: dict[float, tuple[FloatArray, FloatArray]] = {}
@@ -335,7 +336,8 @@ class TrackInitiator:
             return False
         if track.labelled:
             return True
-        if self._is_too_young(track):
+        odds = _UNWEIGHED_ODDS if self._weighed and track.mean_odds is None else track.mean_odds
+        if track.t_s - track.born_s < c.moving_age_s(odds):
             return False
         mean_square = track.squares / (track.hits - 1)
         if mean_square > c.max_link_square or track.score / track.hits < c.min_relative_score * brightest:
@@ -344,13 +346,6 @@ class TrackInitiator:
         noise_scale = max(mean_square / 3.0, c.min_noise_scale if track.hits >= c.scale_hits else 1.0)
         significance = float(np.sqrt(track.x[3:] @ np.linalg.solve(track.P[3:, 3:], track.x[3:]) / noise_scale))
         return float(np.linalg.norm(track.x[3:])) >= c.min_speed_m_s and significance >= c.motion_sigma
-
-    def _is_too_young(self, track: TentativeTrack) -> bool:
-        """Return whether what is no likely aircraft has not moved for long enough, the longer the unlikelier."""
-        c, odds = self._config, track.mean_odds
-        if odds is None or odds >= c.unlikely_odds:
-            return False
-        return track.t_s - track.born_s < c.unlikely_age_s + c.unlikely_age_per_odds_s * (c.unlikely_odds - odds)
 
 
 def _is_explained(fix: Fix, tracks: Sequence[TentativeTrack]) -> bool:

@@ -341,7 +341,7 @@ class Pipeline:
         views = self._epochs.close(epoch)
         status, triangulation = views.triangulate(self._config.estimation.residual_gate_sigma)
         self._cross_check.add(epoch.t_s, [(v.station, v.view) for v in views.views if v.trusted])
-        for event in self._health.epoch(epoch.t_s, views):
+        for event in self._health.epoch(epoch.t_s, views, confirmed=self._track_manager.is_confirmed):
             self._track_manager.log(event.t_s, event.level, event.text)
         self._throttle.pass_time(epoch.t_s)
         kinematics = self._track_manager.process_epoch(epoch, views, newest_s=self._synchroniser.newest_s)

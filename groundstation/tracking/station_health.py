@@ -40,10 +40,13 @@ class StationHealth:
         """Record that a station has sent a frame or a pixel."""
         self._newest[station] = max(t_s, self._newest.get(station, t_s))
 
-    def epoch(self, t_s: float, views: EpochViews) -> list[TrackEvent]:
-        """Evaluate the pixels of one epoch; return the log events of the stations."""
+    def epoch(self, t_s: float, views: EpochViews, *, confirmed: bool) -> list[TrackEvent]:
+        """Evaluate the pixels of one epoch; return the log events of the stations.
+
+        A target that is not ``confirmed`` may be different things in different cameras, and tells nothing of stations.
+        """
         events = self.silence(t_s)
-        if not self._ekf.has_target:
+        if not confirmed:
             if self._had_target:
                 self.monitor.forget()
             self._had_target = False

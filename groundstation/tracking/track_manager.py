@@ -162,14 +162,14 @@ class TrackManager:
             self._labels.clear()
             self._schedule.clear()
             self._initiator.reset()
-        if not self._is_reported:
+        if not self.is_confirmed:
             return None
         kinematics = self.reported(self._ekf.kinematics_at(t_s))
         self.predictor.add(Knot(t_s=t_s, position_m=kinematics.position_runway_m))
         return kinematics
 
     @property
-    def _is_reported(self) -> bool:
+    def is_confirmed(self) -> bool:
         """Whether there is a target with a reported estimate."""
         return self._ekf.has_target and self.state_machine.status is not TrackStatus.ACQUIRING
 
@@ -207,7 +207,7 @@ class TrackManager:
     def state_at(self, t_s: float) -> TrackState:
         """Return the track status at ``t_s``, with the predicted estimate if it is reported."""
         now_s = t_s if self._ekf.time_s is None else max(t_s, self._ekf.time_s)
-        kinematics = self.reported(self._ekf.kinematics_at(now_s)) if self._is_reported else None
+        kinematics = self.reported(self._ekf.kinematics_at(now_s)) if self.is_confirmed else None
         return TrackState(t_s=t_s, status=self.state_machine.status, kinematics=kinematics)
 
     def _update_status(self, t_s: float, fixed: bool, proof: bool) -> None:

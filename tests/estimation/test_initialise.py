@@ -1,5 +1,6 @@
 """From candidates to a track: aircraft are found, trees and chance pairings are not."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -381,6 +382,23 @@ def test_the_unlikelier_it_is_the_longer_it_must_move(rng: np.random.Generator) 
         assert found is not None
         assert age_s - 1e-9 <= found[0] <= age_s + 0.11
         assert found[1].hits == round(10.0 * found[1].age_s) + 1
+
+
+@pytest.mark.parametrize("weighed", [False, True])
+def test_what_no_window_was_laid_on_waits_where_the_channel_weighs_others(
+    rng: np.random.Generator, weighed: bool
+) -> None:
+    """Expected: as likely an aircraft as not, 3 s; at once by a detector without such a channel."""
+    scene = Scene(rng)
+    other = replace(scene.sight(0.0, standing(0.0))[0], odds=4.0)
+    found_s = math.inf
+    for k in range(50):
+        t = k * 0.1
+        seen = [*scene.sight(t, glide(t)), *([replace(other, t_s=t)] if weighed and k == 0 else [])]
+        if scene.initiator.step(t, seen):
+            found_s = t
+            break
+    assert found_s == pytest.approx(3.05, abs=0.06) if weighed else found_s < 1.5
 
 
 def test_a_target_that_is_tracked_already_is_not_returned(rng: np.random.Generator) -> None:
