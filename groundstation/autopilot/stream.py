@@ -30,10 +30,10 @@ from groundstation.messages import Kinematics, StepReport, TrackStatus
 
 # ArduPilot calls external navigation unhealthy after 0.3 s without a sample
 _LATEST_FIX_S = 0.3
-# The velocity of a track that has just been found is known to tens of m/s. EKF3 holds the largest accuracy that it was
-# told, decaying in 5 s, and takes a receiver's height only below 1.5 m/s (in flight; 1 m/s at first): from this it is
-# there after 3.5 s. Chosen
-_MOST_SPEED_SIGMA_M_S = 3.0
+# The velocity of a track that has just been found is known to tens of m/s. EKF3 holds the largest accuracy that a
+# receiver has told it, decaying in 5 s, and takes its height from below 1 m/s on: 5.5 s after this, 17 s after 30 m/s.
+# Chosen
+_FIRST_SPEED_SIGMA_M_S = 3.0
 # a radio may not ask for a longer prediction
 _MOST_PREDICTION_S = 0.5
 _EVERY_S = 1.0
@@ -97,7 +97,7 @@ class AutopilotStream:
         self._arm = np.array(settings.reference_in_body_m or (0.0, 0.0, 0.0))
         self._rotation = np.kron(np.eye(2), frame.ned_from_runway)
         self._resets = ResetDetector()
-        self._status = TrackStatus.SEARCHING
+        self._status, self._has_begun = TrackStatus.SEARCHING, False
         self._fix_s, self._stations = -math.inf, 0
         self._due_s: float | None = None
         self._is_queued = False
@@ -120,6 +120,8 @@ class AutopilotStream:
     def _note_status(self, status: TrackStatus) -> None:
         if status in (TrackStatus.LOST, TrackStatus.SEARCHING) and status is not self._status:
             self._resets.lost()
+        if status not in (TrackStatus.TRACKING, TrackStatus.COASTING):
+            self._has_begun = False
         self._status = status
 
     def messages(self, now_s: float, vehicle: VehicleState) -> list[MavlinkMessage]:
@@ -216,10 +218,11 @@ class AutopilotStream:
         sent = state.attributed_within(self.link_delay_sigma_s(vehicle))
         if max(sent.worst_horizontal_sigma_m, sent.vertical_sigma_m) > self._settings.most_sigma_m:
             return f"one sigma is more than {self._settings.most_sigma_m:g} m"
-        # GLOBAL_POSITION_SENSOR has no velocity
-        positions_only = self._settings.mode is AutopilotMode.GLOBAL_POSITION
-        if not positions_only and sent.speed_sigma_m_s > _MOST_SPEED_SIGMA_M_S:
-            return f"one sigma of the velocity is more than {_MOST_SPEED_SIGMA_M_S:g} m/s"
+        # the other messages have a sigma for each axis, or no velocity
+        if self._settings.mode is AutopilotMode.GPS_INPUT and not self._has_begun:
+            if sent.speed_sigma_m_s > _FIRST_SPEED_SIGMA_M_S:
+                return f"a new track's velocity is not known to {_FIRST_SPEED_SIGMA_M_S:g} m/s yet (1 σ)"
+            self._has_begun = True
         return state
 
     def _at_reference(self, t_s: float, kinematics: Kinematics, vehicle: VehicleState) -> NavigationState:

@@ -33,8 +33,7 @@ _LINK_GATE = 16.27
 _LINK_ODDS = 1.0
 # a fix that is likelier an aircraft by more than this, up to what is sure, starts a track of its own
 _LESS_LIKELY, _SURE_ODDS = 1.5, 3.0
-# what the channel had no time to look at, as others stood out more, is as likely an aircraft as not
-_UNWEIGHED_ODDS, _MAX_TRACKS = 0.0, 40
+_MAX_TRACKS = 40
 # an age of three frame intervals is one of three frames, whatever their stamps' last digit
 _ROUNDING_S = 1e-3
 
@@ -336,8 +335,9 @@ class TrackInitiator:
             return False
         if track.labelled:
             return True
-        odds = _UNWEIGHED_ODDS if self._weighed and track.mean_odds is None else track.mean_odds
-        if track.t_s - track.born_s < c.moving_age_s(odds):
+        # what the channel had no time to look at, as others stood out more, is no likely aircraft either
+        unweighed = self._weighed and track.mean_odds is None
+        if track.t_s - track.born_s < (c.unlikely_age_s if unweighed else c.moving_age_s(track.mean_odds)):
             return False
         mean_square = track.squares / (track.hits - 1)
         if mean_square > c.max_link_square or track.score / track.hits < c.min_relative_score * brightest:

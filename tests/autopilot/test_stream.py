@@ -149,17 +149,23 @@ def test_a_sigma_of_ten_metres_is_no_position() -> None:
 
 
 @pytest.mark.parametrize("mode", _MODES)
-def test_a_velocity_that_is_hardly_known_is_not_sent(mode: AutopilotMode) -> None:
-    """Expected: silence until the rms over three axes is 3 m/s; a message of the position alone is sent."""
+def test_a_new_tracks_velocity_that_is_hardly_known_is_not_sent_as_a_receivers(mode: AutopilotMode) -> None:
+    """Expected: GPS_INPUT alone is silent until the rms over three axes is 3 m/s, once in a track; then it goes on."""
     flight = StraightFlight()
-    flight.covariance = np.diag([0.03, 0.4, 0.04, 0.05, 6.0, 0.05]) ** 2
     stream = stream_of(flight, mode)
-    sent = _flown(stream, flight, 0.0, 1.0)
-    assert bool(sent) is (mode is AutopilotMode.GLOBAL_POSITION)
-    flight.covariance = np.diag([0.03, 0.4, 0.04, 0.05, 5.0, 0.05]) ** 2
+    rough, fine = (np.diag([0.03, 0.4, 0.04, 0.05, along, 0.05]) ** 2 for along in (6.0, 5.0))
+    flight.covariance = rough
+    waits = mode is AutopilotMode.GPS_INPUT
+    assert bool(_flown(stream, flight, 0.0, 1.0)) is not waits
+    flight.covariance = fine
     assert _flown(stream, flight, 1.0, 2.0)
-    if mode is not AutopilotMode.GLOBAL_POSITION:
-        assert set(stream.statistics.withheld) == {"one sigma of the velocity is more than 3 m/s"}
+    flight.covariance = rough
+    assert _flown(stream, flight, 2.0, 3.0)
+    told = {"a new track's velocity is not known to 3 m/s yet (1 σ)"} if waits else set()
+    assert set(stream.statistics.withheld) == told
+    # the next track
+    _flown(stream, flight, 3.0, 3.2, status=TrackStatus.ACQUIRING)
+    assert bool(_flown(stream, flight, 3.2, 4.0)) is not waits
 
 
 @pytest.mark.parametrize("broken", [math.nan, math.inf, -1.0])
