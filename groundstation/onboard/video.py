@@ -12,7 +12,7 @@ from groundstation.onboard.edges.config import TrackerConfig, with_noise, withou
 from groundstation.onboard.edges.edges_file import NO_POSE, EdgesFile, corner_pixels
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
 from groundstation.onboard.edges.pose import NoseCameraPose
-from groundstation.onboard.edges.report import EdgeReport
+from groundstation.onboard.edges.report import EdgeMiss, EdgeReport
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.edges.undistortion import Undistorter
 from groundstation.onboard.edges.visual_odometry import VisualOdometry
@@ -30,6 +30,17 @@ class EdgesRequest:
     imu: Path | None
     out: Path
     rerun: bool = True
+
+
+# what is likely at fault where no picture at all has a measurement
+_NO_POSES = "no picture has a pose: are the table's times seconds of the video's clock?"
+_NO_BANDS = (
+    "by their poses the runway is in no picture: are the focal length, the table's units (degrees, m) and signs, "
+    "[mount] and [start] right?"
+)
+_NO_RUNWAY = (
+    "no picture shows the announced runway: are the camera file, the poses, the runway's width and length right?"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,4 +162,10 @@ def format_edges_summary(result: EdgesResult) -> str:
     misses = {name: count for name, count in result.misses.items() if name != "none"}
     if misses:
         lines.append("without a measurement: " + ", ".join(f"{name} {n}" for name, n in sorted(misses.items())))
+    if frames and result.statuses.get(NO_POSE) == frames:
+        lines.append(_NO_POSES)
+    elif frames and misses.get(EdgeMiss.NO_BAND.value) == frames:
+        lines.append(_NO_BANDS)
+    elif frames and sum(misses.values()) == frames:
+        lines.append(_NO_RUNWAY)
     return "\n".join(lines)

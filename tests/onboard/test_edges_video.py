@@ -15,6 +15,7 @@ from groundstation.onboard.edges.edges_file import EDGE_COLUMNS
 from groundstation.onboard.edges.imu_file import ImuFileError, load_imu
 from groundstation.onboard.edges.undistortion import Undistorter
 from groundstation.onboard.scenes.sequences import SEQUENCES, Renderer
+from groundstation.onboard.video import EdgesResult, format_edges_summary
 from tests.complaints import complaint
 from tests.damaged_video import damage
 
@@ -252,3 +253,21 @@ def test_damaged_frames_are_left_out_and_reported(
     assert f"{FRAMES - 2} frames: " in reported.out
     assert "groundstation: 2 damaged frames in " in reported.err
     assert "the first number 2" in reported.err
+
+
+@pytest.mark.parametrize(
+    ("statuses", "misses", "words"),
+    [
+        ({"no_pose": 40}, {}, "no picture has a pose"),
+        ({"searching": 40}, {"no_band": 40}, "the runway is in no picture"),
+        ({"searching": 40}, {"no_band": 10, "no_pair": 30}, "no picture shows the announced runway"),
+        ({"searching": 39, "tracking": 1}, {"no_pair": 39}, ""),
+        ({}, {}, ""),
+    ],
+)
+def test_a_video_of_which_nothing_was_measured_says_what_to_look_at(
+    statuses: dict[str, int], misses: dict[str, int], words: str
+) -> None:
+    text = format_edges_summary(EdgesResult(statuses=statuses, misses=misses, files=(), fault=None, damage=None))
+    assert words in text
+    assert ("right?" in text or "clock?" in text) is bool(words)
