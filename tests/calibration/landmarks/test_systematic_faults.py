@@ -94,6 +94,7 @@ def test_stations_whose_places_are_found_may_be_exchanged(rng: np.random.Generat
     doubts = [note for note in notes if note.startswith("doubtful: left is at x = ")]
     assert len(doubts) == 1, notes
     assert "to the right of right" in doubts[0]
+    assert "as seen along +y, towards the approaching aircraft" in doubts[0]
     assert doubts[0].endswith("are the stations exchanged in the sightings?")
 
 
