@@ -158,9 +158,6 @@ def load_station(path: Path, *, opens_cameras: bool = True) -> StationFile:
         raise top.fail("station", quoted(listed), f"two to {MAX_STATIONS} tables [[station]]")
     tables = [TomlTable(value, f"{path}: station {k + 1}", ConfigError) for k, value in enumerate(listed)]
     stations = tuple(_station(table, opens_cameras) for table in tables)
-    names = [s.name for s in stations]
-    if len(set(names)) < len(names):
-        raise top.fail("station", "two of one name", "names that differ, those of the rig file")
     _refuse_shared(top, stations)
     here = path.parent
     reference = _reference(top.table("reference")) if "reference" in top else None
@@ -207,7 +204,9 @@ def load_station(path: Path, *, opens_cameras: bool = True) -> StationFile:
 
 
 def _refuse_shared(top: TomlTable, stations: tuple[StationDevices, ...]) -> None:
-    """Raise `ConfigError` where two stations name one device: each would take what the other has asked for."""
+    """Raise `ConfigError` where two stations share a name or a device: each would take what the other has asked for."""
+    if len({s.name for s in stations}) < len(stations):
+        raise top.fail("station", "two of one name", "names that differ, those of the rig file")
     for one, other in combinations(stations, 2):
         whose = f"of {one.name} and of {other.name}"
         if one.head is not None and other.head is not None and _one_line(one.head, other.head):
