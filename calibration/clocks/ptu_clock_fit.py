@@ -114,8 +114,8 @@ def _require_enough(name: str, readings: FloatArray, motion: ImageMotion, sigma_
         wanted = "a scene with texture all over the picture that stands still: trees, houses, ground, no plain sky"
         raise TimingFitError(f"{where}: got {got}; wanted {wanted}")
     if fault := reading_fault(readings, motion):
-        got = f"readings that contradict the pictures as they stand, and agree with them as {fault}"
-        wanted = "pan positive to the left and tilt upwards, in degrees, each in its column of ptu.csv"
+        got = f"readings that contradict the pictures as they stand, and agree with them with {fault}"
+        wanted = "pan positive to the left and tilt upwards, in degrees, each in its column of ptu.csv, in its clock"
         raise TimingFitError(f"{where}: got {got}; wanted {wanted}")
     moves = np.degrees(np.ptp(_thin(readings)[:, 1:], axis=0)).max()
     seconds = max(float(np.ptp(readings[:, 0])), 1e-9)

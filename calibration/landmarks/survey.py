@@ -112,8 +112,8 @@ def _exchanged(rig: Rig, names: Sequence[str]) -> list[str]:
     if left <= right:
         return []
     return [
-        f"doubtful: left is at x = {left:.1f} m, to the right of right at {right:.1f} m:"
-        " are the stations exchanged in the sightings?"
+        f"doubtful: left is at x = {left:.1f} m, to the right of right at {right:.1f} m, as seen along +y,"
+        " towards the approaching aircraft: are the stations exchanged in the sightings?"
     ]
 
 

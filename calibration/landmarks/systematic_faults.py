@@ -26,6 +26,8 @@ _BETTER = 2.0
 # chosen: a landmark that is off by more than lens, mount and head explain
 _OFF_RAD = float(np.radians(0.1))
 _ROWS = 3
+# chosen: one landmark of so many may be a mistake of its own
+_SPARED = 5
 _CONFIRMED = 3
 # what becomes of a survey by a hypothesis
 _FITS, _UPRIGHT = 1, 2
@@ -70,6 +72,12 @@ class SystematicFault:
             found = [self.change(one, rig[one.station]) for one in found]
         return found
 
+    def station_of(self, name: str) -> str:
+        """Return of which station the rows of a station would be."""
+        if self.exchanged is None or name not in self.exchanged:
+            return name
+        return self.exchanged[1 - self.exchanged.index(name)]
+
 
 def explained(
     fault: LandmarkFitError,
@@ -85,19 +93,16 @@ def explained(
     few = _thinned(sightings)
     names = [s.name for s in rig.stations if any(one.station == s.name for one in few)]
     stated = {name: _misses(rig, name, few, landmarks) for name in names}
-    wrong = [name for name in names if _misfit(rig[name], stated[name]) > _OFF_RAD / 2.0]
+    misfits = {name: _misfit(rig[name], stated[name], unjudged=0.0) for name in names}
+    wrong = [name for name in names if misfits[name] > _OFF_RAD / 2.0]
     if not wrong:
         return fault
+    most = {name: min(_MOST_MISS_RAD, misfits[name] / _BETTER) for name in wrong}
     found: list[tuple[float, SystematicFault]] = []
     for one in systematic_faults(rig, names):
-        marks, seen = one.landmarks(landmarks), one.sightings(few, rig)
-        misses = [_misfit(rig[name], _misses(rig, name, seen, marks)) for name in wrong]
-        better = all(
-            miss <= _MOST_MISS_RAD and _BETTER * miss <= _misfit(rig[name], stated[name])
-            for name, miss in zip(wrong, misses, strict=True)
-        )
-        if better:
-            found.append((max(misses), one))
+        miss = _miss_by(one, rig, most, few, landmarks)
+        if miss is not None:
+            found.append((miss, one))
     # of those that fit alike, as reflections do where places are free, the order of the list decides
     least = min((miss for miss, _ in found), default=0.0)
     found.sort(key=lambda pair: pair[0] > 1.5 * least)
@@ -206,17 +211,44 @@ def _misses(
         return None
 
 
-def _misfit(station: Station, misses: FloatArray | None) -> float:
+def _miss_by(
+    one: SystematicFault,
+    rig: Rig,
+    most: Mapping[str, float],
+    sightings: Sequence[LandmarkSighting],
+    landmarks: Mapping[str, Landmark],
+) -> float | None:
+    """Return by which angle the rows of wrong stations are off by a hypothesis; None if by more than ``most`` of each.
+
+    The same rows are judged as were as they stand: of exchanged stations those of the other one.
+    """
+    marks, seen = one.landmarks(landmarks), one.sightings(sightings, rig)
+    worst = 0.0
+    for name, limit in most.items():
+        own = one.station_of(name)
+        count = len({row.landmark for row in seen if row.station == own})
+        misses = _misses(rig, own, seen, marks)
+        # rows that the lens has no rays for any more are not explained
+        if misses is None or len(misses) < count - count // _SPARED:
+            return None
+        worst = max(worst, _misfit(rig[own], misses, unjudged=float("inf")))
+        if worst > limit:
+            return None
+    return worst
+
+
+def _misfit(station: Station, misses: FloatArray | None, *, unjudged: float) -> float:
     """Return by which angle landmarks are off, their unknowns counted, without the worst of five; infinite for none.
 
-    Three landmarks more than a pose needs exactly are left to judge it, or two of a station whose place is known.
+    One landmark more than a pose needs is left to judge it; with none, nearly any fit is exact, and the answer is
+    ``unjudged``.
     """
     unknowns = 3 if "position" in station.known else 6
     if misses is None:
         return float("inf")
     if 2 * len(misses) < unknowns + 2:
-        return 0.0
-    kept = np.sort(misses)[: len(misses) - len(misses) // 5]
+        return unjudged
+    kept = np.sort(misses)[: len(misses) - len(misses) // _SPARED]
     freedom = max(2 * len(kept) - unknowns, 1)
     return float(np.sqrt(2.0 * np.sum(kept**2) / freedom))
 
@@ -229,7 +261,11 @@ def _fits(
     landmarks: Mapping[str, Landmark],
     path: Path,
 ) -> int:
-    """Return whether a survey of these stations succeeds by a hypothesis, and whether heads are then upright."""
+    """Return whether a survey of these stations succeeds by a hypothesis, and whether heads are then upright.
+
+    Of stations that the hypothesis exchanges both have to: a fault of one must not become the other's.
+    """
+    stations = sorted({*stations, *(one.exchanged or ())})
     seen = [s for s in one.sightings(sightings, rig) if s.station in stations]
     try:
         survey = solve_survey(rig, seen, one.landmarks(landmarks), (), path)
@@ -263,7 +299,7 @@ def _whole(fault: LandmarkFitError, rig: Rig, stated: Mapping[str, FloatArray | 
         if misses is None:
             continue
         off = misses[misses > _OFF_RAD]
-        if len(off) > max(1, len(misses) // 4) and _misfit(rig[name], misses) > _OFF_RAD:
+        if len(off) > max(1, len(misses) // 4) and _misfit(rig[name], misses, unjudged=0.0) > _OFF_RAD:
             got = (
                 f"{len(off)} of {len(misses)} landmarks off by {np.degrees(off.min()):.2g} to"
                 f" {np.degrees(off.max()):.2g} deg in the pose that fits best, which is more than single mistakes"

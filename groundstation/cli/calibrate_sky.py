@@ -108,7 +108,11 @@ def run_calibrate_sky(options: argparse.Namespace) -> int:
 
     require_toml_name(options.out)
     require_writable(options.out, options.report)
-    file = None if options.station_file is None else load_station(options.station_file)
+    file = (
+        None
+        if options.station_file is None
+        else load_station(options.station_file, opens_cameras=options.taken is None)
+    )
     rig = file.load_rig() if options.rig is None and file is not None else load_rig(options.rig)
     site, names = site_of(options, file), stations_of(options, rig)
     if options.taken is None and file is not None:

@@ -89,7 +89,11 @@ def run_calibrate_stars(options: argparse.Namespace) -> int:
     _require_inputs(options)
     require_writable(options.out, options.report)
     load_tetra3rs()
-    file = None if options.station_file is None else load_station(options.station_file)
+    file = (
+        None
+        if options.station_file is None
+        else load_station(options.station_file, opens_cameras=options.taken is None)
+    )
     rig = file.load_rig() if options.rig is None and file is not None else load_rig(options.rig)
     site = site_of(options, file)
     names = stations_of(options, rig)

@@ -142,8 +142,11 @@ class StationFile:
             raise ConfigError(where, got=fault.got, wanted=fault.wanted) from fault
 
 
-def load_station(path: Path) -> StationFile:
-    """Read a station file; paths in it are relative to it. Raises `ConfigError`."""
+def load_station(path: Path, *, opens_cameras: bool = True) -> StationFile:
+    """Read a station file; paths in it are relative to it. Raises `ConfigError`.
+
+    Without ``opens_cameras`` their addresses may be anything, as where pictures have been taken.
+    """
     top = TomlTable(load_toml(path, ConfigError), str(path), ConfigError)
     top.refuse_unknown(_TOP)
     top.choice("format", [STATION_FORMAT])
@@ -153,10 +156,8 @@ def load_station(path: Path) -> StationFile:
     listed = top.values.get("station", [])
     if not isinstance(listed, list) or not 2 <= len(listed) <= MAX_STATIONS:
         raise top.fail("station", quoted(listed), f"two to {MAX_STATIONS} tables [[station]]")
-    stations = tuple(_station(TomlTable(v, f"{path}: station {k + 1}", ConfigError)) for k, v in enumerate(listed))
-    names = [s.name for s in stations]
-    if len(set(names)) < len(names):
-        raise top.fail("station", "two of one name", "names that differ, those of the rig file")
+    tables = [TomlTable(value, f"{path}: station {k + 1}", ConfigError) for k, value in enumerate(listed)]
+    stations = tuple(_station(table, opens_cameras) for table in tables)
     _refuse_shared(top, stations)
     here = path.parent
     reference = _reference(top.table("reference")) if "reference" in top else None
@@ -203,7 +204,9 @@ def load_station(path: Path) -> StationFile:
 
 
 def _refuse_shared(top: TomlTable, stations: tuple[StationDevices, ...]) -> None:
-    """Raise `ConfigError` where two stations name one device: each would take what the other has asked for."""
+    """Raise `ConfigError` where two stations share a name or a device: each would take what the other has asked for."""
+    if len({s.name for s in stations}) < len(stations):
+        raise top.fail("station", "two of one name", "names that differ, those of the rig file")
     for one, other in combinations(stations, 2):
         whose = f"of {one.name} and of {other.name}"
         if one.head is not None and other.head is not None and _one_line(one.head, other.head):
@@ -250,14 +253,15 @@ def _reference_at(url: str, table: TomlTable, learn: bool, senders: tuple[Networ
     )
 
 
-def _station(table: TomlTable) -> StationDevices:
+def _station(table: TomlTable, opens_camera: bool) -> StationDevices:
     table.refuse_unknown(_STATION)
     settings = table.table("camera_settings").values
     camera = table.text("camera")
     try:
-        parse_camera_url(camera)
+        if opens_camera:
+            parse_camera_url(camera)
     except CameraUrlError as fault:
-        raise table.fail("camera", quoted(camera), fault.wanted) from fault
+        raise table.fail("camera", fault.got, fault.wanted) from fault
     return StationDevices(
         name=table.text("name"),
         camera=camera,

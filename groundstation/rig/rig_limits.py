@@ -27,14 +27,23 @@ def focal_wanted(size: FloatArray, focal: FloatArray) -> str:
 
 def size_relation(got: tuple[int, int], lens: tuple[int, int]) -> str:
     """Return, to follow a size (w, h) of pictures that a lens's is not, how the two are related."""
-    across, down = got[0] / lens[0], got[1] / lens[1]
-    if abs(across * lens[1] - got[1]) <= 1.0 or abs(down * lens[0] - got[0]) <= 1.0:
+    if (across := _scale(got, lens)) is not None:
+        # pixel (0, 0) is the centre of the upper left one
         return (
-            f"; focal_px and principal_point_px of that size times {across:.6g} are those of the pictures, unless cut"
+            f"; focal_px of that size times {across:.6g}, and each c of principal_point_px as"
+            f" (c + 0.5) × {across:.6g} − 0.5, are those of the pictures, unless cut"
         )
-    if got == lens[::-1]:
-        return "; width and height are exchanged: are the pictures turned by 90 deg?"
+    if (turned := _scale(got[::-1], lens)) is not None:
+        also = "" if turned == 1.0 else f" (and the size is that times {turned:.6g})"
+        return f"; width and height are exchanged{also}: are the pictures turned by 90 deg?"
     return "; another shape, so one of the two is a part of the sensor: calibrate the lens with pictures of this size"
+
+
+def _scale(got: tuple[int, int], lens: tuple[int, int]) -> float | None:
+    """Return by what a lens's size (w, h) is multiplied in a size that is rounded to pixels; None for another shape."""
+    across, down = got[0] / lens[0], got[1] / lens[1]
+    alike = abs(across * lens[1] - got[1]) <= 1.0 or abs(down * lens[0] - got[0]) <= 1.0
+    return across if alike else None
 
 
 def read_arm(table: TomlTable) -> FloatArray:

@@ -142,6 +142,11 @@ def test_the_example_of_the_docs_is_one() -> None:
             "camera: got 'gigi:192.168.1.11'; wanted genicam:SERIAL",
         ),
         ('camera = "opencv:0"', 'camera = "gigi:192.168.1.11"', "did you mean gige:192.168.1.11?"),
+        (
+            'camera = "opencv:0"',
+            'camera = "gige:192.168.1.11?foo=1"',
+            "station.toml: station 2: camera: got option 'foo'; wanted packet",
+        ),
         ('camera = "opencv:0"', 'camera = "basler:1"', "opencv:0, opencv:/dev/video0, rtsp://…"),
         ("learn = false", "learn = 0", "reference: learn: got 0"),
         ('url = "udp://0.0.0.0:5000"', "", "reference: url: got nothing"),
@@ -202,3 +207,10 @@ def test_a_missing_file_is_named_with_the_key(tmp_path: Path, key: str, missing:
     path = written(tmp_path, text)
     said = complaint(ConfigError, lambda: load_station(path).load_rig())
     assert said.startswith(f"{path}: {key}: got {tmp_path / missing} (no such file); wanted a file")
+
+
+def test_a_camera_that_is_not_opened_may_be_a_placeholder(tmp_path: Path) -> None:
+    """`calibrate sky` and `calibrate stars` use the file for its rig and site where pictures have been taken."""
+    path = written(tmp_path, WHOLE.replace('camera = "opencv:0"', 'camera = "none"'))
+    assert load_station(path, opens_cameras=False).stations[1].camera == "none"
+    assert "station 2: camera: got 'none'; wanted" in complaint(ConfigError, lambda: load_station(path))

@@ -33,10 +33,11 @@ def roll_doubt(rolls_rad: Sequence[float | None]) -> str:
     rolled = [roll for roll in rolls_rad if roll is not None and is_rolled(roll)]
     if 2 * len(rolled) <= len(rolls_rad):
         return ""
-    middle = math.degrees(float(np.angle(np.exp(1j * np.array(rolled)).mean())))
-    cause = "are x and y exchanged" if abs(middle) < 135.0 else "is y counted upwards from the lowest row"
+    # exchanged columns may give either sign from picture to picture
+    middle = math.degrees(float(np.median(np.abs(rolled))))
+    cause = "are x and y exchanged" if middle < 135.0 else "is y counted upwards from the lowest row"
     return (
-        f"doubtful: {len(rolled)} of {len(rolls_rad)} pictures have the aircraft rolled by {middle:+.0f} deg,"
+        f"doubtful: {len(rolled)} of {len(rolls_rad)} pictures have the aircraft rolled by {middle:.0f} deg,"
         f" which no approach is flown with: {cause},"
         " or is the camera mounted so (mount_deg = [roll, pitch, yaw] in the file of --camera)?"
     )

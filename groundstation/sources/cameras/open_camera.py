@@ -29,11 +29,11 @@ _OPTIONS = {"genicam": {"cti"}, "gige": {"packet"}}
 
 
 class CameraUrlError(CameraError):
-    """A text is no camera's URL; ``wanted`` is what is, for those who know where the text stands."""
+    """A text is no camera's URL; ``got`` and ``wanted`` are for those who know where the text stands."""
 
-    def __init__(self, url: str, wanted: str) -> None:
-        super().__init__(f"camera: got {url!r}; wanted {wanted}")
-        self.wanted = wanted
+    def __init__(self, got: str, wanted: str, where: str = "camera") -> None:
+        super().__init__(f"{where}: got {got}; wanted {wanted}")
+        self.got, self.wanted = got, wanted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,31 +47,31 @@ class CameraUrl:
 
 
 def parse_camera_url(url: str) -> CameraUrl:
-    """Parse a URL; raises `CameraError`, a `CameraUrlError` for its form, where it is not that of a camera."""
+    """Parse a URL; raises `CameraUrlError` where it is not that of a camera."""
     scheme, colon, rest = url.partition(":")
     scheme = scheme.lower()
     if colon and scheme in _STREAMS:
         if not rest.startswith("//") or not rest.strip("/"):
-            raise CameraUrlError(url, f"{scheme}://HOST/…")
+            raise CameraUrlError(repr(url), f"{scheme}://HOST/…")
         return CameraUrl(url=url, scheme=scheme, place=url, options={})
     if not colon or scheme not in _SCHEMES:
         hint = nearest_word(scheme, (*_SCHEMES, *_STREAMS))
         meant = f"; did you mean {hint}:{rest}?" if hint else ""
-        raise CameraUrlError(url, f"{WANTED}{meant}")
+        raise CameraUrlError(repr(url), f"{WANTED}{meant}")
     # a file's name may hold a question mark
     place, mark, query = (rest, "", "") if scheme in ("file", "opencv") else rest.partition("?")
     place = unquote(place.removeprefix("//") if scheme != "opencv" else place)
     try:
         options = parse_qs(query, keep_blank_values=True, strict_parsing=bool(mark))
     except ValueError as error:
-        raise CameraUrlError(url, "KEY=VALUE after the question mark") from error
+        raise CameraUrlError(repr(url), "KEY=VALUE after the question mark") from error
     able = _OPTIONS.get(scheme, set())
     unknown = sorted(set(options) - able)
     if unknown:
         wanted = ", ".join(sorted(able)) or "no options"
-        raise CameraError(f"camera {scheme}:{place}: got option {unknown[0]!r}; wanted {wanted}")
+        raise CameraUrlError(f"option {unknown[0]!r}", wanted, f"camera {scheme}:{place}")
     if not place:
-        raise CameraUrlError(url, f"a place behind {scheme}:, as in {WANTED}")
+        raise CameraUrlError(repr(url), f"a place behind {scheme}:, as in {WANTED}")
     return CameraUrl(url=url, scheme=scheme, place=place, options=options)
 
 

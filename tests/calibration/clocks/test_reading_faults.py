@@ -1,6 +1,7 @@
 """`calibrate timing`: readings with a wrong sign, axis or unit are called that, and right ones are not."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,3 +49,39 @@ def test_a_scale_is_no_unit(rng: np.random.Generator) -> None:
     readings, motion = recorded(Swing(), Recorder(), rng)
     readings[:, 1:] /= 0.9
     assert reading_fault(readings, motion) == ""
+
+
+def test_half_a_period_is_a_sign_or_clocks_apart(rng: np.random.Generator) -> None:
+    """Both give the same data, so both are named; two rates tell them apart."""
+    swing = Swing(pan_hz=1.0, tilt_deg=0.0)
+    fault = reading_fault(*recorded(swing, Recorder(offset_s=0.45), rng))
+    assert fault.startswith("pan reversed")
+    assert fault.endswith("or clocks more than 0.3 s apart")
+    readings, motion = recorded(Swing(tilt_deg=4.0), Recorder(offset_s=0.08), rng)
+    readings[:, 1] *= -1.0
+    fault = reading_fault(readings, motion)
+    assert fault.startswith("pan reversed")
+    assert "clocks" not in fault
+
+
+def test_another_mount_is_named_with_a_sign(rng: np.random.Generator) -> None:
+    """A camera upside down turns both signs; no mount turns degrees into radians."""
+    readings, motion = recorded(Swing(), Recorder(), rng)
+    hanging = replace(motion, turn_rad=-motion.turn_rad)
+    assert "pan and tilt reversed (or another mount of the camera" in reading_fault(readings, hanging)
+    readings[:, 1:] = np.radians(readings[:, 1:])
+    assert "mount" not in reading_fault(readings, motion)
+
+
+def test_pictures_that_do_not_move_accuse_nothing(rng: np.random.Generator) -> None:
+    readings, motion = recorded(Swing(), Recorder(), rng)
+    assert reading_fault(readings, replace(motion, turn_rad=np.zeros_like(motion.turn_rad))) == ""
+
+
+def test_readings_over_the_end_of_a_turn(rng: np.random.Generator) -> None:
+    """Pan from 359 to 1 deg is no jump; reversed, it is still called reversed."""
+    readings, motion = recorded(Swing(), Recorder(), rng)
+    readings[:, 1] = np.mod(readings[:, 1], 2.0 * np.pi)
+    assert reading_fault(readings, motion) == ""
+    readings[:, 1] = np.mod(-readings[:, 1], 2.0 * np.pi)
+    assert reading_fault(readings, motion).startswith("pan reversed")

@@ -94,6 +94,7 @@ def test_stations_whose_places_are_found_may_be_exchanged(rng: np.random.Generat
     doubts = [note for note in notes if note.startswith("doubtful: left is at x = ")]
     assert len(doubts) == 1, notes
     assert "to the right of right" in doubts[0]
+    assert "as seen along +y, towards the approaching aircraft" in doubts[0]
     assert doubts[0].endswith("are the stations exchanged in the sightings?")
 
 
@@ -125,3 +126,29 @@ def test_one_wrong_landmark_is_left_to_the_survey(rng: np.random.Generator) -> N
     seen = look(day.true, {name: day.stands[name] for name in few}, rng, 4)
     wrong = few | {"m1": replace(few["m1"], place=np.array(few["m1"].place) + [0.0, 0.0, 2.0])}
     assert "contradict each other" in explanation(day, seen, wrong)
+
+
+def test_three_landmarks_are_no_evidence_of_an_exchange(rng: np.random.Generator) -> None:
+    """They fit any station whose place is free: two pairs of names mixed up at left are not right's."""
+    day = morning(rng, total_station=False)
+    mixed = {"m0": "m1", "m1": "m0", "m2": "m5", "m5": "m2"}
+    seen = [
+        replace(one, landmark=mixed.get(one.landmark, one.landmark)) if one.station == "left" else one
+        for one in look(day.true, day.stands, rng, 4)
+        if one.station == "left" or one.landmark in ("m0", "m3", "m4")
+    ]
+    text = explanation(day, seen, dict(day.table))
+    assert "exchanged" not in text
+    assert "station left" in text
+
+
+def test_an_exchange_shows_though_one_station_saw_few(rng: np.random.Generator) -> None:
+    """Two landmarks of one are too few to be judged; the other's six fit only in its place."""
+    day = morning(rng)
+    few = ("m0", "m3")
+    seen = [
+        replace(one, station="left" if one.station == "right" else "right")
+        for one in look(day.true, day.stands, rng, 4)
+        if one.station == "left" or one.landmark in few
+    ]
+    assert "with the stations left and right exchanged" in explanation(day, seen, dict(day.table))
