@@ -69,7 +69,7 @@ class InputChecks:
         """
         if not tracked and self._apart_m > FAR_APART_M:
             return (f"the stations are {self._apart_m:.0f} m apart: is the rig in metres?",)
-        counts = self._counts.line()
+        counts = self._counts.line(lambda name: self._is_in_degrees(name, tracked=tracked))
         if counts is not None:
             return (counts,)
         found = self._compared(tracked=tracked)
@@ -82,6 +82,13 @@ class InputChecks:
     def notes(self) -> list[str]:
         """Return a line on what the pictures show that is possible, but seldom meant."""
         return self._bars.lines()
+
+    def _is_in_degrees(self, name: str, *, tracked: bool) -> bool:
+        """Return whether a head's readings are in degrees, by the motion of its pictures or by its rays."""
+        if self._heads.confirms(name):
+            return True
+        # symmetric rays meet in any unit: the pictures' motion must not speak against it
+        return tracked and self._rays.meet() and all(fault.station != name for fault in self._heads.faults())
 
     def _compared(self, *, tracked: bool) -> tuple[str, ...]:
         """Return a line on each contradiction between pictures, readings and rig."""
