@@ -10,7 +10,7 @@ import pytest
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_z, wxyz_from_matrix
-from groundstation.messages import PixelMeasurement, PtuSample
+from groundstation.messages import Event, PixelMeasurement, PtuSample
 from groundstation.replay.input_checks import InputChecks
 from groundstation.rig.rig import Rig, Station
 from tests.stereo_rig import aim, make_rig, make_station
@@ -46,7 +46,7 @@ def checks_of(rig: Rig, stored: Stored = as_read, step_deg: float = 0.00625, *, 
             shown = geometry.project(target, math.radians(pan), math.radians(tilt))
             assert shown is not None
             p, q = map(math.radians, stored(station.name, pan, tilt))
-            events = [PtuSample(t_s=t_s, station=station.name, pan_rad=p, tilt_rad=q)]
+            events: list[Event] = [PtuSample(t_s=t_s, station=station.name, pan_rad=p, tilt_rad=q)]
             if pixels:
                 u, v = shown.pixel
                 events.append(PixelMeasurement(t_s=t_s, station=station.name, epoch=epoch, u_px=u, v_px=v))
