@@ -174,6 +174,18 @@ def test_what_answers_to_timesync_mean(
     assert words in found.text()
 
 
+@pytest.mark.parametrize(("answers", "words"), [(1, "stays (0.25 m for"), (5, "stays (0.25 m for"), (60, "one sigma)")])
+def test_a_variation_of_the_delay_is_stated_once_it_is_known(answers: int, words: str) -> None:
+    """Expected: not of few answers, of which the figure would be what is assumed of a radio; then what was observed."""
+    vehicle = VehicleState(system=7, autopilot=_PX4)
+    for k in range(answers):
+        late_s = 0.03 * (-1) ** k
+        vehicle.link_delay.answered(float(k), 9.0 + k + late_s, k + 0.16)
+    text = clock_finding(_settings(AutopilotMode.VISION), vehicle).text()
+    assert words in text
+    assert ("stays (30 ms, 0.7 m at 25 m/s" in text) is (answers == 60)
+
+
 def test_no_vehicle_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     code = main(["autopilot", "check", "udpout:127.0.0.1:9", "--mode", "vision", "--patience", "0.2"])
     assert code == 1
