@@ -10,6 +10,8 @@ from groundstation.autopilot.vehicle_state import PX4, VehicleState
 _PX4_ROUND_TRIP_S = 0.01
 # what is said of delays is said at this speed
 _SPEED_M_S = 25.0
+# of fewer answers the sigma is mostly what is assumed of a radio (`LinkDelay`); chosen, ten times what that counts for
+_LEAST_ANSWERS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,14 +34,20 @@ def clock_finding(settings: AutopilotSettings, vehicle: VehicleState) -> ClockFi
         return _silent(settings, px4)
     words = f"round trips from {1e3 * trip_s:.0f} ms on"
     if px4 and trip_s >= _PX4_ROUND_TRIP_S:
-        sigma_s = vehicle.link_delay.one_way_sigma_s
         why = (
             f"{words}; PX4 sets its clock below {1e3 * _PX4_ROUND_TRIP_S:.0f} ms only, and takes each position for as "
-            f"old as its arrival: what the delay varies by stays ({1e3 * sigma_s:.0f} ms, "
-            f"{_SPEED_M_S * sigma_s:.1f} m at {_SPEED_M_S:g} m/s, one sigma)"
+            f"old as its arrival: what the delay varies by stays ({_variation_words(vehicle)})"
         )
         return ClockFinding(finding=ParameterVerdict.WARNING, why=why)
     return ClockFinding(finding=ParameterVerdict.OK, why=words)
+
+
+def _variation_words(vehicle: VehicleState) -> str:
+    """Return by how much the delay varies, if it has been seen often enough; else what a variation costs."""
+    if vehicle.link_delay.answers < _LEAST_ANSWERS:
+        return f"{_SPEED_M_S * 0.01:.2f} m for each 10 ms at {_SPEED_M_S:g} m/s"
+    sigma_s = vehicle.link_delay.one_way_sigma_s
+    return f"{1e3 * sigma_s:.0f} ms, {_SPEED_M_S * sigma_s:.1f} m at {_SPEED_M_S:g} m/s, one sigma"
 
 
 def _silent(settings: AutopilotSettings, px4: bool) -> ClockFinding:

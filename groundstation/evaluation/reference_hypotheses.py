@@ -111,12 +111,24 @@ def too_few_common(track: PositionSeries, reference: ReferenceSeries, name: str,
     if common >= wanted:
         return None
     text = f"track and {name}: {common} of {len(track)} epochs tracking have a position of it at their time, "
-    text += f"{wanted} are needed to judge whether both can be right"
+    text += f"{wanted} are needed to judge whether both can be right{_spacing_words(reference, most_gap_s)}"
     if not common:
         return text
     there = np.stack([np.interp(track.t_s[inside], reference.t_s, column) for column in reference.position_m.T], axis=1)
     distance_m = float(np.median(np.linalg.norm(track.position_m[inside] - there, axis=1)))
     return f"{text}; there they are {distance_m:.1f} m apart in the median"
+
+
+def _spacing_words(reference: ReferenceSeries, most_gap_s: float) -> str:
+    """Return by how much a reference's fixes are too far apart, if most are; nothing if they are not."""
+    if len(reference.t_s) < 2:
+        return ""
+    spacing_s = float(np.median(np.diff(reference.t_s)))
+    if spacing_s <= most_gap_s:
+        return ""
+    return (
+        f": its fixes are {spacing_s:.3g} s apart (median), and nothing is interpolated over more than {most_gap_s:g} s"
+    )
 
 
 def _between_fixes(at_s: FloatArray, reference: ReferenceSeries, most_gap_s: float) -> BoolArray:

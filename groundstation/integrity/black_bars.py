@@ -5,7 +5,7 @@ other side, and it ends at once: there a column's mean rises by more than neighb
 skies have no such end, vignettes end gradually, and a dark sky above bright ground has no counterpart below.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import cv2
@@ -74,10 +74,6 @@ class BlackBarsMonitor:
                         "into another shape since the lens was calibrated?"
                     )
         return told
-
-    def widths(self) -> Mapping[str, tuple[int, int]]:
-        """Return by station the width of bars at the sides and of those above and below, px; 0 for none."""
-        return {name: (_bar(columns), _bar(rows)) for name, (columns, rows) in self._lines.items()}
 
 
 def _grey(image: ImageArray) -> ImageArray:

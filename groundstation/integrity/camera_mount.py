@@ -26,7 +26,8 @@ def odd_mounts_line(off_deg: Mapping[str, float]) -> str:
     words = " and ".join(f"{name}'s by {off:.0f}°" for name, off in off_deg.items())
     return (
         f"head_from_camera_wxyz turns the optical axis away from the head's forward axis, {words}: an ideal camera "
-        "has [0.7071, -0.7071, 0, 0] (w, x, y, z), and a real one that turned by some degrees"
+        "has [0.7071, -0.7071, 0, 0] (w, x, y, z), and a real one that turned by some degrees, unless it is mounted "
+        "aside on purpose"
     )
 
 

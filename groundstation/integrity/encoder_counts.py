@@ -2,20 +2,21 @@
 
 Heads read in steps of thousandths to tenths of a degree. A table in which each reading of a head that turns is a whole
 number, and that takes many different ones, is in another unit: positions of a pan-tilt unit, counts of a turn, or
-hundredths of a degree.
+hundredths of a degree. Some heads are read in whole degrees all the same: only of one whose stated step is finer are
+whole numbers a contradiction, and not if the pictures move as its readings say.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from groundstation.messages import Event, PtuSample
 
 # a head that is sent to whole degrees takes fewer of them, each for a while
 _LEAST_READINGS, _LEAST_VALUES = 50, 20
-# so coarse a head could have whole degrees
-_COARSEST_STEP_DEG = 0.5
-# readings have gone through radians in double precision, and through a correction of the axes if there is one
+# from such a step on a head could have whole degrees
+_COARSE_STEP_DEG = 0.5
+# readings have gone through radians in double precision
 _WHOLE_DEG = 1e-6
 
 
@@ -30,7 +31,9 @@ class _Readings:
     values: set[tuple[int, int]] = field(default_factory=set)
 
     def add(self, pan_deg: float, tilt_deg: float) -> None:
-        """Add a reading."""
+        """Add a reading; one that is no number is none."""
+        if not (math.isfinite(pan_deg) and math.isfinite(tilt_deg)):
+            return
         self.count += 1
         self.low_deg = min(self.low_deg, pan_deg, tilt_deg)
         self.high_deg = max(self.high_deg, pan_deg, tilt_deg)
@@ -41,7 +44,10 @@ class _Readings:
 
 
 class EncoderCountsMonitor:
-    """Looks whether the readings of heads are whole numbers; ``steps_rad`` are the resolutions of those that turn."""
+    """Looks whether the readings of heads are whole numbers.
+
+    ``steps_rad`` are the resolutions of those that turn, by name; 0 where none is stated.
+    """
 
     def __init__(self, steps_rad: Mapping[str, float]) -> None:
         self._steps_deg = {name: math.degrees(step) for name, step in steps_rad.items()}
@@ -57,9 +63,12 @@ class EncoderCountsMonitor:
                     readings.add(math.degrees(event.pan_rad), math.degrees(event.tilt_rad))
             yield event
 
-    def line(self) -> str | None:
-        """Return in a line whose readings are whole numbers; None if no head's are."""
-        told = [name for name, readings in self._readings.items() if self._are_counts(name, readings)]
+    def line(self, confirmed: Callable[[str], bool] = lambda name: False) -> str | None:
+        """Return in a line whose readings are whole numbers, where the rig states finer steps; None if no head's are.
+
+        ``confirmed`` returns whether something else says that a station's readings are degrees.
+        """
+        told = [name for name, read in self._readings.items() if self._are_counts(name, read) and not confirmed(name)]
         if not told:
             return None
         low = min(self._readings[name].low_deg for name in told)
@@ -76,5 +85,5 @@ class EncoderCountsMonitor:
             readings.whole
             and readings.count >= _LEAST_READINGS
             and len(readings.values) >= _LEAST_VALUES
-            and self._steps_deg[name] <= _COARSEST_STEP_DEG
+            and 0.0 < self._steps_deg[name] < _COARSE_STEP_DEG
         )

@@ -149,6 +149,15 @@ class RayAgreementMonitor:
         if station in self._stations:
             self._targets.add(epoch, station, (t_s, *pixel))
 
+    def meet(self) -> bool:
+        """Return whether most rays meet as they are stored: to the target, and to recognised aircraft if there are any.
+
+        Of too few rays it is not known, and False.
+        """
+        stored = [self._count(RayHypothesis(), of.views()) for of in (self._targets, self._recognised)]
+        known = [count for count in stored if count.rays >= _MIN_RAYS]
+        return bool(known) and all(count.meeting >= _RIGHT_SHARE * count.rays for count in known)
+
     def fault(self, refuted: Callable[[str, ReadingHypothesis], bool] = lambda name, reading: False) -> RayFault | None:
         """Return the fault; None if most rays meet, or if there are too few pixels to tell.
 

@@ -69,19 +69,38 @@ class InputChecks:
         """
         if not tracked and self._apart_m > FAR_APART_M:
             return (f"the stations are {self._apart_m:.0f} m apart: is the rig in metres?",)
-        counts = self._counts.line()
+        counts = self._counts.line(lambda name: self._is_in_degrees(name, tracked=tracked))
         if counts is not None:
             return (counts,)
         found = self._compared(tracked=tracked)
-        # whatever else would explain what a mount has turned by 90 degrees
-        odd = {name: off for name, off in self._odd_mounts.items() if not self._heads.confirms(name)}
-        if odd and (found or not tracked or self._sights.line() is not None):
-            return (odd_mounts_line(odd),)
+        mount = self._mount_line()
+        # either may explain the other: a mount turned by 90 degrees looks like other faults, and may be meant
+        if mount is not None and (found or self._sights.line() is not None):
+            return (*found, mount)
         return found
 
-    def notes(self) -> list[str]:
-        """Return a line on what the pictures show that is possible, but seldom meant."""
-        return self._bars.lines()
+    def notes(self, *, tracked: bool) -> list[str]:
+        """Return a line on each thing that is possible, but seldom meant.
+
+        That is black bars in the pictures, and of a run that ``tracked`` no target a mount that nothing speaks against.
+        """
+        mount = None if tracked else self._mount_line()
+        told = [] if mount is None or mount in self.contradictions(tracked=tracked) else [mount]
+        return [*self._bars.lines(), *told]
+
+    def _mount_line(self) -> str | None:
+        """Return a line on mounts that turn the axis away; None if there are none, or if pictures or rays confirm."""
+        odd = {name: off for name, off in self._odd_mounts.items() if not self._heads.confirms(name)}
+        if not odd or (self._rays.meet() and not self._heads.faults()):
+            return None
+        return odd_mounts_line(odd)
+
+    def _is_in_degrees(self, name: str, *, tracked: bool) -> bool:
+        """Return whether a head's readings are in degrees, by the motion of its pictures or by its rays."""
+        if self._heads.confirms(name):
+            return True
+        # symmetric rays meet in any unit: the pictures' motion must not speak against it
+        return tracked and self._rays.meet() and all(fault.station != name for fault in self._heads.faults())
 
     def _compared(self, *, tracked: bool) -> tuple[str, ...]:
         """Return a line on each contradiction between pictures, readings and rig."""

@@ -113,7 +113,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
     pipeline.finish_smoothing()
     notes = _why_unseen(inputs, outputs, source.span_s) + ([] if outcome.fault is None else [str(outcome.fault)])
     notes += source_notes(source, outputs.recorder, config.synchronise.max_gap_s) + _pipeline_notes(pipeline, fixes)
-    notes += reference_time_notes(request, inputs, source.span_s) + outputs.checks.notes()
+    notes += reference_time_notes(request, inputs, source.span_s) + outputs.checks.notes(tracked=_has_tracked(outputs))
     smoothed_track, speed = outputs.smoothed_track(), _speed(outcome, span_s, prepared_s)
     told = _contradictions(source, outputs)
     evaluation = _evaluate(inputs, pipeline, outputs, smoothed_track, notes, speed, written, told)

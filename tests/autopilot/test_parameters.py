@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from groundstation.autopilot import parameter_check
 from groundstation.autopilot.clock_finding import clock_finding
 from groundstation.autopilot.parameter_rules import TABLE, ParameterVerdict, check_parameters, parameter_rules
 from groundstation.autopilot.settings import AutopilotMode, AutopilotSettings
@@ -136,7 +137,9 @@ def test_px4s_integers_are_read(capsys: pytest.CaptureFixture[str]) -> None:
     assert "EKF2_AGP0_CTRL = 3" in capsys.readouterr().out
 
 
-def test_a_vehicle_that_does_not_tell_its_time_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_vehicle_that_does_not_tell_its_time_is_said(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Expected: one that answers is good; of another what the delay then costs is said, by autopilot."""
     for autopilot, mode, words in (
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "late by that of the fastest message: 2.5 m for 100 ms"),
@@ -146,6 +149,8 @@ def test_a_vehicle_that_does_not_tell_its_time_is_said(capsys: pytest.CaptureFix
         assert not isinstance(rules, str)
         values = {rule.names[0]: float(rule.recommended) for rule in rules}
         for tells_time in (True, False):
+            # a wait for an answer ends with it
+            monkeypatch.setattr(parameter_check, "_CLOCK_EVERY_S", 60.0 if tells_time else 0.05)
             with ParameterVehicle(autopilot, values, tells_time=tells_time) as vehicle:
                 assert main(["autopilot", "check", vehicle.url, "--mode", str(mode)]) == 0
             (line,) = [line for line in capsys.readouterr().out.splitlines() if "TIMESYNC" in line]
@@ -172,6 +177,18 @@ def test_what_answers_to_timesync_mean(
     found = clock_finding(stream, vehicle)
     assert found.finding is finding
     assert words in found.text()
+
+
+@pytest.mark.parametrize(("answers", "words"), [(1, "stays (0.25 m for"), (5, "stays (0.25 m for"), (60, "one sigma)")])
+def test_a_variation_of_the_delay_is_stated_once_it_is_known(answers: int, words: str) -> None:
+    """Expected: not of few answers, of which the figure would be what is assumed of a radio; then what was observed."""
+    vehicle = VehicleState(system=7, autopilot=_PX4)
+    for k in range(answers):
+        late_s = 0.03 * (-1) ** k
+        vehicle.link_delay.answered(float(k), 9.0 + k + late_s, k + 0.16)
+    text = clock_finding(_settings(AutopilotMode.VISION), vehicle).text()
+    assert words in text
+    assert ("stays (30 ms, 0.7 m at 25 m/s" in text) is (answers == 60)
 
 
 def test_no_vehicle_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

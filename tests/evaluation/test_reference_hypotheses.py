@@ -139,3 +139,17 @@ def test_what_is_not_compared_is_told() -> None:
     assert too_few_common(flown, fixes, "truth.csv") is None
     nothing = PositionSeries(t_s=np.empty(0), position_m=np.empty((0, 3)), covariance_m2=np.empty((0, 3, 3)))
     assert too_few_common(nothing, fixes, "truth.csv") is None
+
+
+def test_fixes_that_are_too_far_apart_are_said_to_be() -> None:
+    """Expected: of a whole log at 1 Hz its spacing and the limit; with a longer limit it is compared."""
+    flown, fixes = track(path(TIMES_S)), reference(path(REFERENCE_S))
+    slow = fixes.keep(np.arange(len(REFERENCE_S)) % 5 == 0)
+    line = too_few_common(flown, slow, "the DGPS log")
+    assert line is not None
+    assert "0 of 120 epochs tracking" in line
+    assert line.endswith("its fixes are 1 s apart (median), and nothing is interpolated over more than 0.5 s")
+    assert too_few_common(flown, slow, "the DGPS log", 1.5) is None
+    short = too_few_common(flown, fixes.keep(REFERENCE_S < 2.0), "the DGPS log")
+    assert short is not None
+    assert "interpolated" not in short

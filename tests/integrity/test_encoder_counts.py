@@ -54,6 +54,33 @@ def test_degrees_are_not_accused() -> None:
     stops = 5.0 * np.round(TIMES_S / 2.0)
     assert line_of(stops, np.full_like(pan, 3.0)) is None
     assert line_of(np.round(20.0 * pan), np.round(tilt), step_deg=1.0) is None
+    assert line_of(np.round(20.0 * pan), np.round(tilt), step_deg=0.5) is None
     whole = np.round(20.0 * pan)
     whole[-1] += 0.4
     assert line_of(whole, np.round(tilt)) is None
+
+
+def test_without_a_stated_step_nothing_is_wrong_with_whole_numbers() -> None:
+    pan, tilt = turning()
+    assert line_of(np.round(20.0 * pan), np.round(tilt), step_deg=0.0) is None
+
+
+def test_readings_that_are_degrees_by_something_else_are_not_accused() -> None:
+    pan, tilt = turning()
+    monitor = EncoderCountsMonitor(dict.fromkeys(("left", "right"), math.radians(0.1)))
+    for t_s, p, q in zip(TIMES_S, np.radians(np.round(20.0 * pan)), np.radians(np.round(tilt)), strict=True):
+        for name in ("left", "right"):
+            list(monitor.watched([PtuSample(t_s=float(t_s), station=name, pan_rad=float(p), tilt_rad=float(q))]))
+    line = monitor.line(lambda name: name == "right")
+    assert line is not None
+    assert "all angles of left are whole numbers" in line
+    assert monitor.line(lambda name: True) is None
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_reading_that_is_no_number_is_left_out(bad: float) -> None:
+    """Expected: the run goes on, and the other readings are judged."""
+    pan, tilt = turning()
+    counts = np.round(np.stack([pan, tilt]) / STEP_DEG)
+    counts[0, 7] = bad
+    assert line_of(*counts) is not None
