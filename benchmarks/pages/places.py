@@ -18,7 +18,7 @@ PLACES: dict[str, tuple[str, ...]] = {
     ),
     "100 landings on the stream, GPS_INPUT: height below 20 m; scatter across": (
         "height below 20 m # and ~ m rms;",
-        "along, # (95 %: 1.13–1.37) and",
+        "along, # (95 %: 1.03–1.23) and",
     ),
     "misleading approaches, faults by stated priors": (
         "| – misleading | # |",

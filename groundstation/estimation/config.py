@@ -210,7 +210,7 @@ class InitiationConfig:
         trained on, with these numbers a target is found after 0.87 s in the mean, in 4 worlds a false one first, and 57
         false tracks would be confirmed if the search went on; with 3 and -3, 0.81 s, 8 and 114.
     unlikely_age_per_odds_s : and so much longer for each unit of log odds below, at most 9 s in all: in the meantime an
-        aircraft may be found instead of a bird. Chosen. Of 31 train worlds with birds it changes one (a bird is
+        aircraft may be found instead of a bird. Chosen. Of 26 train worlds with birds it changes one (a bird is
         followed for 1.6 s less), of validate it keeps the bird of world 45 out, as 0.3 s would not. The figures of the
         two before are of without it. What the channel had no time to look at must have moved for ``unlikely_age_s``.
     start_position_sigma_m : added to a confirmed track's position: its centre is not yet its nose.
