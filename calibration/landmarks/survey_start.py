@@ -57,15 +57,7 @@ def find_station(
 
     Raises `LandmarkFitError`, which states what is missing.
     """
-    known = "position" in station.known
-    _require_enough(station, observed, landmarks, known)
-    # angles and pixels are bearings in the base's frame, independent of the rig's orientation
-    seen = _seen(station, observed, landmarks)
-    if known:
-        towards = np.where(seen.far[:, None], station.ptu_position_m + seen.points_m, seen.points_m)
-        guesses = [find_orientation(seen.bearings, towards, station.ptu_position_m)]
-    else:
-        guesses = list(_poses(station.name, seen))
+    _, guesses = _guesses(station, observed, landmarks)
     best = min((g.median_rad for g in guesses), default=np.inf)
     if best > _MOST_MISS_RAD:
         got = "no pose that fits" if not guesses else f"bearings that miss by {np.degrees(best):.2g}° at best"
@@ -74,6 +66,20 @@ def find_station(
     near = [g for g in guesses if g.median_rad <= max(10.0 * best, 2e-3)]
     moved = [_moved(station, g) for g in _different(sorted(near, key=lambda g: g.median_rad))[:_FOLLOWED]]
     return _refined(moved, observed, landmarks, before)
+
+
+def _guesses(
+    station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark]
+) -> tuple[_Bearings, list[PoseGuess]]:
+    """Return what a station saw, and poses by it: one where its place is known, else those of many triples."""
+    known = "position" in station.known
+    _require_enough(station, observed, landmarks, known)
+    # angles and pixels are bearings in the base's frame, independent of the rig's orientation
+    seen = _seen(station, observed, landmarks)
+    if not known:
+        return seen, list(_poses(station.name, seen))
+    towards = np.where(seen.far[:, None], station.ptu_position_m + seen.points_m, seen.points_m)
+    return seen, [find_orientation(seen.bearings, towards, station.ptu_position_m)]
 
 
 def _require_enough(
@@ -138,15 +144,9 @@ def bearing_misses(station: Station, observed: LandmarkObservations, landmarks: 
     Lenses and mounts are taken as the rig has them. Raises `LandmarkFitError` where no pose can be computed.
     """
     known = "position" in station.known
-    _require_enough(station, observed, landmarks, known)
-    seen = _seen(station, observed, landmarks)
-    if known:
-        towards = np.where(seen.far[:, None], station.ptu_position_m + seen.points_m, seen.points_m)
-        guesses = [find_orientation(seen.bearings, towards, station.ptu_position_m)]
-    else:
-        guesses = _different(sorted(_poses(station.name, seen), key=lambda g: g.median_rad)[: 4 * _FOLLOWED])[
-            :_FOLLOWED
-        ]
+    seen, guesses = _guesses(station, observed, landmarks)
+    if not known:
+        guesses = _different(sorted(guesses, key=lambda g: g.median_rad)[: 4 * _FOLLOWED])[:_FOLLOWED]
     guesses = [guess for guess in guesses if guess.median_rad <= _MOST_MISS_RAD]
     if not guesses:
         raise LandmarkFitError(f"station {station.name}: got no pose that fits; wanted other landmarks")

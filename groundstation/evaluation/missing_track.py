@@ -7,6 +7,8 @@ from groundstation.detection_messages import MissReason
 
 # share of a station's pictures without an angle from which on that is why
 _MOST_BLIND = 0.5
+# what has the aircraft's rays miss each other, or makes it too near, too small or too slow
+_LIKELY = "if an aircraft was there, are focal lengths, angles, clocks and places right?"
 
 
 def why_no_track(counts: Mapping[str, Any]) -> str | None:
@@ -31,6 +33,6 @@ def why_no_track(counts: Mapping[str, Any]) -> str | None:
     if track["acquiring"]:
         return (
             f"no track: of {total} pairs, {track['acquiring']} had a candidate in two cameras, "
-            "and none moved as an aircraft for long enough"
+            f"and none moved as an aircraft for long enough; {_LIKELY}"
         )
-    return f"no track: in none of {total} pairs did two cameras show a moving target at places that agree"
+    return f"no track: in none of {total} pairs did two cameras show a moving target at places that agree; {_LIKELY}"

@@ -27,7 +27,7 @@ class StationHealth:
         self._config = config
         self._newest: dict[str, float] = {}
         self._silent: set[str] = set()
-        self._had_target = False
+        self._was_confirmed = False
 
     def uses(self, station: str) -> bool:
         """Return whether the pixels of a station are fused; count the pixel if not."""
@@ -47,11 +47,11 @@ class StationHealth:
         """
         events = self.silence(t_s)
         if not confirmed:
-            if self._had_target:
+            if self._was_confirmed:
                 self.monitor.forget()
-            self._had_target = False
+            self._was_confirmed = False
             return events
-        self._had_target = True
+        self._was_confirmed = True
         residuals = [s for s in (self._residual(v) for v in views.views) if s is not None]
         if len(residuals) >= 2:
             events += [_line(t_s, change) for change in self.monitor.epoch(t_s, residuals)]

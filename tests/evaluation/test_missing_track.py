@@ -43,3 +43,11 @@ def test_the_reason_is_that_of_the_counts(found: dict[str, Any], words: str) -> 
 
 def test_a_run_that_tracked_has_no_reason() -> None:
     assert why_no_track(counts(tracking=1, searching=39)) is None
+
+
+@pytest.mark.parametrize("found", [counts(searching=40), counts(acquiring=5, searching=35)])
+def test_a_run_that_saw_no_moving_target_names_the_inputs_that_may_be_why(found: dict[str, Any]) -> None:
+    """A tenth of the focal length leaves nothing that moves as an aircraft, and a real session has no truth."""
+    reason = why_no_track(found)
+    assert reason is not None
+    assert reason.endswith("if an aircraft was there, are focal lengths, angles, clocks and places right?")
