@@ -129,7 +129,7 @@ class InitialPixel:
     """A pixel by which a target was found, or that it explains, in a frame that has been reported without it.
 
     ``t_s`` and ``station`` are those of the frame's `CameraReport`; ``sigma_px`` is one sigma of u and v. At most
-    `INITIAL_PIXELS_S` older than the target.
+    `INITIAL_PIXELS_S` older than the target. ``track_s`` is the target's track, by its start.
     """
 
     t_s: float
@@ -137,3 +137,26 @@ class InitialPixel:
     u_px: float
     v_px: float
     sigma_px: float
+    track_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackOutcome:
+    """What became of the track that started at ``track_s``, session time: confirmed, or withdrawn before it was.
+
+    A withdrawn one has been dropped, or displaced by a better one: it was not the target. A given target is confirmed.
+    """
+
+    track_s: float
+    confirmed: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Innovation:
+    """One measurement update: residual, its covariance, its normalised square and the verdict."""
+
+    residual: FloatArray
+    covariance: FloatArray
+    nis: float
+    dof: int
+    accepted: bool

@@ -15,10 +15,12 @@ from groundstation.detection_messages import INITIAL_PIXELS_S as INITIAL_PIXELS_
 from groundstation.detection_messages import Detection as Detection
 from groundstation.detection_messages import DetectionStatus as DetectionStatus
 from groundstation.detection_messages import InitialPixel as InitialPixel
+from groundstation.detection_messages import Innovation as Innovation
 from groundstation.detection_messages import Miss as Miss
 from groundstation.detection_messages import MissReason as MissReason
 from groundstation.detection_messages import PointHypothesis as PointHypothesis
 from groundstation.detection_messages import RecognisedPixel as RecognisedPixel
+from groundstation.detection_messages import TrackOutcome as TrackOutcome
 from groundstation.picture import Picture
 
 
@@ -196,17 +198,6 @@ class Triangulation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Innovation:
-    """One measurement update: residual, its covariance, its normalised square and the verdict."""
-
-    residual: FloatArray
-    covariance: FloatArray
-    nis: float
-    dof: int
-    accepted: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InitialState:
     """A start that is given, in the runway frame.
 
@@ -254,6 +245,7 @@ class CameraReport:
     channel_contrast : in some frames, the silhouette's contrast-to-noise on each channel, also the paper's saturation.
     image : the picture, if reports keep them.
     recognised : of a frame that was searched whole, the likeliest aircraft, also if it is not the target.
+    track_s : start of the track whose pixel was sought, which may not be confirmed yet; None without one.
     """
 
     t_s: float
@@ -271,6 +263,7 @@ class CameraReport:
     channel_contrast: Mapping[str, float] | None = None
     image: Picture | None = None
     recognised: RecognisedPixel | None = None
+    track_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -345,7 +338,8 @@ class StepReport:
     """All that one `Pipeline.step` brought forth; often empty, since frames wait for their angles.
 
     ``states`` answer heartbeats, and are newer than the ``estimates`` next to them. ``initial_pixels`` belong to frames
-    of this step or earlier ones: those of the tentative track that has become the target in this one.
+    of this step or earlier ones: those of the tentative track that has become the target in this one. ``outcomes`` say
+    which tracks were confirmed and which withdrawn.
     """
 
     cameras: tuple[CameraReport, ...] = ()
@@ -353,8 +347,10 @@ class StepReport:
     events: tuple[TrackEvent, ...] = field(default=())
     states: tuple[TrackState, ...] = ()
     initial_pixels: tuple[InitialPixel, ...] = ()
+    outcomes: tuple[TrackOutcome, ...] = ()
 
     @property
     def empty(self) -> bool:
         """Whether nothing came of the step."""
-        return not (self.cameras or self.estimates or self.events or self.states or self.initial_pixels)
+        found = self.initial_pixels or self.outcomes
+        return not (self.cameras or self.estimates or self.events or self.states or found)

@@ -225,4 +225,5 @@ def _joined(reports: Sequence[StepReport]) -> StepReport:
         events=tuple(e for report in reports for e in report.events),
         states=tuple(s for report in reports for s in report.states),
         initial_pixels=tuple(p for report in reports for p in report.initial_pixels),
+        outcomes=tuple(o for report in reports for o in report.outcomes),
     )

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.evaluation.growable_table import GrowableTable
+from groundstation.evaluation.unconfirmed_rows import UnconfirmedRows
 from groundstation.messages import (
-    INITIAL_PIXELS_S,
     CameraReport,
     Detection,
     DetectionStatus,
@@ -69,6 +69,16 @@ _NO_POINT = np.full(3, np.nan)
 _NO_MATRIX = np.full((3, 3), np.nan)
 _NO_PIXEL = np.full(2, np.nan)
 _NO_PIXEL_MATRIX = np.full((2, 2), np.nan)
+# cells of a frame of a search
+_SEARCHED: dict[str, Any] = {
+    "status": DETECTION_STATUSES.index(DetectionStatus.MISS),
+    "reason": MISS_REASONS.index(MissReason.NOT_ACQUIRED),
+    "pixel": _NO_PIXEL,
+    "covariance_px2": _NO_PIXEL_MATRIX,
+    "nis": np.nan,
+    "dof": 0,
+    "accepted": False,
+}
 
 
 class ResultCollector:
@@ -80,8 +90,7 @@ class ResultCollector:
         self._stations: dict[str, int] = {}
         self.events: list[tuple[float, str, str]] = []
         self.events_dropped = 0
-        # rows of the frames of a search, by time and station
-        self._searched: dict[tuple[float, str], int] = {}
+        self._unconfirmed = UnconfirmedRows[int]()
         self._contrast: defaultdict[str, defaultdict[str, array[float]]] = defaultdict(
             lambda: defaultdict(lambda: array("f"))
         )
@@ -105,10 +114,12 @@ class ResultCollector:
 
     def write(self, report: StepReport) -> None:
         """Keep one step."""
+        first = len(self._cameras)
         for camera in report.cameras:
             self._add_camera(camera)
-        for pixel in report.initial_pixels:
-            self._add_initial(pixel)
+        for row, pixel in self._unconfirmed.take(report, range(first, len(self._cameras))):
+            self._cameras.change(row, **(_SEARCHED if pixel is None else _initial_cells(pixel)))
+        self._unconfirmed.final()
         for estimate in report.estimates:
             self._add_estimate(estimate)
         for event in report.events:
@@ -160,30 +171,10 @@ class ResultCollector:
             e.latency_s,
         )
 
-    def _add_initial(self, p: InitialPixel) -> None:
-        """Set the pixel of a frame that was searched without a target."""
-        row = self._searched.pop((p.t_s, p.station), None)
-        if row is not None:
-            self._cameras.change(
-                row,
-                status=DETECTION_STATUSES.index(DetectionStatus.INITIAL),
-                reason=NO_REASON,
-                pixel=(p.u_px, p.v_px),
-                covariance_px2=np.eye(2) * p.sigma_px**2,
-            )
-
-    def _remember_searched(self, c: CameraReport) -> None:
-        """Note the row of a searched frame that is about to be added; forget those that are too old for a pixel."""
-        self._searched[c.t_s, c.station] = len(self._cameras)
-        while (oldest := next(iter(self._searched)))[0] < c.t_s - INITIAL_PIXELS_S:
-            del self._searched[oldest]
-
     def _add_camera(self, c: CameraReport) -> None:
         found = c.result if isinstance(c.result, Detection) else None
         reason = MISS_REASONS.index(c.result.reason) if isinstance(c.result, Miss) else NO_REASON
         judged = c.innovation
-        if isinstance(c.result, Miss) and c.result.reason is MissReason.NOT_ACQUIRED:
-            self._remember_searched(c)
         if found is not None:
             self._channels[c.station][found.channel] += 1
         for channel, contrast in (c.channel_contrast or {}).items():
@@ -203,3 +194,13 @@ class ResultCollector:
             judged is not None and judged.accepted,
             c.elapsed_s,
         )
+
+
+def _initial_cells(p: InitialPixel) -> dict[str, Any]:
+    """Return the cells of a frame that was searched without a target, by which it was found later."""
+    return {
+        "status": DETECTION_STATUSES.index(DetectionStatus.INITIAL),
+        "reason": NO_REASON,
+        "pixel": (p.u_px, p.v_px),
+        "covariance_px2": np.eye(2) * p.sigma_px**2,
+    }

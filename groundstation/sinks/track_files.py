@@ -1,13 +1,13 @@
 """The result files of a replay: track.csv, triangulation.csv, detections.csv and track.tum, written incrementally.
 
 Only complete lines are flushed, so that the files of a killed run are readable to their last epoch; `write` may be
-followed by `flush` where the disk was full and is no longer. Rows are kept in
-memory for five seconds of a search at most: a frame without a target gets the pixel by which one was found afterwards.
+followed by `flush` where the disk was full and is no longer. Rows of a search, and of
+a track that is not confirmed, are kept in memory for five seconds at most: a frame without a target gets the pixel by
+which one was found afterwards, and one of a track that was not confirmed loses its pixel.
 A missing value is an empty cell.
 """
 
 import math
-from collections import deque
 from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,16 +15,14 @@ from types import TracebackType
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, os_words
+from groundstation.evaluation.unconfirmed_rows import UnconfirmedRows
 from groundstation.files.line_file import LineFile
 from groundstation.files.whole_file import whole_file
 from groundstation.messages import (
-    INITIAL_PIXELS_S,
     CameraReport,
     Detection,
     DetectionStatus,
     InitialPixel,
-    Miss,
-    MissReason,
     StepReport,
     TrackEstimate,
     TriangulationStatus,
@@ -57,9 +55,9 @@ class TrackFilesSink:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._flushed_s = self._newest_s = -math.inf
-        # rows of detections.csv in their order, with their times, from the oldest one on that may get a pixel
-        self._waiting: deque[tuple[float, list[str], bool]] = deque()
+        self._flushed_s = -math.inf
+        # rows of detections.csv in their order, from the oldest one on that may change
+        self._waiting = UnconfirmedRows[list[str]]()
         with ExitStack() as stack:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
@@ -86,16 +84,10 @@ class TrackFilesSink:
 
     def write(self, report: StepReport) -> None:
         """Append the rows of one step."""
-        for camera in report.cameras:
-            self._waiting.append((camera.t_s, _detection_cells(camera), _is_searched(camera)))
-            self._newest_s = max(self._newest_s, camera.t_s)
-        for each in report.estimates:
-            self._newest_s = max(self._newest_s, each.t_s)
-        for state in report.states:
-            self._newest_s = max(self._newest_s, state.t_s)
-        # what is detected is a target, whose initial pixels have been reported
-        found = any(isinstance(camera.result, Detection) for camera in report.cameras)
-        self._write_detections(report.initial_pixels, all_rows=found)
+        for cells, pixel in self._waiting.take(report, [_detection_cells(camera) for camera in report.cameras]):
+            _set_pixel(cells, pixel)
+        for cells in self._waiting.final():
+            self._detections.write(_line(cells))
         for estimate in report.estimates:
             cells = _track_cells(estimate)
             self._track.write(_line(cells))
@@ -107,19 +99,6 @@ class TrackFilesSink:
         if any(abs(t_s - self._flushed_s) >= _FLUSH_EVERY_S for t_s in times):
             self._flushed_s = times[-1]
             self.flush()
-
-    def _write_detections(self, initial: tuple[InitialPixel, ...] = (), *, all_rows: bool = False) -> None:
-        """Write the rows that are complete: all once a target is found, and those that are too old for one to come."""
-        pixels = {(_number(p.t_s, ".6f"), p.station): p for p in initial}
-        while self._waiting:
-            t_s, cells, searched = self._waiting[0]
-            if searched and not initial and not all_rows and self._newest_s - t_s <= INITIAL_PIXELS_S:
-                return
-            if searched and (pixel := pixels.get((cells[0], cells[1]))) is not None:
-                cells[2:6] = _numbers((pixel.u_px, pixel.v_px, pixel.sigma_px, pixel.sigma_px), ".4f")
-                cells[10] = DetectionStatus.INITIAL.value
-            self._detections.write(_line(cells))
-            self._waiting.popleft()
 
     def flush(self) -> None:
         """Flush the rows but for those that wait: done every 0.5 s of session time, the most that a crash loses.
@@ -137,7 +116,8 @@ class TrackFilesSink:
         try:
             with self._files:
                 if not self._detections.closed:
-                    self._write_detections(all_rows=True)
+                    for cells in self._waiting.rest():
+                        self._detections.write(_line(cells))
         except OSError:
             # the only one without a header
             poses = self.folder / "track.tum"
@@ -218,9 +198,14 @@ def _detection_cells(camera: CameraReport) -> list[str]:
     return [*cells, camera.status.value, _number(1e3 * camera.elapsed_s, ".3f")]
 
 
-def _is_searched(camera: CameraReport) -> bool:
-    """Return whether a frame was one of a search, without a target."""
-    return isinstance(camera.result, Miss) and camera.result.reason is MissReason.NOT_ACQUIRED
+def _set_pixel(cells: list[str], pixel: InitialPixel | None) -> None:
+    """Set the pixel of a frame that was searched, or make a row one of a frame that was."""
+    if pixel is None:
+        cells[2:10], status = [""] * 8, DetectionStatus.MISS
+    else:
+        cells[2:6] = _numbers((pixel.u_px, pixel.v_px, pixel.sigma_px, pixel.sigma_px), ".4f")
+        status = DetectionStatus.INITIAL
+    cells[10] = status.value
 
 
 def _tum_line(track_cells: list[str]) -> str | None:

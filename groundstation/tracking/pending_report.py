@@ -1,8 +1,7 @@
 """The results of the pipeline since its last report."""
 
-from collections.abc import Sequence
-
-from groundstation.messages import CameraReport, InitialPixel, StepReport, TrackEstimate, TrackEvent, TrackState
+from groundstation.messages import CameraReport, StepReport, TrackEstimate, TrackState
+from groundstation.tracking.track_changes import TrackChanges
 
 # most events give no result at once, since frames wait for their angles
 _NOTHING_YET = StepReport()
@@ -15,19 +14,20 @@ class PendingReport:
         self.cameras: list[CameraReport] = []
         self.estimates: list[TrackEstimate] = []
         self.states: list[TrackState] = []
-        self.initial_pixels: list[InitialPixel] = []
 
-    def take(self, events: Sequence[TrackEvent]) -> StepReport:
-        """Return the collected parts with ``events``, and clear them."""
-        if not (self.cameras or self.estimates or self.states or self.initial_pixels or events):
+    def take(self, changes: TrackChanges) -> StepReport:
+        """Return the collected parts with the changes of the track, and clear them."""
+        found = changes.events or changes.initial_pixels or changes.outcomes
+        if not (self.cameras or self.estimates or self.states or found):
             return _NOTHING_YET
         report = StepReport(
             cameras=tuple(self.cameras),
             estimates=tuple(self.estimates),
-            events=tuple(events),
+            events=tuple(changes.events),
             states=tuple(self.states),
-            initial_pixels=tuple(self.initial_pixels),
+            initial_pixels=tuple(changes.initial_pixels),
+            outcomes=tuple(changes.outcomes),
         )
-        for part in (self.cameras, self.estimates, self.states, self.initial_pixels):
+        for part in (self.cameras, self.estimates, self.states):
             part.clear()
         return report

@@ -242,7 +242,7 @@ class Pipeline:
             if self._track_manager.must_drop(t_s):
                 self._drop(t_s)
         self._out.states.append(self._track_manager.state_at(t_s))
-        return self._out.take(self._track_manager.take_events())
+        return self._out.take(self._track_manager.changes.take())
 
     def _drop(self, t_s: float) -> None:
         """Drop the target at ``t_s``, ahead of the filter time."""
@@ -261,7 +261,7 @@ class Pipeline:
         self._process(ready)
         if last:
             self._throttle.finish()
-        return self._out.take(self._track_manager.take_events())
+        return self._out.take(self._track_manager.changes.take())
 
     def _process(self, ready: Iterable[Ready]) -> None:
         """Process the synchronised records in order."""
@@ -345,7 +345,6 @@ class Pipeline:
             self._track_manager.log(event.t_s, event.level, event.text)
         self._throttle.pass_time(epoch.t_s)
         kinematics = self._track_manager.process_epoch(epoch, views, newest_s=self._synchroniser.newest_s)
-        self._out.initial_pixels += self._track_manager.take_initial_pixels()
         self._out.estimates.append(
             TrackEstimate(
                 t_s=epoch.t_s,

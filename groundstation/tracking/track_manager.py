@@ -1,7 +1,7 @@
 """Track management: start, status and drop of the single target, epoch by epoch.
 
 The pipeline passes candidates and fixes; the manager starts the target, updates its status and drops it. Log events
-are buffered until `take_events`.
+and other changes are collected in `TrackManager.changes`.
 """
 
 import math
@@ -20,7 +20,6 @@ from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import (
     Epoch,
     Frame,
-    InitialPixel,
     InitialState,
     Kinematics,
     PixelMeasurement,
@@ -33,6 +32,7 @@ from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
 from groundstation.tracking.epoch_buffer import EpochViews
 from groundstation.tracking.search_schedule import SearchSchedule
+from groundstation.tracking.track_changes import TrackChanges
 from groundstation.tracking.track_state_machine import TrackStateMachine
 
 # other traffic is behind the aircraft that lands: of two, one whose distance is less than this share of the other's
@@ -79,22 +79,11 @@ class TrackManager:
         self._initial = initial
         self._schedule = SearchSchedule()
         self._labels: list[CameraCandidate] = []
-        self._events: list[TrackEvent] = []
-        self._initial_pixels: tuple[InitialPixel, ...] = ()
-
-    def take_events(self) -> list[TrackEvent]:
-        """Return the events since the last call."""
-        events, self._events = self._events, []
-        return events
-
-    def take_initial_pixels(self) -> tuple[InitialPixel, ...]:
-        """Return the pixels by which a target was found since the last call."""
-        pixels, self._initial_pixels = self._initial_pixels, ()
-        return pixels
+        self.changes = TrackChanges()
 
     def log(self, t_s: float, level: str, text: str) -> None:
         """Add a line to the log events."""
-        self._events.append(TrackEvent(t_s=t_s, level=level, text=text))
+        self.changes.events.append(TrackEvent(t_s=t_s, level=level, text=text))
 
     def needs_search(self, t_s: float) -> bool:
         """Return whether whole frames are searched: there is no target, or it could yield to another."""
@@ -165,9 +154,15 @@ class TrackManager:
             self._initiator.reset()
         if not self.is_confirmed:
             return None
+        self.changes.decide(confirmed=True)
         kinematics = self.reported(self._ekf.kinematics_at(t_s))
         self.predictor.add(Knot(t_s=t_s, position_m=kinematics.position_runway_m))
         return kinematics
+
+    @property
+    def track_s(self) -> float | None:
+        """Start of the track, which may not be confirmed yet; None without one."""
+        return self.state_machine.started_s if self._ekf.has_target else None
 
     @property
     def is_confirmed(self) -> bool:
@@ -314,12 +309,16 @@ class TrackManager:
             self.log(t_s, "warning", f"cameras agree on {where} and not with the filter: target restarted there")
         else:
             self.log(t_s, "info", f"target {how} at {where}{', recognised' if found and not found.moving else ''}")
-        if found is not None:
-            self._initial_pixels = self._earlier.of(t_s, start, found.pixels)
+        self.changes.start(
+            self.state_machine.started_s, () if found is None else self._earlier.of(t_s, start, found.pixels)
+        )
+        if found is None:
+            self.changes.decide(confirmed=True)
         self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)
 
     def drop(self, t_s: float) -> None:
         """Drop the target as lost."""
+        self.changes.decide(confirmed=False)
         self._ekf.drop_target()
         self._guided.reset()
         self._alternative.reset()
@@ -334,4 +333,4 @@ class TrackManager:
     def _set_status(self, t_s: float, status: TrackStatus) -> None:
         event = self.state_machine.set_status(t_s, status)
         if event is not None:
-            self._events.append(event)
+            self.changes.events.append(event)

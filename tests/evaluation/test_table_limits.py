@@ -1,19 +1,17 @@
 """How many events are kept, and from how many epochs on a share is stated."""
 
-from types import SimpleNamespace
-
 import pytest
 
 from groundstation.evaluation.accuracy_table import FEW_EPOCHS
 from groundstation.evaluation.collector import MAX_EVENTS, ResultCollector
 from groundstation.evaluation.report_tables import _accuracy_row
+from groundstation.messages import StepReport, TrackEvent
 
 
 def test_events_beyond_the_most_are_counted_and_not_kept() -> None:
-    collector = ResultCollector.__new__(ResultCollector)
-    collector.events, collector.events_dropped = [], 0
-    events = [SimpleNamespace(t_s=float(k), level="info", text="again") for k in range(MAX_EVENTS + 3)]
-    collector.write(SimpleNamespace(cameras=(), estimates=(), initial_pixels=(), events=events))
+    collector = ResultCollector()
+    events = [TrackEvent(t_s=float(k), level="info", text="again") for k in range(MAX_EVENTS + 3)]
+    collector.write(StepReport(events=tuple(events)))
     assert (len(collector.events), collector.events_dropped) == (MAX_EVENTS, 3)
 
 

@@ -1,0 +1,123 @@
+"""Rows of camera reports that may still change: of frames of a search, and of tracks that are not confirmed yet.
+
+A tracker that reports confirmed tracks only, as is usual, has to wait with the pixels as it does with the estimates.
+Those of a track that is dropped, or displaced by a better one, before it was confirmed are no detections of the
+target: their frames become frames of a search, for which the next target may have initial pixels.
+"""
+
+import math
+from collections import deque
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from groundstation.messages import (
+    INITIAL_PIXELS_S,
+    CameraReport,
+    Detection,
+    InitialPixel,
+    Miss,
+    MissReason,
+    StepReport,
+)
+
+Row = TypeVar("Row")
+
+
+@dataclass(slots=True)
+class _Pending(Generic[Row]):
+    """A row, its time and station, whether its frame was searched, and the start of the track that it belongs to."""
+
+    t_s: float
+    station: str
+    row: Row
+    searched: bool
+    track_s: float | None
+
+
+class UnconfirmedRows(Generic[Row]):
+    """The last rows of a table of camera reports, in their order, until nothing can change them.
+
+    ``Row`` is what the caller finds a row by. A row is final once a track is confirmed, or after `INITIAL_PIXELS_S`
+    of session time.
+    """
+
+    def __init__(self) -> None:
+        self._rows: deque[_Pending[Row]] = deque()
+        self._newest_s = -math.inf
+        self._confirmed_s: float | None = None
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def take(self, report: StepReport, rows: Sequence[Row]) -> list[tuple[Row, InitialPixel | None]]:
+        """Add the ``rows`` of a report's cameras; return the changes, in order.
+
+        A row gets a pixel of a track that was found later, or, with None, loses what its track has had in it.
+        """
+        for camera, row in zip(report.cameras, rows, strict=True):
+            self._add(camera, row)
+        times = (*(c.t_s for c in report.cameras), *(e.t_s for e in report.estimates), *(s.t_s for s in report.states))
+        self._newest_s = max((self._newest_s, *times))
+        withdrawn = {outcome.track_s for outcome in report.outcomes if not outcome.confirmed}
+        changes = self._withdraw(withdrawn) if withdrawn else []
+        if report.initial_pixels:
+            changes += self._fill([pixel for pixel in report.initial_pixels if pixel.track_s not in withdrawn])
+        for outcome in report.outcomes:
+            if outcome.confirmed:
+                self._confirmed_s = outcome.track_s
+                self._release()
+        return changes
+
+    def final(self) -> list[Row]:
+        """Return the rows that nothing can change any more, oldest first, and forget them."""
+        found = []
+        while self._rows and self._is_final(self._rows[0]):
+            found.append(self._rows.popleft().row)
+        return found
+
+    def rest(self) -> list[Row]:
+        """Return all rows as they are, at the end, and forget them."""
+        rows = [pending.row for pending in self._rows]
+        self._rows.clear()
+        return rows
+
+    def _add(self, camera: CameraReport, row: Row) -> None:
+        found, result = isinstance(camera.result, Detection), camera.result
+        searched = isinstance(result, Miss) and result.reason is MissReason.NOT_ACQUIRED
+        if found and camera.track_s is None:
+            # of a source that has no tracks: there is nothing to wait for
+            self._release()
+        self._rows.append(_Pending(camera.t_s, camera.station, row, searched, camera.track_s))
+
+    def _release(self) -> None:
+        """Make all rows so far final."""
+        for pending in self._rows:
+            pending.searched, pending.track_s = False, None
+
+    def _withdraw(self, tracks_s: Container[float | None]) -> list[tuple[Row, InitialPixel | None]]:
+        """Make the rows of tracks that were not confirmed rows of a search."""
+        changes: list[tuple[Row, InitialPixel | None]] = []
+        for pending in self._rows:
+            if pending.track_s is not None and pending.track_s in tracks_s and not self._is_old(pending):
+                pending.searched, pending.track_s = True, None
+                changes.append((pending.row, None))
+        return changes
+
+    def _fill(self, pixels: Sequence[InitialPixel]) -> list[tuple[Row, InitialPixel | None]]:
+        """Give frames of the search the pixels of the track that was found."""
+        by_frame = {(round(pixel.t_s, 6), pixel.station): pixel for pixel in pixels}
+        changes: list[tuple[Row, InitialPixel | None]] = []
+        for pending in self._rows:
+            pixel = by_frame.get((round(pending.t_s, 6), pending.station))
+            if pixel is not None and pending.searched and not self._is_old(pending):
+                pending.searched, pending.track_s = False, pixel.track_s
+                changes.append((pending.row, pixel))
+        return changes
+
+    def _is_old(self, pending: _Pending[Row]) -> bool:
+        return self._newest_s - pending.t_s > INITIAL_PIXELS_S
+
+    def _is_final(self, pending: _Pending[Row]) -> bool:
+        waits = pending.searched or (pending.track_s is not None and pending.track_s != self._confirmed_s)
+        return not waits or self._is_old(pending)

@@ -1,0 +1,217 @@
+"""Rows of camera reports until a track is confirmed or withdrawn."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from groundstation.box import Box
+from groundstation.evaluation.collector import DETECTION_STATUSES, MISS_REASONS, ResultCollector
+from groundstation.evaluation.unconfirmed_rows import UnconfirmedRows
+from groundstation.messages import (
+    INITIAL_PIXELS_S,
+    CameraReport,
+    Detection,
+    DetectionStatus,
+    InitialPixel,
+    Innovation,
+    Miss,
+    MissReason,
+    StepReport,
+    TrackOutcome,
+)
+from groundstation.sinks.track_files import TrackFilesSink
+
+
+def looked(t_s: float, track_s: float | None, *, found: bool = True, station: str = "left") -> CameraReport:
+    """Return a camera's report of a frame of a track; without one, of a search."""
+    reason = MissReason.NOT_ACQUIRED if track_s is None else MissReason.LOW_CONTRAST
+    hit = found and track_s is not None
+    innovation = Innovation(residual=np.zeros(2), covariance=np.eye(2), nis=1.5, dof=2, accepted=True)
+    return CameraReport(
+        t_s=t_s,
+        station=station,
+        epoch=round(10 * t_s),
+        status=DetectionStatus.OK if hit else DetectionStatus.MISS,
+        result=Detection(
+            u_px=5.0,
+            v_px=6.0,
+            covariance_px2=np.eye(2),
+            noise_px2=np.eye(2),
+            centroid_px=np.array([5.0, 6.0]),
+            box=Box(0.0, 0.0, 9.0, 9.0),
+            area_px=20.0,
+            contour_px=np.zeros((0, 2), np.float32),
+            contrast_to_noise=9.0,
+            channel="learned",
+        )
+        if hit
+        else Miss(reason=reason),
+        roi=None,
+        predicted_px=None,
+        predicted_covariance_px2=None,
+        pan_rad=0.0,
+        tilt_rad=0.0,
+        innovation=innovation if hit else None,
+        elapsed_s=0.0,
+        track_s=track_s,
+    )
+
+
+def pixel(t_s: float, track_s: float) -> InitialPixel:
+    return InitialPixel(t_s=t_s, station="left", u_px=3.0, v_px=4.0, sigma_px=2.0, track_s=track_s)
+
+
+def outcome(track_s: float, *, confirmed: bool) -> StepReport:
+    return StepReport(outcomes=(TrackOutcome(track_s=track_s, confirmed=confirmed),))
+
+
+def statuses(collector: ResultCollector) -> list[str]:
+    return [DETECTION_STATUSES[k].value for k in collector.cameras()["status"]]
+
+
+def file_rows(folder: Path) -> list[tuple[str, str]]:
+    with (folder / "detections.csv").open(encoding="utf-8") as file:
+        return [(row["status"], row["u_px"]) for row in csv.DictReader(file)]
+
+
+# a search, a track that is displaced by a better one, the better one
+DISPLACED = (
+    StepReport(cameras=(looked(0.0, None), looked(0.1, None))),
+    StepReport(cameras=(looked(0.2, None),), initial_pixels=(pixel(0.1, 0.2), pixel(0.2, 0.2))),
+    StepReport(cameras=(looked(0.3, 0.2), looked(0.4, 0.2, found=False), looked(0.5, 0.2))),
+    StepReport(
+        cameras=(looked(0.6, 0.2),),
+        outcomes=(TrackOutcome(track_s=0.2, confirmed=False),),
+        initial_pixels=(pixel(0.1, 0.6), pixel(0.4, 0.6), pixel(0.5, 0.6)),
+    ),
+    StepReport(cameras=(looked(0.7, 0.6),)),
+)
+
+
+def test_a_displaced_track_leaves_its_frames_to_the_next(tmp_path: Path) -> None:
+    collector = ResultCollector()
+    with TrackFilesSink(tmp_path) as sink:
+        for report in (*DISPLACED, outcome(0.6, confirmed=True)):
+            collector.write(report)
+            sink.write(report)
+    wanted = ["miss", "initial", "miss", "miss", "initial", "initial", "miss", "ok"]
+    assert statuses(collector) == wanted
+    assert [status for status, _ in file_rows(tmp_path)] == wanted
+    rows = collector.cameras()
+    assert np.isfinite(rows["pixel"]).all(axis=1).tolist() == [status != "miss" for status in wanted]
+    # no innovation of what was not the target
+    assert np.isfinite(rows["nis"]).tolist() == [False] * 7 + [True]
+    assert rows["accepted"].tolist() == [False] * 7 + [True]
+    for k, row in enumerate(rows):
+        if wanted[k] == "miss":
+            assert MISS_REASONS[row["reason"]] is MissReason.NOT_ACQUIRED
+
+
+def test_rows_are_written_once_a_track_is_confirmed(tmp_path: Path) -> None:
+    sink = TrackFilesSink(tmp_path)
+    for report in DISPLACED:
+        sink.write(report)
+    sink.flush()
+    assert file_rows(tmp_path) == []
+    sink.write(outcome(0.6, confirmed=True))
+    sink.flush()
+    assert len(file_rows(tmp_path)) == 8
+    sink.write(StepReport(cameras=(looked(0.8, 0.6),)))
+    sink.flush()
+    assert len(file_rows(tmp_path)) == 9
+    # what was confirmed is not withdrawn when it is lost
+    sink.write(StepReport(cameras=(looked(0.9, None),)))
+    sink.close()
+    assert [status for status, _ in file_rows(tmp_path)][-2:] == ["ok", "miss"]
+
+
+def test_a_track_that_is_open_at_the_end_keeps_its_pixels(tmp_path: Path) -> None:
+    """Expected: an aircraft that stands until the session ends was seen, though no estimate was reported."""
+    with TrackFilesSink(tmp_path) as sink:
+        for report in DISPLACED:
+            sink.write(report)
+    assert [status for status, _ in file_rows(tmp_path)][-1] == "ok"
+
+
+def test_rows_wait_for_five_seconds_at_most(tmp_path: Path) -> None:
+    sink = TrackFilesSink(tmp_path)
+    collector = ResultCollector()
+    times = 0.1 * np.arange(100)
+    for t_s in times:
+        report = StepReport(cameras=(looked(float(t_s), 0.0),))
+        sink.write(report)
+        collector.write(report)
+    sink.flush()
+    waiting = times[-1] - times <= INITIAL_PIXELS_S
+    assert len(file_rows(tmp_path)) == np.count_nonzero(~waiting)
+    for each in (sink, collector):
+        each.write(outcome(0.0, confirmed=False))
+    sink.close()
+    wanted = ["miss" if late else "ok" for late in waiting]
+    assert [status for status, _ in file_rows(tmp_path)] == wanted
+    assert statuses(collector) == wanted
+
+
+def test_a_track_withdrawn_in_the_step_of_its_start_leaves_nothing() -> None:
+    """Expected: a step of several epochs may have a whole track in it."""
+    rows = UnconfirmedRows[str]()
+    report = StepReport(
+        cameras=(looked(0.0, None), looked(0.1, 0.05)),
+        initial_pixels=(pixel(0.0, 0.05),),
+        outcomes=(TrackOutcome(track_s=0.05, confirmed=False),),
+    )
+    assert rows.take(report, ["a", "b"]) == [("b", None)]
+    assert rows.final() == []
+    assert rows.rest() == ["a", "b"]
+
+
+@given(
+    st.lists(st.sampled_from(["search", "start", "look", "miss", "confirm", "drop", "displace", "wait"]), max_size=60)
+)
+def test_every_row_once_in_order_and_none_of_a_withdrawn_track(actions: list[str]) -> None:
+    """Expected: by whatever happens, what a track that was withdrawn has seen lately is no detection."""
+    rows = UnconfirmedRows[int]()
+    written: list[int] = []
+    held: dict[int, float | None] = {}
+    decided: set[int] = set()
+    t_s, track_s, confirmed = 0.0, None, False
+    count = 0
+
+    def write(report: StepReport, owner: float | None) -> None:
+        nonlocal count
+        numbers = range(count, count + len(report.cameras))
+        count += len(report.cameras)
+        held.update(dict.fromkeys(numbers, owner))
+        for row, initial in rows.take(report, numbers):
+            assert row not in decided
+            held[row] = None if initial is None else initial.track_s
+        for row in rows.final():
+            written.append(row)
+            decided.add(row)
+
+    for action in actions:
+        t_s += 1.7 if action == "wait" else 0.1
+        if action in ("search", "wait") and track_s is None:
+            write(StepReport(cameras=(looked(t_s, None),)), None)
+        elif action == "start" and track_s is None:
+            track_s, confirmed = t_s, False
+            pixels = tuple(pixel(t_s - 0.1 * k, track_s) for k in range(4))
+            write(StepReport(cameras=(looked(t_s, None),), initial_pixels=pixels), None)
+        elif action in ("look", "miss") and track_s is not None:
+            write(StepReport(cameras=(looked(t_s, track_s, found=action == "look"),)), track_s)
+        elif action == "confirm" and track_s is not None and not confirmed:
+            confirmed = True
+            write(outcome(track_s, confirmed=True), None)
+        elif action in ("drop", "displace") and track_s is not None and not confirmed:
+            gone, track_s = track_s, t_s if action == "displace" else None
+            pixels = () if track_s is None else (pixel(t_s - 0.1, track_s),)
+            write(StepReport(outcomes=outcome(gone, confirmed=False).outcomes, initial_pixels=pixels), None)
+            assert all(held[row] != gone for row in held if row not in decided)
+        elif action == "drop":
+            track_s, confirmed = None, False
+    written += rows.rest()
+    assert written == list(range(count))
+    assert len(rows) == 0

@@ -1,0 +1,92 @@
+"""Whether a track was confirmed or withdrawn, as reports state it."""
+
+import numpy as np
+
+from groundstation.messages import (
+    Epoch,
+    Event,
+    Heartbeat,
+    InitialPixel,
+    InitialState,
+    PixelMeasurement,
+    PtuSample,
+    StepReport,
+    TrackOutcome,
+    TrackStatus,
+)
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.track_changes import TrackChanges
+from tests.replay.test_pipeline_scenarios import config
+from tests.stereo_rig import flight_events, glide, make_rig
+
+
+def flight(duration_s: float) -> list[Event]:
+    def path(t_s: float) -> np.ndarray:
+        return glide(t_s, start_y_m=560.0)
+
+    return list(flight_events(make_rig(), path, np.random.default_rng(7), duration_s=duration_s))
+
+
+def outcomes_of(reports: list[StepReport]) -> list[TrackOutcome]:
+    return [outcome for report in reports for outcome in report.outcomes]
+
+
+def test_a_found_track_is_confirmed_when_its_estimate_is_reported() -> None:
+    pipeline = Pipeline(make_rig(), config(), span_m=2.3)
+    reports = [pipeline.step(event) for event in flight(8.0)]
+    (outcome,) = outcomes_of(reports)
+    assert outcome.confirmed
+    at = next(k for k, report in enumerate(reports) if report.outcomes)
+    assert next(k for k, r in enumerate(reports) if any(e.kinematics is not None for e in r.estimates)) == at
+    # a frame belongs to the track that there was when it was processed
+    cameras = [camera for report in reports for camera in report.cameras]
+    first = next(k for k, camera in enumerate(cameras) if camera.track_s is not None)
+    assert {camera.track_s for camera in cameras[first:]} == {outcome.track_s}
+    assert first > 0
+    assert cameras[first].t_s >= outcome.track_s > 0.0
+
+
+def test_a_given_track_is_confirmed_at_its_start() -> None:
+    start = InitialState(
+        t_s=0.5,
+        position_runway_m=glide(0.5, start_y_m=560.0),
+        velocity_runway_m_s=np.array([0.0, -20.0, -1.0]),
+        sigma_position_m=np.full(3, 5.0),
+        sigma_velocity_m_s=np.full(3, 3.0),
+    )
+    pipeline = Pipeline(make_rig(), config(), span_m=2.3, initial=start)
+    reports = [pipeline.step(event) for event in flight(2.0)]
+    assert outcomes_of(reports) == [TrackOutcome(track_s=start.t_s, confirmed=True)]
+
+
+def test_a_track_that_no_picture_confirms_is_withdrawn() -> None:
+    pipeline, reports = Pipeline(make_rig(), config(), span_m=2.3), []
+    for event in flight(8.0):
+        if pipeline._track_manager.track_s is not None and isinstance(event, PixelMeasurement | Epoch):
+            # the pictures end as soon as it is found
+            continue
+        reports.append(pipeline.step(event))
+    assert outcomes_of(reports) == []
+    newest_s = max(event.t_s for event in flight(8.0) if isinstance(event, PtuSample))
+    for t_s in np.arange(newest_s, newest_s + 20.0, 0.5):
+        reports.append(pipeline.step(Heartbeat(t_s=float(t_s))))
+    (outcome,) = outcomes_of(reports)
+    assert not outcome.confirmed
+    assert reports[-1].states[-1].status in (TrackStatus.LOST, TrackStatus.SEARCHING)
+    assert any(report.outcomes and report.states for report in reports)
+
+
+def test_each_track_is_decided_once() -> None:
+    changes = TrackChanges()
+    found = InitialPixel(t_s=0.9, station="left", u_px=1.0, v_px=2.0, sigma_px=1.0)
+    changes.start(1.0, [found])
+    changes.start(2.0, [found])
+    changes.decide(confirmed=True)
+    changes.decide(confirmed=False)
+    taken = changes.take()
+    assert [(o.track_s, o.confirmed) for o in taken.outcomes] == [(1.0, False), (2.0, True)]
+    assert [p.track_s for p in taken.initial_pixels] == [1.0, 2.0]
+    assert changes.take() == TrackChanges()
+    # the next one does not withdraw what was confirmed
+    changes.start(3.0, [])
+    assert changes.take().outcomes == []
