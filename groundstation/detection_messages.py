@@ -140,15 +140,23 @@ class InitialPixel:
     track_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackOutcome:
-    """What became of the track that started at ``track_s``, session time: confirmed, or withdrawn before it was.
+class Outcome(StrEnum):
+    """What becomes of a track: it is confirmed, or, before that, dropped, or displaced by a better one.
 
-    A withdrawn one has been dropped, or displaced by a better one: it was not the target. A given target is confirmed.
+    What has displaced it is the target instead; of one that is dropped it is not known whether it was.
     """
 
+    CONFIRMED = "confirmed"
+    DROPPED = "dropped"
+    DISPLACED = "displaced"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackOutcome:
+    """The outcome of the track that started at ``track_s``, session time; a given target is confirmed at its start."""
+
     track_s: float
-    confirmed: bool
+    outcome: Outcome
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

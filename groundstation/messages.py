@@ -18,6 +18,7 @@ from groundstation.detection_messages import InitialPixel as InitialPixel
 from groundstation.detection_messages import Innovation as Innovation
 from groundstation.detection_messages import Miss as Miss
 from groundstation.detection_messages import MissReason as MissReason
+from groundstation.detection_messages import Outcome as Outcome
 from groundstation.detection_messages import PointHypothesis as PointHypothesis
 from groundstation.detection_messages import RecognisedPixel as RecognisedPixel
 from groundstation.detection_messages import TrackOutcome as TrackOutcome
@@ -339,7 +340,7 @@ class StepReport:
 
     ``states`` answer heartbeats, and are newer than the ``estimates`` next to them. ``initial_pixels`` belong to frames
     of this step or earlier ones: those of the tentative track that has become the target in this one. ``outcomes`` say
-    which tracks were confirmed and which withdrawn.
+    which tracks were confirmed, dropped or displaced.
     """
 
     cameras: tuple[CameraReport, ...] = ()

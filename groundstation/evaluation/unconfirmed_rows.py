@@ -1,8 +1,10 @@
 """Rows of camera reports that may still change: of frames of a search, and of tracks that are not confirmed yet.
 
 A tracker that reports confirmed tracks only, as is usual, has to wait with the pixels as it does with the estimates.
-Those of a track that is dropped, or displaced by a better one, before it was confirmed are no detections of the
-target: their frames become frames of a search, for which the next target may have initial pixels.
+Those of a track that was displaced by a better one before it was confirmed are no detections of the target, unless the
+better one's pixels are within the same silhouettes: it may have had a wrong range only. Their frames become frames of a
+search, for which the better one may have initial pixels. Those of a track that was dropped stay: it may have been the
+target, and found again.
 """
 
 import math
@@ -11,6 +13,9 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+import numpy as np
+
+from groundstation.box import Box
 from groundstation.messages import (
     INITIAL_PIXELS_S,
     CameraReport,
@@ -18,28 +23,33 @@ from groundstation.messages import (
     InitialPixel,
     Miss,
     MissReason,
+    Outcome,
     StepReport,
 )
 
 Row = TypeVar("Row")
 
+# chosen: a track has pixels as near in time, of frames that are searched by turns, where it is said to have been
+_NEAR_S = 0.3
+
 
 @dataclass(slots=True)
 class _Pending(Generic[Row]):
-    """A row, its time and station, whether its frame was searched, and the start of the track that it belongs to."""
+    """A row, its time and station, whether its frame was searched, the start of its track, the silhouette's box."""
 
     t_s: float
     station: str
     row: Row
     searched: bool
     track_s: float | None
+    box: Box[float] | None
 
 
 class UnconfirmedRows(Generic[Row]):
     """The last rows of a table of camera reports, in their order, until nothing can change them.
 
-    ``Row`` is what the caller finds a row by. A row is final once a track is confirmed, or after `INITIAL_PIXELS_S`
-    of session time.
+    ``Row`` is what the caller finds a row by. A row is final once a track is confirmed or its own one dropped, or after
+    `INITIAL_PIXELS_S` of session time.
     """
 
     def __init__(self) -> None:
@@ -59,14 +69,16 @@ class UnconfirmedRows(Generic[Row]):
             self._add(camera, row)
         times = (*(c.t_s for c in report.cameras), *(e.t_s for e in report.estimates), *(s.t_s for s in report.states))
         self._newest_s = max((self._newest_s, *times))
-        withdrawn = {outcome.track_s for outcome in report.outcomes if not outcome.confirmed}
-        changes = self._withdraw(withdrawn) if withdrawn else []
-        if report.initial_pixels:
-            changes += self._fill([pixel for pixel in report.initial_pixels if pixel.track_s not in withdrawn])
-        for outcome in report.outcomes:
-            if outcome.confirmed:
-                self._confirmed_s = outcome.track_s
+        displaced = {each.track_s for each in report.outcomes if each.outcome is Outcome.DISPLACED}
+        pixels = [pixel for pixel in report.initial_pixels if pixel.track_s not in displaced]
+        changes = self._withdraw(displaced, pixels) if displaced else []
+        changes += self._fill(pixels) if pixels else []
+        for each in report.outcomes:
+            if each.outcome is Outcome.CONFIRMED:
+                self._confirmed_s = each.track_s
                 self._release()
+            elif each.outcome is Outcome.DROPPED:
+                self._keep(each.track_s)
         return changes
 
     def final(self) -> list[Row]:
@@ -83,24 +95,38 @@ class UnconfirmedRows(Generic[Row]):
         return rows
 
     def _add(self, camera: CameraReport, row: Row) -> None:
-        found, result = isinstance(camera.result, Detection), camera.result
+        result = camera.result
+        box = result.box if isinstance(result, Detection) else None
         searched = isinstance(result, Miss) and result.reason is MissReason.NOT_ACQUIRED
-        if found and camera.track_s is None:
+        if box is not None and camera.track_s is None:
             # of a source that has no tracks: there is nothing to wait for
             self._release()
-        self._rows.append(_Pending(camera.t_s, camera.station, row, searched, camera.track_s))
+        self._rows.append(_Pending(camera.t_s, camera.station, row, searched, camera.track_s, box))
 
     def _release(self) -> None:
         """Make all rows so far final."""
         for pending in self._rows:
             pending.searched, pending.track_s = False, None
 
-    def _withdraw(self, tracks_s: Container[float | None]) -> list[tuple[Row, InitialPixel | None]]:
-        """Make the rows of tracks that were not confirmed rows of a search."""
+    def _keep(self, track_s: float) -> None:
+        """Make the rows of a track final."""
+        for pending in self._rows:
+            if pending.track_s == track_s:
+                pending.track_s = None
+
+    def _withdraw(
+        self, tracks_s: Container[float | None], pixels: Sequence[InitialPixel]
+    ) -> list[tuple[Row, InitialPixel | None]]:
+        """Make the rows of tracks that were displaced rows of a search, or of the track with these ``pixels``."""
         changes: list[tuple[Row, InitialPixel | None]] = []
         for pending in self._rows:
-            if pending.track_s is not None and pending.track_s in tracks_s and not self._is_old(pending):
-                pending.searched, pending.track_s = True, None
+            if pending.track_s is None or pending.track_s not in tracks_s or self._is_old(pending):
+                continue
+            own = [pixel for pixel in pixels if pixel.station == pending.station]
+            if pending.box is not None and _is_within(pending.box, pending.t_s, own):
+                pending.track_s = own[0].track_s
+            else:
+                pending.searched, pending.track_s, pending.box = True, None, None
                 changes.append((pending.row, None))
         return changes
 
@@ -121,3 +147,11 @@ class UnconfirmedRows(Generic[Row]):
     def _is_final(self, pending: _Pending[Row]) -> bool:
         waits = pending.searched or (pending.track_s is not None and pending.track_s != self._confirmed_s)
         return not waits or self._is_old(pending)
+
+
+def _is_within(box: Box[float], t_s: float, pixels: Sequence[InitialPixel]) -> bool:
+    """Return whether a track, by its pixels in a camera, was within a silhouette's box at a time."""
+    if not pixels or min(abs(pixel.t_s - t_s) for pixel in pixels) > _NEAR_S:
+        return False
+    times, u, v = np.array(sorted((pixel.t_s, pixel.u_px, pixel.v_px) for pixel in pixels)).T
+    return bool(box.x0 <= np.interp(t_s, times, u) <= box.x1 and box.y0 <= np.interp(t_s, times, v) <= box.y1)

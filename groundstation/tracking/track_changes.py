@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from groundstation.messages import InitialPixel, TrackEvent, TrackOutcome
+from groundstation.messages import InitialPixel, Outcome, TrackEvent, TrackOutcome
 
 
 @dataclass(slots=True)
@@ -13,19 +13,19 @@ class TrackChanges:
     events: list[TrackEvent] = field(default_factory=list)
     initial_pixels: list[InitialPixel] = field(default_factory=list)
     outcomes: list[TrackOutcome] = field(default_factory=list)
-    # start of the track that is neither confirmed nor withdrawn
+    # start of the track whose outcome is open
     _open_s: float | None = None
 
     def start(self, track_s: float, pixels: Sequence[InitialPixel]) -> None:
-        """Note a new track and the pixels that it was found by; one that was not confirmed yet is withdrawn."""
-        self.decide(confirmed=False)
+        """Note a new track and the pixels that it was found by; it displaces one that was not confirmed."""
+        self.decide(Outcome.DISPLACED)
         self._open_s = track_s
         self.initial_pixels += [replace(pixel, track_s=track_s) for pixel in pixels]
 
-    def decide(self, *, confirmed: bool) -> None:
-        """Note that the track is confirmed or withdrawn, unless that has been decided."""
+    def decide(self, outcome: Outcome) -> None:
+        """Note the outcome of the track, unless there has been one."""
         if self._open_s is not None:
-            self.outcomes.append(TrackOutcome(track_s=self._open_s, confirmed=confirmed))
+            self.outcomes.append(TrackOutcome(track_s=self._open_s, outcome=outcome))
             self._open_s = None
 
     def take(self) -> "TrackChanges":

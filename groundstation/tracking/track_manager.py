@@ -22,6 +22,7 @@ from groundstation.messages import (
     Frame,
     InitialState,
     Kinematics,
+    Outcome,
     PixelMeasurement,
     TrackEvent,
     TrackState,
@@ -154,7 +155,7 @@ class TrackManager:
             self._initiator.reset()
         if not self.is_confirmed:
             return None
-        self.changes.decide(confirmed=True)
+        self.changes.decide(Outcome.CONFIRMED)
         kinematics = self.reported(self._ekf.kinematics_at(t_s))
         self.predictor.add(Knot(t_s=t_s, position_m=kinematics.position_runway_m))
         return kinematics
@@ -313,12 +314,12 @@ class TrackManager:
             self.state_machine.started_s, () if found is None else self._earlier.of(t_s, start, found.pixels)
         )
         if found is None:
-            self.changes.decide(confirmed=True)
+            self.changes.decide(Outcome.CONFIRMED)
         self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)
 
     def drop(self, t_s: float) -> None:
         """Drop the target as lost."""
-        self.changes.decide(confirmed=False)
+        self.changes.decide(Outcome.DROPPED)
         self._ekf.drop_target()
         self._guided.reset()
         self._alternative.reset()

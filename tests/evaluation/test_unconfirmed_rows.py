@@ -1,9 +1,11 @@
-"""Rows of camera reports until a track is confirmed or withdrawn."""
+"""Rows of camera reports until the outcome of their track."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,6 +21,7 @@ from groundstation.messages import (
     Innovation,
     Miss,
     MissReason,
+    Outcome,
     StepReport,
     TrackOutcome,
 )
@@ -60,12 +63,12 @@ def looked(t_s: float, track_s: float | None, *, found: bool = True, station: st
     )
 
 
-def pixel(t_s: float, track_s: float) -> InitialPixel:
-    return InitialPixel(t_s=t_s, station="left", u_px=3.0, v_px=4.0, sigma_px=2.0, track_s=track_s)
+def pixel(t_s: float, track_s: float, u_px: float = 30.0) -> InitialPixel:
+    return InitialPixel(t_s=t_s, station="left", u_px=u_px, v_px=4.0, sigma_px=2.0, track_s=track_s)
 
 
-def outcome(track_s: float, *, confirmed: bool) -> StepReport:
-    return StepReport(outcomes=(TrackOutcome(track_s=track_s, confirmed=confirmed),))
+def ended(track_s: float, outcome: Outcome) -> StepReport:
+    return StepReport(outcomes=(TrackOutcome(track_s=track_s, outcome=outcome),))
 
 
 def statuses(collector: ResultCollector) -> list[str]:
@@ -84,7 +87,7 @@ DISPLACED = (
     StepReport(cameras=(looked(0.3, 0.2), looked(0.4, 0.2, found=False), looked(0.5, 0.2))),
     StepReport(
         cameras=(looked(0.6, 0.2),),
-        outcomes=(TrackOutcome(track_s=0.2, confirmed=False),),
+        outcomes=(TrackOutcome(track_s=0.2, outcome=Outcome.DISPLACED),),
         initial_pixels=(pixel(0.1, 0.6), pixel(0.4, 0.6), pixel(0.5, 0.6)),
     ),
     StepReport(cameras=(looked(0.7, 0.6),)),
@@ -94,7 +97,7 @@ DISPLACED = (
 def test_a_displaced_track_leaves_its_frames_to_the_next(tmp_path: Path) -> None:
     collector = ResultCollector()
     with TrackFilesSink(tmp_path) as sink:
-        for report in (*DISPLACED, outcome(0.6, confirmed=True)):
+        for report in (*DISPLACED, ended(0.6, Outcome.CONFIRMED)):
             collector.write(report)
             sink.write(report)
     wanted = ["miss", "initial", "miss", "miss", "initial", "initial", "miss", "ok"]
@@ -116,7 +119,7 @@ def test_rows_are_written_once_a_track_is_confirmed(tmp_path: Path) -> None:
         sink.write(report)
     sink.flush()
     assert file_rows(tmp_path) == []
-    sink.write(outcome(0.6, confirmed=True))
+    sink.write(ended(0.6, Outcome.CONFIRMED))
     sink.flush()
     assert len(file_rows(tmp_path)) == 8
     sink.write(StepReport(cameras=(looked(0.8, 0.6),)))
@@ -148,31 +151,54 @@ def test_rows_wait_for_five_seconds_at_most(tmp_path: Path) -> None:
     waiting = times[-1] - times <= INITIAL_PIXELS_S
     assert len(file_rows(tmp_path)) == np.count_nonzero(~waiting)
     for each in (sink, collector):
-        each.write(outcome(0.0, confirmed=False))
+        each.write(ended(0.0, Outcome.DISPLACED))
     sink.close()
     wanted = ["miss" if late else "ok" for late in waiting]
     assert [status for status, _ in file_rows(tmp_path)] == wanted
     assert statuses(collector) == wanted
 
 
-def test_a_track_withdrawn_in_the_step_of_its_start_leaves_nothing() -> None:
+def test_a_track_displaced_in_the_step_of_its_start_leaves_nothing() -> None:
     """Expected: a step of several epochs may have a whole track in it."""
     rows = UnconfirmedRows[str]()
     report = StepReport(
         cameras=(looked(0.0, None), looked(0.1, 0.05)),
         initial_pixels=(pixel(0.0, 0.05),),
-        outcomes=(TrackOutcome(track_s=0.05, confirmed=False),),
+        outcomes=(TrackOutcome(track_s=0.05, outcome=Outcome.DISPLACED),),
     )
     assert rows.take(report, ["a", "b"]) == [("b", None)]
     assert rows.final() == []
     assert rows.rest() == ["a", "b"]
 
 
+@pytest.mark.parametrize(("near_s", "u_px", "kept"), [(0.5, 8.0, True), (0.5, 10.0, False), (1.0, 8.0, False)])
+def test_a_track_displaced_by_the_same_target_keeps_its_pixels(near_s: float, u_px: float, kept: bool) -> None:
+    """Expected: a better range for what is in the same silhouettes, box 0 to 9, takes none of them away."""
+    collector = ResultCollector()
+    collector.write(StepReport(cameras=(looked(0.3, 0.2), looked(0.4, 0.2, found=False))))
+    first = pixel(near_s, 0.6, u_px)
+    outcomes = ended(0.2, Outcome.DISPLACED).outcomes
+    collector.write(StepReport(outcomes=outcomes, initial_pixels=(first, replace(first, t_s=near_s + 0.1))))
+    assert statuses(collector) == ["ok" if kept else "miss", "miss"]
+    # of the new track, that may be displaced as well
+    collector.write(ended(0.6, Outcome.DISPLACED))
+    assert statuses(collector) == ["miss", "miss"]
+
+
+def test_a_track_that_is_dropped_keeps_its_pixels() -> None:
+    """Expected: it may have been the target; frames searched before it may still get pixels of the next track."""
+    collector = ResultCollector()
+    collector.write(StepReport(cameras=(looked(0.0, None), looked(0.1, 0.05))))
+    collector.write(ended(0.05, Outcome.DROPPED))
+    collector.write(StepReport(cameras=(looked(0.2, None),), initial_pixels=(pixel(0.0, 0.2), pixel(0.1, 0.2))))
+    assert statuses(collector) == ["initial", "ok", "miss"]
+
+
 @given(
     st.lists(st.sampled_from(["search", "start", "look", "miss", "confirm", "drop", "displace", "wait"]), max_size=60)
 )
-def test_every_row_once_in_order_and_none_of_a_withdrawn_track(actions: list[str]) -> None:
-    """Expected: by whatever happens, what a track that was withdrawn has seen lately is no detection."""
+def test_every_row_once_in_order_and_none_of_a_displaced_track(actions: list[str]) -> None:
+    """Expected: by whatever happens, what a track that was displaced has seen lately is no detection."""
     rows = UnconfirmedRows[int]()
     written: list[int] = []
     held: dict[int, float | None] = {}
@@ -204,13 +230,15 @@ def test_every_row_once_in_order_and_none_of_a_withdrawn_track(actions: list[str
             write(StepReport(cameras=(looked(t_s, track_s, found=action == "look"),)), track_s)
         elif action == "confirm" and track_s is not None and not confirmed:
             confirmed = True
-            write(outcome(track_s, confirmed=True), None)
-        elif action in ("drop", "displace") and track_s is not None and not confirmed:
-            gone, track_s = track_s, t_s if action == "displace" else None
-            pixels = () if track_s is None else (pixel(t_s - 0.1, track_s),)
-            write(StepReport(outcomes=outcome(gone, confirmed=False).outcomes, initial_pixels=pixels), None)
+            write(ended(track_s, Outcome.CONFIRMED), None)
+        elif action == "displace" and track_s is not None and not confirmed:
+            gone, track_s = track_s, t_s
+            outcomes = ended(gone, Outcome.DISPLACED).outcomes
+            write(StepReport(outcomes=outcomes, initial_pixels=(pixel(t_s - 0.1, track_s),)), None)
             assert all(held[row] != gone for row in held if row not in decided)
-        elif action == "drop":
+        elif action == "drop" and track_s is not None:
+            if not confirmed:
+                write(ended(track_s, Outcome.DROPPED), None)
             track_s, confirmed = None, False
     written += rows.rest()
     assert written == list(range(count))

@@ -1,4 +1,4 @@
-"""Whether a track was confirmed or withdrawn, as reports state it."""
+"""The outcome of tracks, as reports state it."""
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from groundstation.messages import (
     Heartbeat,
     InitialPixel,
     InitialState,
+    Outcome,
     PixelMeasurement,
     PtuSample,
     StepReport,
@@ -35,7 +36,7 @@ def test_a_found_track_is_confirmed_when_its_estimate_is_reported() -> None:
     pipeline = Pipeline(make_rig(), config(), span_m=2.3)
     reports = [pipeline.step(event) for event in flight(8.0)]
     (outcome,) = outcomes_of(reports)
-    assert outcome.confirmed
+    assert outcome.outcome is Outcome.CONFIRMED
     at = next(k for k, report in enumerate(reports) if report.outcomes)
     assert next(k for k, r in enumerate(reports) if any(e.kinematics is not None for e in r.estimates)) == at
     # a frame belongs to the track that there was when it was processed
@@ -56,10 +57,10 @@ def test_a_given_track_is_confirmed_at_its_start() -> None:
     )
     pipeline = Pipeline(make_rig(), config(), span_m=2.3, initial=start)
     reports = [pipeline.step(event) for event in flight(2.0)]
-    assert outcomes_of(reports) == [TrackOutcome(track_s=start.t_s, confirmed=True)]
+    assert outcomes_of(reports) == [TrackOutcome(track_s=start.t_s, outcome=Outcome.CONFIRMED)]
 
 
-def test_a_track_that_no_picture_confirms_is_withdrawn() -> None:
+def test_a_track_that_no_picture_confirms_is_dropped() -> None:
     pipeline, reports = Pipeline(make_rig(), config(), span_m=2.3), []
     for event in flight(8.0):
         if pipeline._track_manager.track_s is not None and isinstance(event, PixelMeasurement | Epoch):
@@ -71,7 +72,7 @@ def test_a_track_that_no_picture_confirms_is_withdrawn() -> None:
     for t_s in np.arange(newest_s, newest_s + 20.0, 0.5):
         reports.append(pipeline.step(Heartbeat(t_s=float(t_s))))
     (outcome,) = outcomes_of(reports)
-    assert not outcome.confirmed
+    assert outcome.outcome is Outcome.DROPPED
     assert reports[-1].states[-1].status in (TrackStatus.LOST, TrackStatus.SEARCHING)
     assert any(report.outcomes and report.states for report in reports)
 
@@ -81,12 +82,12 @@ def test_each_track_is_decided_once() -> None:
     found = InitialPixel(t_s=0.9, station="left", u_px=1.0, v_px=2.0, sigma_px=1.0)
     changes.start(1.0, [found])
     changes.start(2.0, [found])
-    changes.decide(confirmed=True)
-    changes.decide(confirmed=False)
+    changes.decide(Outcome.CONFIRMED)
+    changes.decide(Outcome.DROPPED)
     taken = changes.take()
-    assert [(o.track_s, o.confirmed) for o in taken.outcomes] == [(1.0, False), (2.0, True)]
+    assert [(o.track_s, o.outcome) for o in taken.outcomes] == [(1.0, Outcome.DISPLACED), (2.0, Outcome.CONFIRMED)]
     assert [p.track_s for p in taken.initial_pixels] == [1.0, 2.0]
     assert changes.take() == TrackChanges()
-    # the next one does not withdraw what was confirmed
+    # the next one does not displace what was confirmed
     changes.start(3.0, [])
     assert changes.take().outcomes == []
