@@ -10,8 +10,9 @@ _KEPT_S = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EpochView:
-    """One camera's target pixel with its station's angles, and whether the filter accepted it.
+    """One camera's target pixel with its station's angles, and whether the filter accepted it as the target's.
 
+    ``cut`` marks an accepted pixel of a silhouette that the border cuts: a camera sees the target, but not where it is.
     ``labelled`` marks pixels of a detections-only session, which belong to an epoch by their time. A station that is
     not ``trusted`` is monitored, but excluded from the triangulation.
     """
@@ -23,6 +24,7 @@ class EpochView:
     accepted: bool
     labelled: bool
     trusted: bool = True
+    cut: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,13 +32,14 @@ class EpochViews:
     """All pixels of one epoch.
 
     ``views`` are those not used by an earlier epoch. ``accepted`` names the stations whose pixel the filter
-    accepted, in this epoch or, with labelled pixels, close in time. ``arrived_s`` is the stopwatch at the arrival of
-    the epoch's first frame, None without a frame.
+    accepted, in this epoch or, with labelled pixels, close in time; ``seen`` also those with a cut silhouette.
+    ``arrived_s`` is the stopwatch at the arrival of the epoch's first frame, None without a frame.
     """
 
     views: tuple[EpochView, ...]
     accepted: frozenset[str]
     arrived_s: float | None
+    seen: frozenset[str] = frozenset()
 
     def triangulate(self, residual_gate_sigma: float) -> tuple[TriangulationStatus, Triangulation | None]:
         """Triangulate the trusted views; status ``residual`` if the rays miss each other by more than their noise."""
@@ -92,5 +95,8 @@ class EpochBuffer:
         ]
         self._used &= {id(v) for v in self._views}
         return EpochViews(
-            views=(*own, *fresh), accepted=frozenset(v.station for v in seen if v.accepted), arrived_s=arrived
+            views=(*own, *fresh),
+            accepted=frozenset(v.station for v in seen if v.accepted),
+            arrived_s=arrived,
+            seen=frozenset(v.station for v in seen if v.accepted or v.cut),
         )

@@ -18,8 +18,10 @@ _LEAST_DETECTION, _MOST_DETECTION = 0.3, 0.95
 _DETECTION_MEMORY_S = 15.0
 _SURELY = 0.9
 _MOST_HIT_FACTOR = 20.0
-# density of accepted false candidates, about one in a window of 180 × 180 px
+# density of accepted false candidates: about one in a window of 180 × 180 px, and in the larger ones in which large
+# targets are sought, 2.5 times their width: what looks like a target of 300 px is not found in each part of such a one
 _CLUTTER_PER_PX2 = 3e-5
+_WINDOW_WIDTHS = 2.5
 _MOST_ODDS = 999.0
 _FIRST_ODDS = 19.0
 
@@ -51,8 +53,10 @@ class ExistenceProbability:
         """Return P_D of one camera, from its recent detections."""
         return min(max(self._detection.get(station, _FIRST_DETECTION), _LEAST_DETECTION), _MOST_DETECTION)
 
-    def hit(self, station: str, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
-        """Update with an accepted pixel: innovation (2,) and innovation covariance (2, 2)."""
+    def hit(
+        self, station: str, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray, width_px: float = 0.0
+    ) -> None:
+        """Update with an accepted pixel: innovation (2,), its covariance (2, 2), and the silhouette's width."""
         self._learn(station, t_s, 1.0, 1.0)
         P_D = self.detection_probability(station)
         a, b, c = float(covariance_px2[0, 0]), float(covariance_px2[1, 1]), float(covariance_px2[0, 1])
@@ -60,7 +64,8 @@ class ExistenceProbability:
         determinant = a * b - c * c
         nis = (b * u * u - 2.0 * c * u * v + a * v * v) / determinant
         density = math.exp(-0.5 * nis) / (2.0 * math.pi * math.sqrt(determinant))
-        factor = min(1.0 - P_D + P_D * density / _CLUTTER_PER_PX2, _MOST_HIT_FACTOR)
+        clutter = 1.0 / max(1.0 / _CLUTTER_PER_PX2, (_WINDOW_WIDTHS * width_px) ** 2)
+        factor = min(1.0 - P_D + P_D * density / clutter, _MOST_HIT_FACTOR)
         self._odds = min(self._odds * factor, _MOST_ODDS)
 
     def miss(self, station: str, t_s: float, in_view: float) -> float:

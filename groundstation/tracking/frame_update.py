@@ -279,7 +279,8 @@ class FrameUpdate:
             track = self._track_manager.state_machine
             track.add_pixel(record.t_s)
             if isinstance(record, Frame):
-                track.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance)
+                width_px = found.box.w
+                track.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance, width_px)
                 if found.log_odds is not None:
                     track.recognition.add(record.station, record.t_s, found.log_odds)
                 if not found.cut and found.box.w > 0.0:
@@ -302,6 +303,7 @@ class FrameUpdate:
                 station=record.station,
                 view=view,
                 accepted=accepted and not found.cut,
+                cut=accepted and found.cut,
                 labelled=isinstance(record, PixelMeasurement),
                 trusted=trusted,
             )

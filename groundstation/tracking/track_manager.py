@@ -67,7 +67,7 @@ class TrackManager:
         self._window_s = config.estimation.fix_window_s
         self._coast_after_s = config.estimation.coast_after_s
         self._newest_epoch_s = -math.inf
-        self._accepted_s: dict[str, float] = {}
+        self._seen_s: dict[str, float] = {}
         geometries = {n: c.geometry for n, c in cameras.items()}
         self._eyes_m = [each.camera_pose(0.0, 0.0).position_runway_m for each in geometries.values()]
         self._initiator = TrackInitiator(geometries, config.initiation, span.span_m)
@@ -136,10 +136,10 @@ class TrackManager:
         epoch.
         """
         t_s = epoch.t_s
-        # pixels of two or more cameras were accepted, at least one of them in this epoch
         fixed = len(views.accepted) >= 2
-        self._accepted_s.update(dict.fromkeys(views.accepted, t_s))
-        together = sum(t_s - at_s <= _TOGETHER_S for at_s in self._accepted_s.values())
+        # two or more cameras see the target, one of them in this epoch: a cut silhouette is evidence of it, too
+        self._seen_s.update(dict.fromkeys(views.seen, t_s))
+        together = sum(t_s - at_s <= _TOGETHER_S for at_s in self._seen_s.values())
         proof = together >= 2 and bool(views.views)
         self._newest_epoch_s = max(self._newest_epoch_s, t_s, newest_s)
         if self._ekf.has_target:
@@ -296,7 +296,7 @@ class TrackManager:
         self._alternative.reset()
         self._labels.clear()
         self._schedule.clear()
-        self._accepted_s.clear()
+        self._seen_s.clear()
         self.state_machine.start(
             t_s + max(age_s, 0.0),
             position if how == "acquired" else None,

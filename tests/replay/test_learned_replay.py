@@ -64,6 +64,25 @@ def test_the_start_of_the_landing(lossless_landing: Path, tmp_path: Path) -> Non
     assert np.mean([o.hit for o in judged]) > 0.9
 
 
+def test_an_aircraft_that_stands_across_the_border_is_kept_until_it_takes_off(
+    shared_data: Path, tmp_path: Path
+) -> None:
+    """Expected: both cameras see it cut by the border for two seconds, so that it has no fix, and it is one track."""
+    session = shared_data / "takeoff-away"
+    request = ReplayRequest(session=session, out=tmp_path / "out", to_s=4.5, rerun=False, report=False)
+    result = replay(request)
+    starts = [text for _, _, text in result.evaluation.events if text.startswith("target acquired")]
+    assert len(starts) == 1
+    assert result.evaluation.events[-1][2] == "acquiring → tracking"
+    outcomes = frame_outcomes(SessionTruth(load_session(session)), result.evaluation)
+    last = result.evaluation.epochs["epoch"].max()
+    visible = [o for o in outcomes if o.visible and o.pair <= last]
+    assert not any(o.wrong for o in visible)
+    assert np.mean([o.hit for o in visible]) > 0.95
+    cut = result.evaluation.cameras["status"] == DETECTION_STATUSES.index(DetectionStatus.CUT)
+    assert np.count_nonzero(cut) > 20
+
+
 def other_weights(folder: Path) -> Path:
     """The program's weights with another hash: a letter of the program that wrote them is changed."""
     content = WEIGHTS.read_bytes()

@@ -53,6 +53,18 @@ def odds_after_a_hit(residual_px: float, sigma_px: float) -> float:
     return existence.probability / (1.0 - existence.probability) / before
 
 
+@pytest.mark.parametrize(("width_px", "rises"), [(300.0, True), (60.0, False)])
+def test_a_large_target_is_not_refuted_by_where_its_nose_may_be(width_px: float, rises: bool) -> None:
+    """Expected: pixels exactly where predicted, of a cut silhouette 300 px wide, with the sigma that this costs."""
+    existence = ExistenceProbability(1.0)
+    existence.start()
+    before = existence.probability
+    for k in range(10):
+        existence.hit("left", 0.1 * k, np.zeros(2), np.diag([100.0**2, 80.0**2]), width_px)
+    assert (existence.probability > before) == rises
+    assert (existence.probability > 0.99) == rises
+
+
 def test_a_pixel_has_less_weight_for_an_uncertain_prediction() -> None:
     """Where clutter is as likely in the gate as the target, a pixel is no information; far out it lowers the odds."""
     assert odds_after_a_hit(0.0, 1.0) == odds_after_a_hit(3.0, 1.5) == pytest.approx(20.0)
