@@ -53,37 +53,42 @@ class _TakeOffController:
         wanted, bank = self._heading_rad(), 0.0
         if airborne:
             course = math.atan2(model["velocities/v-east-fps"], model["velocities/v-north-fps"])
-            bank = float(np.clip(_BANK_BY_COURSE * (wanted - course), -_MOST_BANK, _MOST_BANK))
+            bank = _limited(_BANK_BY_COURSE * (wanted - course), -_MOST_BANK, _MOST_BANK)
         self._steer(0.0 if airborne else wrap_rad(float(model["attitude/psi-rad"])) - wanted, t_s, speed_kt)
         leans = float(model["attitude/phi-rad"]) - bank
         if airborne:
             # at full throttle the engine turns it to the left
             self.trim += _AILERON[2] * leans * _STEP_S
         aileron = _AILERON[0] * leans + _AILERON[1] * model["velocities/p-rad_sec"] + self.trim
-        model["fcs/aileron-cmd-norm"] = float(np.clip(-aileron, -1.0, 1.0))
+        model["fcs/aileron-cmd-norm"] = _limited(-aileron, -1.0, 1.0)
         elevator = 0.0
         if self.rotated:
-            wanted = float(np.clip(_CLIMB_RAD + _PITCH_BY_KT * (speed_kt - _CLIMB_KT), *_PITCH))
+            wanted = _limited(_CLIMB_RAD + _PITCH_BY_KT * (speed_kt - _CLIMB_KT), *_PITCH)
             elevator = _ELEVATOR[0] * (model["attitude/theta-rad"] - wanted)
             elevator += _ELEVATOR[1] * model["velocities/q-rad_sec"]
-        model["fcs/elevator-cmd-norm"] = float(np.clip(elevator, -1.0, 1.0))
+        model["fcs/elevator-cmd-norm"] = _limited(elevator, -1.0, 1.0)
 
     def _heading_rad(self) -> float:
         """Return the heading that brings it back onto the runway's line, to the north."""
         east_m_s = FOOT_M * float(self.model["velocities/v-east-fps"])
         back = -_HEADING_BY_PLACE * self.east_m - _HEADING_BY_SPEED * east_m_s
-        return float(np.clip(back, -_MOST_HEADING, _MOST_HEADING))
+        return _limited(back, -_MOST_HEADING, _MOST_HEADING)
 
     def _steer(self, off_rad: float, t_s: float, speed_kt: float) -> None:
         """Keep the heading by rudder and, while that is slow to act, by the brakes: this nose wheel casters."""
         turning = float(self.model["velocities/r-rad_sec"])
         rudder = _RUDDER[0] * off_rad + _RUDDER[1] * turning
-        self.model["fcs/rudder-cmd-norm"] = float(np.clip(rudder, -1.0, 1.0))
+        self.model["fcs/rudder-cmd-norm"] = _limited(rudder, -1.0, 1.0)
         left = right = 1.0
         if t_s > _RELEASE_S:
             brake = _BRAKE[0] * off_rad + _BRAKE[1] * turning if speed_kt < _BRAKES_TO_KT else 0.0
             left, right = (min(max(side * brake, 0.0), _MOST_BRAKE) for side in (1.0, -1.0))
         self.model["fcs/left-brake-cmd-norm"], self.model["fcs/right-brake-cmd-norm"] = left, right
+
+
+def _limited(value: float, least: float, most: float) -> float:
+    """Return a number within limits: numpy's function for it takes longer than the model's step."""
+    return float(min(max(value, least), most))
 
 
 def take_off_by_jsbsim(
