@@ -5,7 +5,7 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from groundstation.cli.start import ONE_THREAD
 from groundstation.tracking.llvm_lock import drop_lock_events
@@ -112,6 +112,25 @@ LONGEST_FILES = (
     "cli/test_interrupts.py",
     "calibration/flight/test_flight.py",
 )
+
+
+# The files of these folders are given to one worker: what they share is made once, such as the syntax trees of all
+# modules, which take four seconds of a core.
+TOGETHER = ("tests/architecture/",)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give workers whole files, as ``--dist=loadfile``, and those of `TOGETHER` as if they were one."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class WholeFiles(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return next((folder for folder in TOGETHER if nodeid.startswith(folder)), super()._split_scope(nodeid))
+
+    return WholeFiles(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

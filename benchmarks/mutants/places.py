@@ -16,6 +16,7 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 SPOKEN = frozenset({"__repr__", "__str__"})
 # a definition's head is not its body: annotations, decorators and defaults stay as they are
 HEAD = frozenset({"annotation", "returns", "decorator_list", "args", "type_params", "type_comment"})
+_ERASED = HEAD - {"args"} | {"name", "id", "attr", "arg", "asname", "module", "ctx", "kind"}
 _JITS = frozenset({"njit", "jit", "vectorize", "guvectorize"})
 
 Step = tuple[str, int | None]
@@ -68,12 +69,15 @@ class Function:
         counts: Counter[str] = Counter()
         found = []
         for path, node in _nodes(self.node):
+            before = ""
             within_index = any(field == "slice" for field, _ in path)
             for kind, rule in RULES.items():
                 if within_index and kind == "constant":
                     continue
                 for replacement in rule(node):
-                    before, after = _text(node), _text(replacement)
+                    # nearly all nodes have no replacement, and one that has some has several
+                    before = before or _text(node)
+                    after = _text(replacement)
                     if before == after:
                         continue
                     found.append(
@@ -152,7 +156,7 @@ def erased(node: ast.AST) -> str:
         return ""
     parts = [type(node).__name__]
     for field, value in ast.iter_fields(node):
-        if field in HEAD - {"args"} or field in ("name", "id", "attr", "arg", "asname", "module", "ctx", "kind"):
+        if field in _ERASED:
             continue
         if isinstance(value, list):
             parts.append("[" + ",".join(erased(item) if isinstance(item, ast.AST) else "_" for item in value) + "]")
@@ -212,4 +216,7 @@ def _text(node: ast.AST) -> str:
         return " ".join([f"in {ast.unparse(node.iter)}", *(f"if {ast.unparse(test)}" for test in node.ifs)])
     if isinstance(node, ast.Try):
         return "finally: " + "; ".join(ast.unparse(statement) for statement in node.finalbody)
-    return ast.unparse(ast.fix_missing_locations(copy.deepcopy(node)))
+    if isinstance(node, ast.Assign) and not hasattr(node, "lineno"):
+        # of all statements that a rule makes, its text alone depends on having a line
+        node = ast.Assign(targets=node.targets, value=node.value, lineno=1)
+    return ast.unparse(node)

@@ -63,10 +63,11 @@ def fix_covariance(information: FloatArray) -> FloatArray | None:
 
 def motion_matrices(dt_s: float, acceleration_psd_m2_s3: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return F and Q, (6, 6) each, of constant velocity with white acceleration of PSD (3,), over ``dt_s``."""
-    F = np.eye(6)
-    F[:3, 3:] = dt_s * np.eye(3)
-    psd = np.diag(acceleration_psd_m2_s3)
-    Q = np.block([[psd * dt_s**3 / 3, psd * dt_s**2 / 2], [psd * dt_s**2 / 2, psd * dt_s]])
+    F, Q = np.eye(6), np.zeros((6, 6))
+    for k, psd in enumerate(acceleration_psd_m2_s3):
+        F[k, 3 + k] = dt_s
+        Q[k, k], Q[3 + k, 3 + k] = psd * dt_s**3 / 3, psd * dt_s
+        Q[k, 3 + k] = Q[3 + k, k] = psd * dt_s**2 / 2
     return F, Q
 
 

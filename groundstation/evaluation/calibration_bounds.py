@@ -7,6 +7,7 @@ calibration reaches. Or it can be *learned*: the estimator has it as a constant 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -47,17 +48,32 @@ def calibration_sensitivities(
     Zero where a parameter is another station's, or the point (3,) is not in front of the camera. Raises
     `CalibrationError` for an unknown parameter.
     """
-    split = [name.partition(".") for name in names]
-    columns = parameter_indices([parameter for _, _, parameter in split])
+    places = _places(tuple(names))
     found = []
     for view in views:
         sensitivity = np.zeros((2, len(names)))
-        own = [k for k, (station, _, _) in enumerate(split) if station == view.geometry.name]
         projected = project_with_calibration(view.geometry, point_runway_m, view.pan_rad, view.tilt_rad)
-        if projected is not None:
-            sensitivity[:, own] = projected.calibration_jacobian[:, [columns[k] for k in own]]
+        if projected is not None and view.geometry.name in places:
+            own, columns = places[view.geometry.name]
+            sensitivity[:, own] = projected.calibration_jacobian[:, columns]
         found.append(sensitivity)
     return found
+
+
+@lru_cache(maxsize=64)
+def _places(names: tuple[str, ...]) -> dict[str, tuple[list[int], list[int]]]:
+    """Return for each station its parameters' places among the names, and their columns of a calibration Jacobian.
+
+    Kept, as the names are the same at thousands of points of one approach.
+    """
+    split = [name.partition(".") for name in names]
+    columns = parameter_indices([parameter for _, _, parameter in split])
+    places: dict[str, tuple[list[int], list[int]]] = {}
+    for k, ((station, _, _), column) in enumerate(zip(split, columns, strict=True)):
+        own, theirs = places.setdefault(station, ([], []))
+        own.append(k)
+        theirs.append(column)
+    return places
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -29,16 +29,21 @@ def aim_at(geometry: StationGeometry, point_runway_m: FloatArray) -> Aim | None:
     """
     runway_from_base = geometry.packed[0:9].reshape(3, 3)
     x, y, z = runway_from_base.T @ (np.asarray(point_runway_m, dtype=np.float64) - geometry.packed[9:12])
-    angles = np.array([math.atan2(-x, y), math.atan2(z, math.hypot(x, y))])
+    pan, tilt = math.atan2(-x, y), math.atan2(z, math.hypot(x, y))
+    u0, v0 = geometry.lens.principal_point_px
     for _ in range(_STEPS):
-        projection = geometry.project(point_runway_m, float(angles[0]), float(angles[1]))
+        projection = geometry.project(point_runway_m, pan, tilt)
         if projection is None:
             return None
-        error = projection.pixel - geometry.lens.principal_point_px
-        by_angle = projection.jacobian[:, 3:]
-        if abs(np.linalg.det(by_angle)) < _LEAST_TURN * float((by_angle**2).sum()):
+        # plain numbers: for two unknowns numpy's calls take longer than all else
+        u, v = projection.pixel.tolist()
+        (u_pan, u_tilt), (v_pan, v_tilt) = projection.jacobian[:, 3:].tolist()
+        turn = u_pan * v_tilt - u_tilt * v_pan
+        if abs(turn) < _LEAST_TURN * (u_pan**2 + u_tilt**2 + v_pan**2 + v_tilt**2):
             return None
-        if np.abs(error).max() < _NEAR_PX:
-            return Aim(pan_rad=float(angles[0]), tilt_rad=float(angles[1]))
-        angles = angles - np.linalg.solve(by_angle, error)
+        u_off, v_off = u - u0, v - v0
+        if max(abs(u_off), abs(v_off)) < _NEAR_PX:
+            return Aim(pan_rad=float(pan), tilt_rad=float(tilt))
+        pan -= (v_tilt * u_off - u_tilt * v_off) / turn
+        tilt -= (u_pan * v_off - v_pan * u_off) / turn
     return None

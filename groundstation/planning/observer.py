@@ -37,11 +37,13 @@ class Observation:
 class Observer:
     """The stations of a site with their geometry packed once, and its error sources."""
 
-    __slots__ = ("_geometries", "site", "sources")
+    __slots__ = ("_clocks", "_geometries", "site", "sources")
 
     def __init__(self, site: Site) -> None:
         self.site = site
         self.sources = error_sources(site)
+        later = enumerate(self.sources.names[self.sources.calibrated :], start=self.sources.calibrated)
+        self._clocks = {(name.partition(".")[0], name.partition(".")[2]): k for k, name in later}
         self._geometries = tuple(station.geometry() for station in site.rig.stations)
 
     def observations(self, point_runway_m: FloatArray, velocity_m_s: FloatArray) -> list[Observation]:
@@ -100,8 +102,8 @@ class Observer:
         names, calibrated = self.sources.names, self.sources.calibrated
         by_source = np.zeros((2, len(names)))
         by_source[:, :calibrated] = calibration_sensitivities(point, [view], names[:calibrated])[0]
-        for k, name in enumerate(names[calibrated:], start=calibrated):
-            owner, _, kind = name.partition(".")
-            if owner == view.geometry.name:
-                by_source[:, k] = by_clock[kind]
+        for kind, moved in by_clock.items():
+            k = self._clocks.get((view.geometry.name, kind))
+            if k is not None:
+                by_source[:, k] = moved
         return by_source

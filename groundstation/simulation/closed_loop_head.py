@@ -31,7 +31,7 @@ class ClosedLoopHead:
             while self._waiting and self._waiting[0][0] <= self._at_s:
                 self._wanted = self._waiting.popleft()[1]
             step = self._steepest * dt
-            self.rates = self.rates + np.clip(self._wanted - self.rates, -step, step)
+            self.rates = self.rates + np.minimum(np.maximum(self._wanted - self.rates, -step), step)
             self.angles = self.angles + self.rates * dt
             self._at_s += dt
 

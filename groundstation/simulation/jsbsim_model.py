@@ -113,5 +113,5 @@ def _hold(model: Any, pitch_rad: float, glide_rad: float) -> None:
     yaw = (float(model["attitude/psi-rad"]) + np.pi) % (2.0 * np.pi) - np.pi
     bank = model["attitude/phi-rad"] + _BANK_BY_HEADING * yaw
     aileron = _AILERON[0] * bank + _AILERON[1] * model["velocities/p-rad_sec"]
-    model["fcs/elevator-cmd-norm"] = float(np.clip(elevator, -1.0, 1.0))
-    model["fcs/aileron-cmd-norm"] = float(np.clip(-aileron, -1.0, 1.0))
+    model["fcs/elevator-cmd-norm"] = float(min(max(elevator, -1.0), 1.0))
+    model["fcs/aileron-cmd-norm"] = float(min(max(-aileron, -1.0), 1.0))

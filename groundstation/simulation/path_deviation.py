@@ -92,8 +92,10 @@ class GustModel:
         state = np.empty_like(normal)
         state[0] = _root(stationary) @ normal[0]
         gusts = driven @ normal
-        for k in range(1, t.size):
-            state[k] = transition @ state[k - 1] + gusts[k]
+        # into the array itself: what numpy does around three by three numbers is most of the time
+        for before, after, gust in zip(state[:-1], state[1:], gusts[1:], strict=True):
+            np.dot(transition, before, out=after)
+            np.add(after, gust, out=after)
         return SampledTrajectory(t_s=t, position_m=state[:, 0], velocity_m_s=state[:, 1])
 
     def _dynamics(self) -> FloatArray:

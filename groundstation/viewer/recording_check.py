@@ -1,7 +1,8 @@
 """Check that a Rerun recording can be read to its end, in a separate process.
 
 Rerun's reader aborts its process on some damaged files, which a caller cannot catch, and trusts the lengths in them:
-a process that takes too much memory is ended.
+a process that takes too much memory is ended. That process imports the compiled part of Rerun alone, which takes it a
+thirtieth of the time of the whole.
 """
 
 import os
@@ -10,10 +11,12 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
 from pathlib import Path
 
-from groundstation.errors import InputError
-from groundstation.viewer.merge_recordings import chunks
+from rerun_bindings import RrdReaderInternal
+
+from groundstation.errors import InputError, os_words
 
 # a file of 200 MB is read in some seconds
 _WITHIN_S = 600.0
@@ -67,8 +70,19 @@ def resident_bytes(pid: int) -> int:
 
 def read_to_end(path: Path) -> None:
     """Read a file to its end in this process; raises `InputError`, or ends the process."""
-    for _ in chunks(path):
-        pass
+    try:
+        with warnings.catch_warnings():
+            # a cut file warns of its missing end before it fails, and the failure is reported below
+            warnings.simplefilter("ignore")
+            reader = RrdReaderInternal(str(path))
+        stores = [store for store in reader.store_entries() if store.kind == "recording"]
+        if not stores:
+            raise InputError(str(path), got="no recording in it", wanted=_WANTED)
+        for chunk in reader.stream(store=stores[0]):
+            # read, as by those who show it
+            str(chunk.entity_path)
+    except (RuntimeError, ValueError, OSError) as fault:
+        raise InputError(str(path), got=os_words(fault), wanted=_WANTED) from fault
 
 
 if __name__ == "__main__":

@@ -10,6 +10,9 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("groundstation", "calibration", "ptu_drivers", "training")
 WITH_BENCHMARKS = (*PACKAGES, "benchmarks")
 
+# what statements are in: no expression has one in it, and most nodes are within one
+SCOPES = (ast.stmt, ast.ExceptHandler, ast.match_case)
+
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -44,10 +47,22 @@ def nodes_of(path: Path) -> tuple[ast.AST, ...]:
 
 
 @cache
+def statements_of(path: Path) -> tuple[ast.stmt | ast.ExceptHandler, ...]:
+    """Return all statements of a file and its handlers: a seventh of its nodes, as no expression has one in it."""
+    found: list[ast.stmt | ast.ExceptHandler] = []
+    scopes: list[ast.AST] = [tree_of(path)]
+    while scopes:
+        inner = [n for n in ast.iter_child_nodes(scopes.pop()) if isinstance(n, SCOPES)]
+        found += [node for node in inner if not isinstance(node, ast.match_case)]
+        scopes += inner
+    return tuple(found)
+
+
+@cache
 def imports_of(path: Path) -> frozenset[str]:
     """Return the dotted names that a file imports, modules and what it takes from them."""
     names: set[str] = set()
-    for node in nodes_of(path):
+    for node in statements_of(path):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -73,6 +88,5 @@ def _functions_in(scope: ast.AST, prefix: str = "") -> Iterator[tuple[str, Funct
             yield from _functions_in(node, f"{prefix}{node.name}.")
         elif isinstance(node, ast.ClassDef):
             yield from _functions_in(node, f"{prefix}{node.name}.")
-        elif not isinstance(node, ast.expr):
-            # an expression defines no function, and most nodes are within one
+        elif isinstance(node, SCOPES):
             yield from _functions_in(node, prefix)

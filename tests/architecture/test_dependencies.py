@@ -48,8 +48,8 @@ def import_statements(scope: ast.AST, on_import: bool = True) -> Iterator[tuple[
     for node in ast.iter_child_nodes(scope):
         if isinstance(node, ast.Import) or (isinstance(node, ast.ImportFrom) and node.level == 0):
             yield node, on_import
-        elif not isinstance(node, ast.expr):
-            # no expression has a statement in it
+        elif isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case):
+            # nothing else has a statement in it
             deferred = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or is_for_types(node)
             yield from import_statements(node, on_import and not deferred)
 

@@ -125,6 +125,8 @@ def test_the_core_reads_no_clock_and_no_file(part: str) -> None:
         tops = {i.split(".")[0] for i in imports_of(path)}
         assert not tops & CLOCKS_AND_FILES, f"{name} imports {tops & CLOCKS_AND_FILES}"
         assert not tops & EDGE_LIBRARIES, f"{name} imports {tops & EDGE_LIBRARIES}"
+        if not any(name in text_of(path) for name in ("open", "print", "input")):
+            continue
         calls = {n.func.id for n in nodes_of(path) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
         assert not calls & {"open", "print", "input"}, f"{name} calls {calls & {'open', 'print', 'input'}}"
 

@@ -20,6 +20,9 @@ VIRTUAL = "groundstation.simulation.closed_loop"
 def calls(path: Path, names: set[str]) -> set[str]:
     """Return which of these names are called as methods or functions."""
     found = set()
+    text = text_of(path)
+    if not any(name in text for name in names):
+        return found
     for node in nodes_of(path):
         if isinstance(node, ast.Call):
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")

@@ -3,12 +3,12 @@
 import ast
 from collections.abc import Iterator
 
-from tests.architecture.sources import modules, nodes_of
+from tests.architecture.sources import modules, statements_of
 
 
 def _handlers() -> Iterator[tuple[str, ast.ExceptHandler]]:
     for module, path in modules().items():
-        for node in nodes_of(path):
+        for node in statements_of(path):
             if isinstance(node, ast.ExceptHandler) and node.name and node.type is not None:
                 kinds = {inner.id for inner in ast.walk(node.type) if isinstance(inner, ast.Name)}
                 if kinds & {"OSError", "FileNotFoundError", "PermissionError", "ConnectionError"}:

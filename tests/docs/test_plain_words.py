@@ -28,6 +28,8 @@ def tracked() -> list[str]:
 def uses(name: str) -> list[str]:
     """Return the lines of a file that use one of the words, as ``path:number: word``."""
     text = (ROOT / name).read_text(encoding="utf-8", errors="replace")
+    if not WORDS.search(text):
+        return []
     lines = enumerate(text.splitlines(), start=1)
     return [
         f"{name}:{n}: {m.group()}"

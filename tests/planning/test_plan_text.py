@@ -6,20 +6,26 @@ import numpy as np
 import pytest
 
 from groundstation.planning import plan_table
-from groundstation.planning.forecast import forecast
+from groundstation.planning.forecast import Forecast, forecast
 from groundstation.planning.plan_table import format_plan
 from groundstation.planning.site_file import load_site
 from tests.conftest import ROOT
 
 
+@pytest.fixture(scope="module")
+def expected() -> Forecast:
+    """The forecast of the example, which takes longer than all that is asserted of its text."""
+    return forecast(load_site(ROOT / "docs" / "site-example.toml"))
+
+
 @pytest.mark.parametrize(("notes", "verdicts"), [([], []), (["a note"], []), ([], ["good"]), (["a note"], ["good"])])
 def test_notes_and_verdicts_are_separate(
-    notes: list[str], verdicts: list[str], monkeypatch: pytest.MonkeyPatch
+    notes: list[str], verdicts: list[str], expected: Forecast, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site = load_site(ROOT / "docs" / "site-example.toml")
     site = type("Site", (), {name: getattr(site, name) for name in dir(site) if not name.startswith("__")})()
     site.required = verdicts
-    f = forecast(load_site(ROOT / "docs" / "site-example.toml"))
+    f = expected
     monkeypatch.setattr(plan_table, "_notes", lambda site, f: notes)
     monkeypatch.setattr(plan_table, "verdict", lambda site, f, wanted: wanted)
     lines = format_plan(site, f).split("\n")

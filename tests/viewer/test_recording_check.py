@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,8 @@ import pytest
 import rerun as rr
 
 from groundstation.errors import InputError
-from groundstation.viewer.recording_check import check_recording
+from groundstation.viewer.merge_recordings import chunks
+from groundstation.viewer.recording_check import check_recording, read_to_end
 from tests.complaints import complaint
 
 
@@ -32,6 +34,25 @@ def test_a_whole_one_passes_and_another_file_is_named(recording: Path, tmp_path:
     other.write_text("no recording")
     assert f"{other}: got " in complaint(InputError, lambda: check_recording(other))
     assert "wanted a Rerun recording (.rrd)" in complaint(InputError, lambda: check_recording(tmp_path / "none.rrd"))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 0.9, 1.0])
+def test_a_cut_file_is_read_as_by_those_who_show_it(recording: Path, tmp_path: Path, share: float) -> None:
+    """Expected: of what the viewer's reader refuses the check gives the same line, and nothing else is refused."""
+    cut = tmp_path / "cut.rrd"
+    content = recording.read_bytes()
+    cut.write_bytes(content[: round(share * len(content))])
+
+    def outcome(read: Callable[[], object]) -> str:
+        try:
+            read()
+        except InputError as fault:
+            return str(fault)
+        return "whole"
+
+    checked = outcome(lambda: read_to_end(cut))
+    assert checked == outcome(lambda: list(chunks(cut)))
+    assert (checked == "whole") == (share == 1.0)
 
 
 @pytest.mark.parametrize(

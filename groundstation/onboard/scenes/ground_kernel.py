@@ -183,6 +183,8 @@ def _ground_colour(
     for c in range(3):
         out[c] = (base[0, c] * (1.0 - mix) + base[1, c] * mix) * (1.0 + fields.grain * grain)
     paved = 0.0
+    # one for all patches of a pixel, and many lie on each other; none for a pixel of bare ground
+    mottle, textured = 0.0, False
     for k in range(patches.shape[0]):
         if not near[k]:
             continue
@@ -195,7 +197,9 @@ def _ground_colour(
         alpha *= p[_OPACITY]
         shade = 1.0
         if p[_MOTTLE] > 0.0:
-            shade += p[_MOTTLE] * 2.0 * _texture(x + 311.0, y - 77.0, fx, fy, 6.0, 4, seed + 17)
+            if not textured:
+                mottle, textured = _texture(x + 311.0, y - 77.0, fx, fy, 6.0, 4, seed + 17), True
+            shade += p[_MOTTLE] * 2.0 * mottle
         if p[_UPON] == _RUNWAY:
             paved = alpha
         for c in range(3):

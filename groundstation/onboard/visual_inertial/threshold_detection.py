@@ -10,6 +10,7 @@ difference rises, on both sides at one place, clearly above the noise, and is be
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import gaussian_filter1d, map_coordinates
 
 from groundstation.arrays import FloatArray, ImageArray
@@ -105,8 +106,13 @@ def _end(both: FloatArray, outward: FloatArray, count: int, reach: float, level:
     drops = np.zeros(len(both))
     rows = [k for k in range(count, len(both) - count) if abs(outward[k]) <= reach]
     last = int(np.searchsorted(outward, reach))
+    # of as many rows from each row on
+    windows = np.median(sliding_window_view(both, count), axis=1)
     for k in rows:
-        inside, outside = float(np.median(both[k - count : k])), float(np.median(both[k + 1 : k + 1 + count]))
+        inside, outside = float(windows[k - count]), float(windows[k + 1])
+        if outside - level > _MOST_LEFT * (inside - level):
+            # the wider medians below make it no better
+            continue
         pavement = float(np.median(both[: k - count])) if k >= 2 * count else inside
         beyond = float(np.median(both[k + 1 : max(last, k + 1 + count)]))
         # beyond the end nothing is left

@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.lines import line_map, project_lines
@@ -52,13 +53,17 @@ def painted_runway(
     u = np.arange(640)[None, :]
     # each pixel a box along its row
     share = np.clip(u + 0.5 - left, 0, 1) * np.clip(right - u + 0.5, 0, 1) * (t >= 0.0)
-    picture = np.asarray(outside) + share[:, :, None] * (np.asarray(inside) - np.asarray(outside)).astype(np.float64)
-    blurred = cv2.GaussianBlur(picture, (0, 0), 1.0)
-    noisy = blurred + _noise(seed, noise)
-    return np.clip(np.round(noisy, out=noisy), 0, 255, out=noisy).astype(np.uint8)
+    # blurred before it is coloured, as float32, and the channels of a row in one axis: a sixth of the time
+    blurred = cv2.GaussianBlur(share.astype(np.float32), (0, 0), 1.0)
+    ground, change = (np.tile(np.asarray(c, np.float32), 640) for c in (outside, np.subtract(inside, outside)))
+    noisy = cv2.merge([blurred] * 3).reshape(480, -1) * change
+    noisy += ground
+    noisy += _noise(seed, noise)
+    np.round(noisy, out=noisy)
+    return np.clip(noisy, 0, 255, out=noisy).astype(np.uint8).reshape(480, 640, 3)
 
 
 @lru_cache(maxsize=16)
-def _noise(seed: int, sigma: float) -> FloatArray:
-    """Return a picture's noise (480, 640, 3): the tests draw the same few, and drawing takes longer than painting."""
-    return np.random.default_rng(seed).normal(0.0, sigma, (480, 640, 3))
+def _noise(seed: int, sigma: float) -> NDArray[np.float32]:
+    """Return a picture's noise (480, 640·3): the tests draw the same few, and drawing takes longer than painting."""
+    return np.random.default_rng(seed).normal(0.0, sigma, (480, 640 * 3)).astype(np.float32)
