@@ -25,6 +25,8 @@ ONE_BEARING_RAD = float(np.radians(0.2))
 # of a line's length: nearer to it than this, places are on it
 _ON_A_LINE = 0.005
 _MOST_TRIPLES = 250
+# of a table that is only judged: with a fifth of the landmarks mistaken, half of them are of right ones
+_JUDGING_TRIPLES = 40
 _SEED = 20240501
 _FAR_M = 1e8
 # largest misfit of the bearings of a valid pose: otherwise another landmark, or other angles
@@ -57,7 +59,7 @@ def find_station(
 
     Raises `LandmarkFitError`, which states what is missing.
     """
-    _, guesses = _guesses(station, observed, landmarks)
+    _, guesses = _guesses(station, observed, landmarks, _MOST_TRIPLES)
     best = min((g.median_rad for g in guesses), default=np.inf)
     if best > _MOST_MISS_RAD:
         got = "no pose that fits" if not guesses else f"bearings that miss by {np.degrees(best):.2g}° at best"
@@ -69,15 +71,15 @@ def find_station(
 
 
 def _guesses(
-    station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark]
+    station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark], triples: int
 ) -> tuple[_Bearings, list[PoseGuess]]:
-    """Return what a station saw, and poses by it: one where its place is known, else those of many triples."""
+    """Return what a station saw, and poses by it: one where its place is known, else those of so many triples."""
     known = "position" in station.known
     _require_enough(station, observed, landmarks, known)
     # angles and pixels are bearings in the base's frame, independent of the rig's orientation
     seen = _seen(station, observed, landmarks)
     if not known:
-        return seen, list(_poses(station.name, seen))
+        return seen, list(_poses(seen, triples))
     towards = np.where(seen.far[:, None], station.ptu_position_m + seen.points_m, seen.points_m)
     return seen, [find_orientation(seen.bearings, towards, station.ptu_position_m)]
 
@@ -144,7 +146,7 @@ def bearing_misses(station: Station, observed: LandmarkObservations, landmarks: 
     Lenses and mounts are taken as the rig has them. Raises `LandmarkFitError` where no pose can be computed.
     """
     known = "position" in station.known
-    seen, guesses = _guesses(station, observed, landmarks)
+    seen, guesses = _guesses(station, observed, landmarks, _JUDGING_TRIPLES)
     if not known:
         guesses = _different(sorted(guesses, key=lambda g: g.median_rad)[: 4 * _FOLLOWED])[:_FOLLOWED]
     guesses = [guess for guess in guesses if guess.median_rad <= _MOST_MISS_RAD]
@@ -166,8 +168,8 @@ def _fitted(seen: _Bearings, guess: PoseGuess, known: bool) -> FloatArray:
     return np.asarray(np.linalg.norm(off(solved.x).reshape(-1, 3), axis=1))
 
 
-def _poses(name: str, seen: _Bearings) -> Iterator[PoseGuess]:
-    """Yield poses from three bearings each, or from two far directions and a point."""
+def _poses(seen: _Bearings, most: int) -> Iterator[PoseGuess]:
+    """Yield poses from three bearings each, at most so many triples, or from two far directions and a point."""
     far = np.unique(seen.landmark[seen.far])
     if len(far) >= 2:
         turned = kabsch(seen.bearings[seen.far], seen.points_m[seen.far] / _FAR_M)
@@ -177,8 +179,8 @@ def _poses(name: str, seen: _Bearings) -> Iterator[PoseGuess]:
     numbers = [k for k, rows in where.items() if len(rows)]
     triples = list(combinations(numbers, 3))
     generator = np.random.default_rng(_SEED)
-    if len(triples) > _MOST_TRIPLES:
-        triples = [triples[k] for k in generator.choice(len(triples), _MOST_TRIPLES, replace=False)]
+    if len(triples) > most:
+        triples = [triples[k] for k in generator.choice(len(triples), most, replace=False)]
     for triple in triples:
         rows = [int(generator.choice(where[k])) for k in triple]
         yield from _three_points(seen, rows)
