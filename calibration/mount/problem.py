@@ -20,7 +20,7 @@ from groundstation.arrays import FloatArray, IntArray, MaskArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration_many
 from groundstation.geometry.kernels import MIN_DEPTH_M
-from groundstation.geometry.rotation import rotation_from_vector
+from groundstation.geometry.rotation import cross_matrices, rotation_from_vector
 from groundstation.rig.ptu_axes import PtuAxes
 from groundstation.rig.rig import Station
 
@@ -114,7 +114,7 @@ class Mark:
             derivative = np.zeros((n, 3, 6))
             derivative[:, :, 3:] = np.eye(3)
             # exp([θ]×) b moves by θ × b
-            derivative[:, :, :3] = -_cross_matrices(turned) @ left_jacobian(change[:3])
+            derivative[:, :, :3] = -cross_matrices(turned) @ left_jacobian(change[:3])
             return turned + self.place_m + change[3:], derivative
         if self.kind is MarkKind.UNKNOWN_POINT:
             away = self.place_m - station_m
@@ -169,15 +169,6 @@ def _direction(unit: FloatArray, change: FloatArray) -> tuple[FloatArray, FloatA
     length = float(np.linalg.norm(vector))
     changed = vector / length
     return changed, (np.eye(3) - np.outer(changed, changed)) @ frame / length
-
-
-def _cross_matrices(vectors: FloatArray) -> FloatArray:
-    """Return [v]× (n, 3, 3) of vectors (n, 3)."""
-    matrix = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    matrix[:, 0, 1], matrix[:, 0, 2], matrix[:, 1, 2] = -z, y, -x
-    matrix[:, 1, 0], matrix[:, 2, 0], matrix[:, 2, 1] = z, -y, x
-    return matrix
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
