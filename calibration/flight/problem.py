@@ -251,7 +251,7 @@ class FlightProblem:
         project_calibration_many(packed, points, angles.angles_rad, pixel, by_state, by_rig, depth)
         # the kernel's small angles rotate the already rotated frame
         for part in _TURNS:
-            by_rig[:, :, part] = by_rig[:, :, part] @ left_jacobian(turn[part])
+            by_rig[:, :, part] = about_rotated(by_rig[:, :, part], turn[part])
         by_point, by_angle = by_state[:, :, :3], by_state[:, :, 3:]
         by_track = np.einsum("nij,nj->ni", by_point, track.nose_velocity_m_s(antenna))
         by_turning = np.einsum("nij,nj->ni", by_angle, angles.rates_rad_s)
@@ -313,6 +313,12 @@ class FlightProblem:
         # pixels between the same two fixes share these fixes' noise
         crowd = max(1.0, self.track.step_s * (n - 1) / max(float(np.ptp(observed.t_s)), 1e-9)) if n > 1 else 1.0
         return own, noise + by_readings + crowd * by_fix @ np.swapaxes(by_fix, 1, 2)
+
+
+def about_rotated(derivative: FloatArray, turn_rad: FloatArray) -> FloatArray:
+    """Return derivatives (n, 2, 3) by a rotation vector (3,) in rad, given those by a further small rotation."""
+    # one product: as many as there are pixels take four times as long
+    return np.asarray((derivative.reshape(-1, 3) @ left_jacobian(turn_rad)).reshape(derivative.shape))
 
 
 def left_jacobian(turn_rad: FloatArray) -> FloatArray:

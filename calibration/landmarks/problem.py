@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.flight.problem import left_jacobian
+from calibration.flight.problem import about_rotated
 from calibration.landmarks.angles import LandmarkObservations
 from calibration.sightings import Landmark
 from groundstation.arrays import FloatArray, IntArray, MaskArray
@@ -191,7 +191,7 @@ class LandmarkProblem:
         project_calibration_many(packed, points, observed.angles_rad, pixel, by_state, by_rig, depth)
         by_rig[layout.far, :, 3:6] = 0.0
         for part in _TURNS:
-            by_rig[:, :, part] = (by_rig[:, :, part].reshape(-1, 3) @ left_jacobian(own[part])).reshape(n, 2, 3)
+            by_rig[:, :, part] = about_rotated(by_rig[:, :, part], own[part])
         jacobian = np.zeros((n, 2, len(self.names)))
         jacobian[:, :, layout.places] = by_rig[:, :, layout.shorts]
         jacobian[:, :, layout.moved] = by_rig[:, :, first : first + len(layout.moved)]
