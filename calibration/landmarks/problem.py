@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.flight.problem import left_jacobian
+from calibration.flight.problem import about_rotated
 from calibration.landmarks.angles import LandmarkObservations
 from calibration.sightings import Landmark
-from groundstation.arrays import FloatArray, MaskArray
+from groundstation.arrays import FloatArray, IntArray, MaskArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, perturbed_packed
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration_many
 from groundstation.geometry.kernels import MIN_DEPTH_M
@@ -42,6 +42,30 @@ class LinearisedSightings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _LandmarkRows:
+    """A landmark's number, a station's rows (k,) that are of it, and its places among the parameters, if any."""
+
+    number: int
+    rows: IntArray
+    places: list[int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _ObservationLayout:
+    """Where the parameters that a station's observations depend on stand: a fit predicts thousands of times.
+
+    ``places`` (k,) of the station's own ones, ``shorts`` (k,) where among `CALIBRATION_PARAMETERS`; ``moved`` (0 or 3,)
+    of its rotation since. ``far`` (n,) observations of a direction.
+    """
+
+    places: IntArray
+    shorts: IntArray
+    moved: IntArray
+    landmarks: tuple[_LandmarkRows, ...]
+    far: MaskArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LandmarkProblem:
     """The observations, and the dependence of p parameters on q unknowns.
 
@@ -61,11 +85,15 @@ class LandmarkProblem:
     known: MaskArray
     slipped: frozenset[str] = frozenset()
     _packed: Mapping[str, FloatArray] = field(init=False, repr=False)
+    _numbers: Mapping[str, int] = field(init=False, repr=False)
+    _layouts: tuple[_ObservationLayout, ...] = field(init=False, repr=False)
     _newest: dict[bytes, LinearisedSightings] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         packed = {name: station.geometry().packed for name, station in self.stations.items()}
         object.__setattr__(self, "_packed", packed)
+        object.__setattr__(self, "_numbers", {name: k for k, name in enumerate(self.names)})
+        object.__setattr__(self, "_layouts", tuple(self._layout(observed) for observed in self.observations))
 
     @property
     def pixel_px(self) -> FloatArray:
@@ -82,7 +110,8 @@ class LandmarkProblem:
 
     def places(self, group: str) -> list[int]:
         """Return where the three parameters ``group``.x .y .z stand; fewer where they are not uncertain."""
-        return [self.names.index(f"{group}.{axis}") for axis in AXES if f"{group}.{axis}" in self.names]
+        numbers = (self._numbers.get(f"{group}.{axis}") for axis in AXES)
+        return [k for k in numbers if k is not None]
 
     def own(self, station: str) -> list[tuple[int, int]]:
         """Return (place, place among `CALIBRATION_PARAMETERS`) of a station's own parameters."""
@@ -117,8 +146,27 @@ class LandmarkProblem:
             self._newest[at] = self._evaluate(self.spread @ unknowns)
         return self._newest[at]
 
+    def _layout(self, observed: LandmarkObservations) -> _ObservationLayout:
+        own = self.own(observed.station)
+        numbers = np.unique(observed.landmark)
+        return _ObservationLayout(
+            places=np.array([place for place, _ in own], dtype=np.int64),
+            shorts=np.array([there for _, there in own], dtype=np.int64),
+            moved=np.array(self.places(f"{observed.station}.moved") if observed.today else [], dtype=np.int64),
+            landmarks=tuple(
+                _LandmarkRows(
+                    number=int(k),
+                    rows=np.flatnonzero(observed.landmark == k),
+                    places=self.places(f"landmark {self.landmarks[k].name}"),
+                )
+                for k in numbers
+            ),
+            far=np.isin(observed.landmark, [k for k in numbers if self.landmarks[k].kind == "direction"]),
+        )
+
     def _evaluate(self, change: FloatArray) -> LinearisedSightings:
-        parts = [self._predict(observed, change) for observed in self.observations]
+        both = zip(self.observations, self._layouts, strict=True)
+        parts = [self._predict(observed, layout, change) for observed, layout in both]
         return LinearisedSightings(
             pixel_px=np.concatenate([p.pixel_px for p in parts]),
             jacobian=np.concatenate([p.jacobian for p in parts]),
@@ -126,45 +174,41 @@ class LandmarkProblem:
             usable=np.concatenate([p.usable for p in parts]),
         )
 
-    def _predict(self, observed: LandmarkObservations, change: FloatArray) -> LinearisedSightings:
-        n = len(observed)
-        own = self.station_change(change, observed.station, today=observed.today)
+    def _predict(
+        self, observed: LandmarkObservations, layout: _ObservationLayout, change: FloatArray
+    ) -> LinearisedSightings:
+        n, first = len(observed), self.moved_from(observed.station)
+        own = np.zeros(CALIBRATION_SIZE)
+        own[layout.shorts] = change[layout.places]
+        own[first : first + len(layout.moved)] += change[layout.moved]
         packed = perturbed_packed(self._packed[observed.station], own)
-        points, by_places = np.zeros((n, 3)), np.zeros((len(self.landmarks), 3, 3))
-        far = np.zeros(n, dtype=np.bool_)
-        for k in np.unique(observed.landmark):
-            seen = observed.landmark == k
-            points[seen], by_places[k] = self._point(int(k), change, packed[9:12])
-            far[seen] = self.landmarks[k].kind == "direction"
+        points, by_places = np.zeros((n, 3)), []
+        for one in layout.landmarks:
+            points[one.rows], by_place = self._point(one.number, one.places, change, packed[9:12])
+            by_places.append(by_place)
         pixel, by_state = np.zeros((n, 2)), np.zeros((n, 2, 5))
         by_rig, depth = np.zeros((n, 2, CALIBRATION_SIZE)), np.zeros(n)
         project_calibration_many(packed, points, observed.angles_rad, pixel, by_state, by_rig, depth)
-        by_rig[far, :, 3:6] = 0.0
+        by_rig[layout.far, :, 3:6] = 0.0
         for part in _TURNS:
-            by_rig[:, :, part] = by_rig[:, :, part] @ left_jacobian(own[part])
+            by_rig[:, :, part] = about_rotated(by_rig[:, :, part], own[part])
         jacobian = np.zeros((n, 2, len(self.names)))
-        for place, there in self.own(observed.station):
-            jacobian[:, :, place] = by_rig[:, :, there]
-        if observed.today:
-            first = self.moved_from(observed.station)
-            for axis, place in enumerate(self.places(f"{observed.station}.moved")):
-                jacobian[:, :, place] = by_rig[:, :, first + axis]
-        for k in np.unique(observed.landmark):
-            seen = observed.landmark == k
-            places = self.places(f"landmark {self.landmarks[k].name}")
-            if places:
-                by_place = by_state[seen, :, :3] @ by_places[k]
-                jacobian[seen, :, places[0] : places[0] + 3] = by_place
+        jacobian[:, :, layout.places] = by_rig[:, :, layout.shorts]
+        jacobian[:, :, layout.moved] = by_rig[:, :, first : first + len(layout.moved)]
+        for one, by_place in zip(layout.landmarks, by_places, strict=True):
+            if one.places:
+                jacobian[one.rows, :, one.places[0] : one.places[0] + 3] = by_state[one.rows, :, :3] @ by_place
         usable = depth > MIN_DEPTH_M
         jacobian[~usable] = 0.0
-        return LinearisedSightings(
-            pixel_px=pixel, jacobian=jacobian @ self.spread, by_angle=by_state[:, :, 3:], usable=usable
-        )
+        # as one product of matrices: as many as there are rows take three times as long
+        by_unknown = (jacobian.reshape(2 * n, -1) @ self.spread).reshape(n, 2, -1)
+        return LinearisedSightings(pixel_px=pixel, jacobian=by_unknown, by_angle=by_state[:, :, 3:], usable=usable)
 
-    def _point(self, k: int, change: FloatArray, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _point(
+        self, k: int, places: list[int], change: FloatArray, position_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return a landmark as a point (3,) and what its components (3, 3) do to it."""
         landmark = self.landmarks[k]
-        places = self.places(f"landmark {landmark.name}")
         place = np.array(landmark.place, dtype=np.float64)
         if places:
             place = place + change[places]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from calibration.flight.problem import left_jacobian
 from calibration.landmarks.angles import LandmarkObservations, stops_of
 from calibration.landmarks.fit import LandmarkFit, solve_landmarks
 from calibration.landmarks.problem import pose_problem
@@ -16,7 +17,7 @@ from calibration.landmarks.rejection import LandmarkFitError
 from calibration.orientation import PoseGuess, bearings_in_base, find_orientation, find_position, kabsch
 from calibration.sightings import Landmark
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
+from groundstation.geometry.rotation import cross_matrices, matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Station
 
@@ -25,6 +26,8 @@ ONE_BEARING_RAD = float(np.radians(0.2))
 # of a line's length: nearer to it than this, places are on it
 _ON_A_LINE = 0.005
 _MOST_TRIPLES = 250
+# of a table that is only judged: with a fifth of the landmarks mistaken, half of them are of right ones
+_JUDGING_TRIPLES = 40
 _SEED = 20240501
 _FAR_M = 1e8
 # largest misfit of the bearings of a valid pose: otherwise another landmark, or other angles
@@ -37,11 +40,13 @@ _LEVEL = float(np.cos(np.radians(30.0)))
 _AS_GOOD = 9.0
 # bearings of right landmarks miss by less
 _ROBUST_RAD = 1e-3
+# nothing but a guard against a division by zero
+_LEAST_M = 1e-9
 _OFF_AXIS = float(np.cos(np.radians(80.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Bearings:
+class SeenBearings:
     """One bearing (n, 3) of each stop, base frame, the landmark's number (n,), its point (n, 3); ``far`` (n,)."""
 
     bearings: FloatArray
@@ -57,7 +62,7 @@ def find_station(
 
     Raises `LandmarkFitError`, which states what is missing.
     """
-    _, guesses = _guesses(station, observed, landmarks)
+    _, guesses = _guesses(station, observed, landmarks, _MOST_TRIPLES)
     best = min((g.median_rad for g in guesses), default=np.inf)
     if best > _MOST_MISS_RAD:
         got = "no pose that fits" if not guesses else f"bearings that miss by {np.degrees(best):.2g}° at best"
@@ -69,15 +74,15 @@ def find_station(
 
 
 def _guesses(
-    station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark]
-) -> tuple[_Bearings, list[PoseGuess]]:
-    """Return what a station saw, and poses by it: one where its place is known, else those of many triples."""
+    station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark], triples: int
+) -> tuple[SeenBearings, list[PoseGuess]]:
+    """Return what a station saw, and poses by it: one where its place is known, else those of so many triples."""
     known = "position" in station.known
     _require_enough(station, observed, landmarks, known)
     # angles and pixels are bearings in the base's frame, independent of the rig's orientation
     seen = _seen(station, observed, landmarks)
     if not known:
-        return seen, list(_poses(station.name, seen))
+        return seen, list(_poses(seen, triples))
     towards = np.where(seen.far[:, None], station.ptu_position_m + seen.points_m, seen.points_m)
     return seen, [find_orientation(seen.bearings, towards, station.ptu_position_m)]
 
@@ -109,7 +114,7 @@ def _count(n: int) -> str:
     return "one landmark" if n == 1 else f"{n or 'no'} landmarks"
 
 
-def _seen(station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark]) -> _Bearings:
+def _seen(station: Station, observed: LandmarkObservations, landmarks: Sequence[Landmark]) -> SeenBearings:
     bearings = bearings_in_base(station.geometry(), observed.pixel_px, observed.angles_rad)
     stops = stops_of(observed.sightings, station)
     means, numbers = [], []
@@ -124,12 +129,12 @@ def _seen(station: Station, observed: LandmarkObservations, landmarks: Sequence[
         raise LandmarkFitError(f"station {station.name}: got {_count(len(set(numbers)))}; wanted {wanted}")
     far = np.array([landmarks[k].kind == "direction" for k in numbers])
     points = np.array([landmarks[k].place for k in numbers]) * np.where(far, _FAR_M, 1.0)[:, None]
-    found = _Bearings(bearings=np.array(means), landmark=np.array(numbers), points_m=points, far=far)
+    found = SeenBearings(bearings=np.array(means), landmark=np.array(numbers), points_m=points, far=far)
     _require_spread(station.name, found)
     return found
 
 
-def _require_spread(name: str, seen: _Bearings) -> None:
+def _require_spread(name: str, seen: SeenBearings) -> None:
     """Raise `LandmarkFitError` where everything was seen along one bearing."""
     middle = np.median(seen.bearings, axis=0)
     off = np.linalg.norm(np.cross(seen.bearings, middle / np.linalg.norm(middle)), axis=1)
@@ -144,7 +149,7 @@ def bearing_misses(station: Station, observed: LandmarkObservations, landmarks: 
     Lenses and mounts are taken as the rig has them. Raises `LandmarkFitError` where no pose can be computed.
     """
     known = "position" in station.known
-    seen, guesses = _guesses(station, observed, landmarks)
+    seen, guesses = _guesses(station, observed, landmarks, _JUDGING_TRIPLES)
     if not known:
         guesses = _different(sorted(guesses, key=lambda g: g.median_rad)[: 4 * _FOLLOWED])[:_FOLLOWED]
     guesses = [guess for guess in guesses if guess.median_rad <= _MOST_MISS_RAD]
@@ -154,20 +159,47 @@ def bearing_misses(station: Station, observed: LandmarkObservations, landmarks: 
     return np.array([off[seen.landmark == k].mean() for k in np.unique(seen.landmark)])
 
 
-def _fitted(seen: _Bearings, guess: PoseGuess, known: bool) -> FloatArray:
+def _fitted(seen: SeenBearings, guess: PoseGuess, known: bool) -> FloatArray:
     """Return by which angle (n,), rad, each bearing is off after a robust fit from a guess."""
-
-    def off(change: FloatArray) -> FloatArray:
-        turn = rotation_from_vector(change[:3]) @ guess.runway_from_base
-        position = guess.position_m if known else guess.position_m + change[3:]
-        return (seen.bearings @ turn.T - _towards(seen, position)).ravel()
-
-    solved = least_squares(off, np.zeros(3 if known else 6), loss="soft_l1", f_scale=_ROBUST_RAD, x_scale="jac")
-    return np.asarray(np.linalg.norm(off(solved.x).reshape(-1, 3), axis=1))
+    fit = BearingFit(seen=seen, guess=guess, known=known)
+    start = np.zeros(3 if known else 6)
+    solved = least_squares(fit.off, start, jac=fit.slope, loss="soft_l1", f_scale=_ROBUST_RAD, x_scale="jac")
+    return np.asarray(np.linalg.norm(fit.off(solved.x).reshape(-1, 3), axis=1))
 
 
-def _poses(name: str, seen: _Bearings) -> Iterator[PoseGuess]:
-    """Yield poses from three bearings each, or from two far directions and a point."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BearingFit:
+    """Bearings against a guessed pose changed by a rotation vector, runway frame, and by a shift if it is not known."""
+
+    seen: SeenBearings
+    guess: PoseGuess
+    known: bool
+
+    def _position(self, change: FloatArray) -> FloatArray:
+        return self.guess.position_m if self.known else self.guess.position_m + change[3:]
+
+    def _turned(self, change: FloatArray) -> FloatArray:
+        return np.asarray(self.seen.bearings @ (rotation_from_vector(change[:3]) @ self.guess.runway_from_base).T)
+
+    def off(self, change: FloatArray) -> FloatArray:
+        """Return by how much (3n,) the unit vectors of bearings are off, runway frame, with a change (3,) or (6,)."""
+        return np.asarray((self._turned(change) - _towards(self.seen, self._position(change))).ravel())
+
+    def slope(self, change: FloatArray) -> FloatArray:
+        """Return the derivatives (3n, 3) or (3n, 6) of `off`."""
+        # exp([θ]×) b moves by θ × b
+        by_turn = -cross_matrices(self._turned(change)) @ left_jacobian(change[:3])
+        if self.known:
+            return by_turn.reshape(-1, 3)
+        far, away = self.seen.far[:, None, None], self.seen.points_m - self._position(change)
+        length = np.maximum(np.linalg.norm(away, axis=1), _LEAST_M)[:, None]
+        towards = away / length
+        across = (np.eye(3) - towards[:, :, None] * towards[:, None, :]) / length[:, :, None]
+        return np.concatenate([by_turn, np.where(far, 0.0, across)], axis=2).reshape(-1, 6)
+
+
+def _poses(seen: SeenBearings, most: int) -> Iterator[PoseGuess]:
+    """Yield poses from three bearings each, at most so many triples, or from two far directions and a point."""
     far = np.unique(seen.landmark[seen.far])
     if len(far) >= 2:
         turned = kabsch(seen.bearings[seen.far], seen.points_m[seen.far] / _FAR_M)
@@ -177,14 +209,14 @@ def _poses(name: str, seen: _Bearings) -> Iterator[PoseGuess]:
     numbers = [k for k, rows in where.items() if len(rows)]
     triples = list(combinations(numbers, 3))
     generator = np.random.default_rng(_SEED)
-    if len(triples) > _MOST_TRIPLES:
-        triples = [triples[k] for k in generator.choice(len(triples), _MOST_TRIPLES, replace=False)]
+    if len(triples) > most:
+        triples = [triples[k] for k in generator.choice(len(triples), most, replace=False)]
     for triple in triples:
         rows = [int(generator.choice(where[k])) for k in triple]
         yield from _three_points(seen, rows)
 
 
-def _three_points(seen: _Bearings, rows: list[int]) -> Iterator[PoseGuess]:
+def _three_points(seen: SeenBearings, rows: list[int]) -> Iterator[PoseGuess]:
     """Yield the poses from which three points appear under their bearings (OpenCV's AP3P)."""
     bearings, points = seen.bearings[rows], seen.points_m[rows]
     origin = points.mean(axis=0)
@@ -210,16 +242,16 @@ def _three_points(seen: _Bearings, rows: list[int]) -> Iterator[PoseGuess]:
             yield _judged(seen, turned, position)
 
 
-def _judged(seen: _Bearings, runway_from_base: FloatArray, position_m: FloatArray) -> PoseGuess:
+def _judged(seen: SeenBearings, runway_from_base: FloatArray, position_m: FloatArray) -> PoseGuess:
     towards = _towards(seen, position_m)
     miss = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(seen.bearings @ runway_from_base.T - towards, axis=1), 0, 1))
     return PoseGuess(runway_from_base=runway_from_base, position_m=position_m, median_rad=float(np.median(miss)))
 
 
-def _towards(seen: _Bearings, position_m: FloatArray) -> FloatArray:
+def _towards(seen: SeenBearings, position_m: FloatArray) -> FloatArray:
     """Return unit vectors (n, 3), runway frame, from a place (3,) to where each bearing should point."""
     towards = np.where(seen.far[:, None], seen.points_m, seen.points_m - position_m)
-    return np.asarray(towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-9))
+    return np.asarray(towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), _LEAST_M))
 
 
 def _different(guesses: list[PoseGuess]) -> list[PoseGuess]:

@@ -7,20 +7,20 @@ the fields of `groundstation.rig.ptu_axes.PtuAxes` without their unit (``lean``,
 Equations: docs/derivation.md, section 18.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import lru_cache
 
 import numpy as np
 
-from calibration.flight.problem import left_jacobian
+from calibration.flight.problem import about_rotated, left_jacobian
 from calibration.mount.standstills import standstills
 from groundstation.arrays import FloatArray, IntArray, MaskArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration_many
 from groundstation.geometry.kernels import MIN_DEPTH_M
-from groundstation.geometry.rotation import rotation_from_vector
+from groundstation.geometry.rotation import cross_matrices, rotation_from_vector
 from groundstation.rig.ptu_axes import PtuAxes
 from groundstation.rig.rig import Station
 
@@ -114,7 +114,7 @@ class Mark:
             derivative = np.zeros((n, 3, 6))
             derivative[:, :, 3:] = np.eye(3)
             # exp([θ]×) b moves by θ × b
-            derivative[:, :, :3] = -_cross_matrices(turned) @ left_jacobian(change[:3])
+            derivative[:, :, :3] = -cross_matrices(turned) @ left_jacobian(change[:3])
             return turned + self.place_m + change[3:], derivative
         if self.kind is MarkKind.UNKNOWN_POINT:
             away = self.place_m - station_m
@@ -169,15 +169,6 @@ def _direction(unit: FloatArray, change: FloatArray) -> tuple[FloatArray, FloatA
     length = float(np.linalg.norm(vector))
     changed = vector / length
     return changed, (np.eye(3) - np.outer(changed, changed)) @ frame / length
-
-
-def _cross_matrices(vectors: FloatArray) -> FloatArray:
-    """Return [v]× (n, 3, 3) of vectors (n, 3)."""
-    matrix = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    matrix[:, 0, 1], matrix[:, 0, 2], matrix[:, 1, 2] = -z, y, -x
-    matrix[:, 1, 0], matrix[:, 2, 0], matrix[:, 2, 1] = z, -y, x
-    return matrix
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -237,7 +228,8 @@ class MountProblem:
     """A station, its sightings, the marks, and p free parameters with prior sigmas (p,) (inf: no prior).
 
     ``stand`` (n,) numbers the standstills of the sightings, in which the error within an encoder's step is constant.
-    ``places`` are the parameters' places in a change, ``of_marks`` the sightings of each mark and its own parameters.
+    ``places`` are the parameters' places in a change, ``of_marks`` the sightings of each mark and its own parameters,
+    ``of_rig`` the places of those that the rig's geometry has, and where they stand in it.
     """
 
     station: Station
@@ -248,6 +240,7 @@ class MountProblem:
     stand: IntArray = field(init=False, repr=False)
     places: Mapping[str, int] = field(init=False, repr=False)
     of_marks: tuple[tuple[IntArray, tuple[str, ...]], ...] = field(init=False, repr=False)
+    of_rig: tuple[IntArray, IntArray] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         seen = self.sightings
@@ -256,6 +249,9 @@ class MountProblem:
         # a fit predicts hundreds of times
         of_marks = tuple((np.flatnonzero(seen.mark == n), mark.names) for n, mark in enumerate(self.marks))
         object.__setattr__(self, "of_marks", of_marks)
+        own = [k for k, name in enumerate(self.names) if name in CALIBRATION_PARAMETERS]
+        shorts = [CALIBRATION_PARAMETERS.index(self.names[k]) for k in own]
+        object.__setattr__(self, "of_rig", (np.array(own, dtype=np.int64), np.array(shorts, dtype=np.int64)))
 
     @property
     def step_scale(self) -> FloatArray:
@@ -308,11 +304,10 @@ class MountProblem:
         columns = self._axis_columns(by_angle, by_rig, angles[:, 1], station.camera_in_head_m)
         self._left(change, by_rig)
         jacobian = np.zeros((n, 2, len(self.names)))
-        for k, name in enumerate(self.names):
-            if name in columns:
-                jacobian[:, :, k] = columns[name]
-            elif name in CALIBRATION_PARAMETERS:
-                jacobian[:, :, k] = by_rig[:, :, CALIBRATION_PARAMETERS.index(name)]
+        for name, column in columns.items():
+            jacobian[:, :, self.places[name]] = column
+        own, shorts = self.of_rig
+        jacobian[:, :, own] = by_rig[:, :, shorts]
         for own, names, derivative in by_mark:
             moved = by_state[own][:, :, :3] @ derivative
             for part_number, name in enumerate(names):
@@ -325,31 +320,35 @@ class MountProblem:
     def _axis_columns(
         self, by_angle: FloatArray, by_rig: FloatArray, tilt: FloatArray, camera_m: FloatArray
     ) -> dict[str, FloatArray]:
-        """Return ∂pixel/∂ of the errors of the axes, (n, 2) each."""
+        """Return ∂pixel/∂ of the errors of the axes that are sought, (n, 2) each."""
         reading, sense = self.sightings.reading_rad, self.sightings.sense
         by_pan, by_tilt = by_angle[:, :, 0], by_angle[:, :, 1]
-        # the lean turns the head about Rx(tilt)ᵀ e_y; a boresight turns about the same axis, but not the lever arm
-        axis = np.column_stack([np.zeros(len(tilt)), np.cos(tilt), -np.sin(tilt)])
-        lean = np.einsum("nij,nj->ni", by_rig[:, :, 6:9], axis)
-        lean = lean - np.einsum("nij,nj->ni", by_rig[:, :, 9:12], np.cross(camera_m, axis))
-        return {
-            "pan_zero": by_pan,
-            "tilt_zero": by_tilt,
-            "pan_scale": by_pan * reading[:, :1],
-            "tilt_scale": by_tilt * reading[:, 1:],
+
+        def lean() -> FloatArray:
+            # it turns the head about Rx(tilt)ᵀ e_y; a boresight turns about the same axis, but not the lever arm
+            axis = np.column_stack([np.zeros(len(tilt)), np.cos(tilt), -np.sin(tilt)])
+            turned = np.einsum("nij,nj->ni", by_rig[:, :, 6:9], axis)
+            return np.asarray(turned - np.einsum("nij,nj->ni", by_rig[:, :, 9:12], np.cross(camera_m, axis)))
+
+        columns: dict[str, Callable[[], FloatArray]] = {
+            "pan_zero": lambda: by_pan,
+            "tilt_zero": lambda: by_tilt,
+            "pan_scale": lambda: by_pan * reading[:, :1],
+            "tilt_scale": lambda: by_tilt * reading[:, 1:],
             "lean": lean,
-            "pan_backlash": -0.5 * by_pan * sense[:, :1],
-            "tilt_backlash": -0.5 * by_tilt * sense[:, 1:],
-            "pan_sine": by_pan * np.sin(reading[:, :1]),
-            "pan_cosine": by_pan * (np.cos(reading[:, :1]) - 1.0),
-            "tilt_sag": by_tilt * (1.0 - np.cos(reading[:, 1:])),
+            "pan_backlash": lambda: -0.5 * by_pan * sense[:, :1],
+            "tilt_backlash": lambda: -0.5 * by_tilt * sense[:, 1:],
+            "pan_sine": lambda: by_pan * np.sin(reading[:, :1]),
+            "pan_cosine": lambda: by_pan * (np.cos(reading[:, :1]) - 1.0),
+            "tilt_sag": lambda: by_tilt * (1.0 - np.cos(reading[:, 1:])),
         }
+        return {name: column() for name, column in columns.items() if name in self.places}
 
     def _left(self, change: FloatArray, by_rig: FloatArray) -> None:
         """Convert the kernel's small angles into those about the rotated frame."""
         full = np.array([self.value(change, name) for name in CALIBRATION_PARAMETERS])
         for part in _TURNS:
-            by_rig[:, :, part] = by_rig[:, :, part] @ left_jacobian(full[part])
+            by_rig[:, :, part] = about_rotated(by_rig[:, :, part], full[part])
 
     def covariance_px2(self, by_angle: FloatArray) -> FloatArray:
         """Return the covariance (n, 2, 2) of each sighting alone: pixel noise and that of its readings."""

@@ -23,6 +23,8 @@ _LEAST_STOPS = 4
 _FIRST_OVERHEAD_S, _LEAST_OVERHEAD_S = 1.5, 0.5
 # while no airliner is in reach
 _MOON_EACH_S, _MOON_STOPS = 600.0, 4
+# the Sun turns by 0.02° in half of this; its direction takes 10 ms of a core, and airliners are looked for each second
+_SUN_EACH_S = 10.0
 _LOOK_EACH_S = 1.0
 _TELL_EACH_S = 30.0
 _MOST_FAILURES = 3
@@ -148,7 +150,7 @@ class AirlinerRecorder:
         return max(self._overhead_s.values()) + self._reach.pictures_s
 
     def _reach_at(self, now_s: float) -> SkyReach:
-        sun = self._sky.body("sun", now_s)
+        sun = self._sky.body("sun", round(now_s / _SUN_EACH_S) * _SUN_EACH_S)
         return replace(self._reach, sun=sun if sun[2] > 0.0 else None)
 
     def _follow(self, aircraft: str) -> int:

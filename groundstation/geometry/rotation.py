@@ -19,6 +19,15 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
+def cross_matrices(vectors: FloatArray) -> FloatArray:
+    """Return [v]× (n, 3, 3) of vectors v (n, 3): [v]× a = v × a."""
+    matrix = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    matrix[:, 0, 1], matrix[:, 0, 2], matrix[:, 1, 2] = -z, y, -x
+    matrix[:, 1, 0], matrix[:, 2, 0], matrix[:, 2, 1] = z, -y, x
+    return matrix
+
+
 def matrix_from_wxyz(q_wxyz: FloatArray) -> FloatArray:
     """Return the (3, 3) rotation matrix of a unit Hamilton quaternion (4,), w first."""
     # Python's numbers: with NumPy's the products take three times as long
