@@ -317,7 +317,7 @@ class FlightProblem:
 
 def about_rotated(derivative: FloatArray, turn_rad: FloatArray) -> FloatArray:
     """Return derivatives (n, 2, 3) by a rotation vector (3,) in rad, given those by a further small rotation."""
-    # one product: as many as there are pixels take four times as long
+    # one product: as many as there are pixels take four times as long (of 300)
     return np.asarray((derivative.reshape(-1, 3) @ left_jacobian(turn_rad)).reshape(derivative.shape))
 
 

@@ -200,7 +200,7 @@ class LandmarkProblem:
                 jacobian[one.rows, :, one.places[0] : one.places[0] + 3] = by_state[one.rows, :, :3] @ by_place
         usable = depth > MIN_DEPTH_M
         jacobian[~usable] = 0.0
-        # as one product of matrices: as many as there are rows take three times as long
+        # as one product of matrices: as many as there are sightings take three times as long (of 300)
         by_unknown = (jacobian.reshape(2 * n, -1) @ self.spread).reshape(n, 2, -1)
         return LinearisedSightings(pixel_px=pixel, jacobian=by_unknown, by_angle=by_state[:, :, 3:], usable=usable)
 
