@@ -5,9 +5,11 @@ earlier times, through a small scale and roll of the camera. For each offset, dr
 squares are linear and are solved on the way (variable projection).
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.linalg import LinAlgError
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import least_squares
@@ -19,6 +21,8 @@ from groundstation.arrays import FloatArray, MaskArray
 CUBIC = 3
 # nothing but a guard against stretches without a reading
 _STIFFNESS = 1e-5
+# added to the diagonal, shares of its mean: the least with which there are factors, as rounding errors may be negative
+_HELD = (1e-12, 1e-9, 1e-6)
 # one sigma before: of a lens's scale, of a camera's roll in rad, of a quartz
 SCALE_SIGMA = 0.02
 ROLL_SIGMA_RAD = float(np.radians(2.0))
@@ -177,6 +181,16 @@ class _SplineSolution:
     coefficients: FloatArray
 
 
+def _factors(band: FloatArray) -> FloatArray:
+    """Return the Cholesky factors of a lower band (w, n); what no data determine is held near zero."""
+    for share in _HELD:
+        held = band.copy()
+        held[0] += share * band[0].mean()
+        with suppress(LinAlgError):
+            return np.asarray(cholesky_banded(held, overwrite_ab=True, lower=True, check_finite=False))
+    raise AssertionError("the last share is far above rounding errors")
+
+
 class _BandFactors:
     """Cholesky factors of the normal equations of two splines of k coefficients, (2k, 2k).
 
@@ -194,8 +208,7 @@ class _BandFactors:
         below = row >= column
         band = np.zeros((int((row - column).max()) + 1, size))
         band[(row - column)[below], column[below]] = normal.data[below]
-        band[0] += 1e-12 * band[0].mean()
-        self._factors = cholesky_banded(band, overwrite_ab=True, lower=True, check_finite=False)
+        self._factors = _factors(band)
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return the solution (2k,) or (2k, n) of right sides of that shape."""
