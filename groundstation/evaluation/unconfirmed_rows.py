@@ -45,6 +45,22 @@ class _Pending(Generic[Row]):
     box: Box[float] | None
 
 
+class _PixelPath:
+    """Where a track was in one camera, by its pixels there."""
+
+    def __init__(self, station: str, pixels: Sequence[InitialPixel]) -> None:
+        own = sorted((pixel for pixel in pixels if pixel.station == station), key=lambda pixel: pixel.t_s)
+        self.track_s = own[0].track_s
+        self._times, self._u, self._v = np.array([(pixel.t_s, pixel.u_px, pixel.v_px) for pixel in own]).T
+
+    def is_within(self, box: Box[float], t_s: float) -> bool:
+        """Return whether the track was within a silhouette's box at a time."""
+        if float(np.abs(self._times - t_s).min()) > _NEAR_S:
+            return False
+        u, v = np.interp(t_s, self._times, self._u), np.interp(t_s, self._times, self._v)
+        return bool(box.x0 <= u <= box.x1 and box.y0 <= v <= box.y1)
+
+
 class UnconfirmedRows(Generic[Row]):
     """The last rows of a table of camera reports, in their order, until nothing can change them.
 
@@ -73,6 +89,9 @@ class UnconfirmedRows(Generic[Row]):
         pixels = [pixel for pixel in report.initial_pixels if pixel.track_s not in displaced]
         changes = self._withdraw(displaced, pixels) if displaced else []
         changes += self._fill(pixels) if pixels else []
+        if any(isinstance(c.result, Detection) and c.track_s is None for c in report.cameras):
+            # of a source that has no tracks: there is nothing to wait for
+            self._release()
         for each in report.outcomes:
             if each.outcome is Outcome.CONFIRMED:
                 self._confirmed_s = each.track_s
@@ -98,9 +117,6 @@ class UnconfirmedRows(Generic[Row]):
         result = camera.result
         box = result.box if isinstance(result, Detection) else None
         searched = isinstance(result, Miss) and result.reason is MissReason.NOT_ACQUIRED
-        if box is not None and camera.track_s is None:
-            # of a source that has no tracks: there is nothing to wait for
-            self._release()
         self._rows.append(_Pending(camera.t_s, camera.station, row, searched, camera.track_s, box))
 
     def _release(self) -> None:
@@ -119,12 +135,13 @@ class UnconfirmedRows(Generic[Row]):
     ) -> list[tuple[Row, InitialPixel | None]]:
         """Make the rows of tracks that were displaced rows of a search, or of the track with these ``pixels``."""
         changes: list[tuple[Row, InitialPixel | None]] = []
+        paths = {station: _PixelPath(station, pixels) for station in {pixel.station for pixel in pixels}}
         for pending in self._rows:
             if pending.track_s is None or pending.track_s not in tracks_s or self._is_old(pending):
                 continue
-            own = [pixel for pixel in pixels if pixel.station == pending.station]
-            if pending.box is not None and _is_within(pending.box, pending.t_s, own):
-                pending.track_s = own[0].track_s
+            path = paths.get(pending.station)
+            if path is not None and pending.box is not None and path.is_within(pending.box, pending.t_s):
+                pending.track_s = path.track_s
             else:
                 pending.searched, pending.track_s, pending.box = True, None, None
                 changes.append((pending.row, None))
@@ -147,11 +164,3 @@ class UnconfirmedRows(Generic[Row]):
     def _is_final(self, pending: _Pending[Row]) -> bool:
         waits = pending.searched or (pending.track_s is not None and pending.track_s != self._confirmed_s)
         return not waits or self._is_old(pending)
-
-
-def _is_within(box: Box[float], t_s: float, pixels: Sequence[InitialPixel]) -> bool:
-    """Return whether a track, by its pixels in a camera, was within a silhouette's box at a time."""
-    if not pixels or min(abs(pixel.t_s - t_s) for pixel in pixels) > _NEAR_S:
-        return False
-    times, u, v = np.array(sorted((pixel.t_s, pixel.u_px, pixel.v_px) for pixel in pixels)).T
-    return bool(box.x0 <= np.interp(t_s, times, u) <= box.x1 and box.y0 <= np.interp(t_s, times, v) <= box.y1)

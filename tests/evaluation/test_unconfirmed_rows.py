@@ -185,6 +185,20 @@ def test_a_track_displaced_by_the_same_target_keeps_its_pixels(near_s: float, u_
     assert statuses(collector) == ["miss", "miss"]
 
 
+def test_a_source_without_tracks_gets_its_initial_pixels(tmp_path: Path) -> None:
+    """Expected: also where the first detection is in the same report, after which nothing waits."""
+    first = replace(pixel(0.1, 0.2), track_s=None)
+    found = replace(looked(0.2, 0.2), track_s=None)
+    report = StepReport(cameras=(looked(0.0, None), looked(0.1, None), found), initial_pixels=(first,))
+    collector = ResultCollector()
+    collector.write(report)
+    with TrackFilesSink(tmp_path) as sink:
+        sink.write(report)
+        sink.flush()
+        written = [status for status, _ in file_rows(tmp_path)]
+    assert written == statuses(collector) == ["miss", "initial", "ok"]
+
+
 def test_a_track_that_is_dropped_keeps_its_pixels() -> None:
     """Expected: it may have been the target; frames searched before it may still get pixels of the next track."""
     collector = ResultCollector()
