@@ -5,7 +5,7 @@ One stereo epoch takes about 150 bytes and one camera's look 60: a session of on
 """
 
 from array import array
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
 from typing import Any
 
 import numpy as np
@@ -119,7 +119,7 @@ class ResultCollector:
             self._add_camera(camera)
         for row, pixel in self._unconfirmed.take(report, range(first, len(self._cameras))):
             self._cameras.change(row, **(_SEARCHED if pixel is None else _initial_cells(pixel)))
-        self._unconfirmed.final()
+        deque(self._unconfirmed.final(), maxlen=0)
         for estimate in report.estimates:
             self._add_estimate(estimate)
         for event in report.events:

@@ -9,7 +9,7 @@ target, and found again.
 
 import math
 from collections import deque
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -29,6 +29,7 @@ from groundstation.messages import (
 
 Row = TypeVar("Row")
 
+_NOT_LOOKED_AT = frozenset((MissReason.LATE, MissReason.NO_PTU_ANGLE, MissReason.NOT_RECORDED))
 # chosen: a track has pixels as near in time, of frames that are searched by turns, where it is said to have been
 _NEAR_S = 0.3
 
@@ -100,24 +101,26 @@ class UnconfirmedRows(Generic[Row]):
                 self._keep(each.track_s)
         return changes
 
-    def final(self) -> list[Row]:
-        """Return the rows that nothing can change any more, oldest first, and forget them."""
-        found = []
+    def final(self) -> Iterator[Row]:
+        """Yield the rows that nothing can change any more, oldest first; each is forgotten once it has been used."""
         while self._rows and self._is_final(self._rows[0]):
-            found.append(self._rows.popleft().row)
-        return found
+            yield self._rows[0].row
+            self._rows.popleft()
 
-    def rest(self) -> list[Row]:
-        """Return all rows as they are, at the end, and forget them."""
-        rows = [pending.row for pending in self._rows]
-        self._rows.clear()
-        return rows
+    def rest(self) -> Iterator[Row]:
+        """Yield all rows as they are, at the end, likewise."""
+        while self._rows:
+            yield self._rows[0].row
+            self._rows.popleft()
 
     def _add(self, camera: CameraReport, row: Row) -> None:
         result = camera.result
         box = result.box if isinstance(result, Detection) else None
-        searched = isinstance(result, Miss) and result.reason is MissReason.NOT_ACQUIRED
-        self._rows.append(_Pending(camera.t_s, camera.station, row, searched, camera.track_s, box))
+        reason = result.reason if isinstance(result, Miss) else None
+        # where no picture was looked at, no track changes what is reported
+        track_s = None if reason in _NOT_LOOKED_AT else camera.track_s
+        searched = reason is MissReason.NOT_ACQUIRED
+        self._rows.append(_Pending(camera.t_s, camera.station, row, searched, track_s, box))
 
     def _release(self) -> None:
         """Make all rows so far final."""

@@ -3,7 +3,7 @@
 Only complete lines are flushed, so that the files of a killed run are readable to their last epoch; `write` may be
 followed by `flush` where the disk was full and is no longer. Rows of a search, and of
 a track that is not confirmed, are kept in memory for five seconds at most: a frame without a target gets the pixel by
-which one was found afterwards, and one of a track that was not confirmed loses its pixel.
+which one was found afterwards, and one of a track that was displaced before it was confirmed loses its pixel.
 A missing value is an empty cell.
 """
 

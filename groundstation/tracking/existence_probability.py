@@ -1,4 +1,4 @@
-"""ExistenceProbability probability of the track, from detections and missed detections.
+"""Existence probability of the track, from detections and missed detections.
 
 As in integrated probabilistic data association (Mušicki, Evans & Stanković 1994): a missed detection multiplies the
 odds by 1 − P_D p_v, with p_v the predicted probability inside the image and P_D the recent detection rate of the
@@ -56,7 +56,7 @@ class ExistenceProbability:
     def hit(
         self, station: str, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray, width_px: float = 0.0
     ) -> None:
-        """Update with an accepted pixel: innovation (2,), its covariance (2, 2), and the silhouette's width."""
+        """Update with an accepted pixel: innovation (2,), its covariance (2, 2), and the width of the target."""
         self._learn(station, t_s, 1.0, 1.0)
         P_D = self.detection_probability(station)
         a, b, c = float(covariance_px2[0, 0]), float(covariance_px2[1, 1]), float(covariance_px2[0, 1])

@@ -80,6 +80,8 @@ class _Outcome(NamedTuple):
     channel_contrast: Mapping[str, float] | None = None
     by_itself: Detection | None = None
     """The detection without what the filter says about it."""
+    expected_width_px: float = 0.0
+    """The target's width as the filter expects it."""
 
 
 def _missed(reason: MissReason, detail: str) -> _Outcome:
@@ -252,7 +254,9 @@ class FrameUpdate:
             status = _MISS_STATUS.get(result.reason, DetectionStatus.MISS)
             return _Outcome(status, result, prediction.pixel, spread, look.roi, look.channel_contrast)
         found = weighed(result, prediction.pixel, spread)
-        return _Outcome(status, found, prediction.pixel, spread, look.roi, look.channel_contrast, by_itself=result)
+        span_m = self._assumed_span_m if self._span.span_m is None else self._span.span_m
+        width_px = span_m * float(camera.station.lens.focal_px[0]) / prediction.depth_m
+        return _Outcome(status, found, prediction.pixel, spread, look.roi, look.channel_contrast, result, width_px)
 
     def _fuse_detection(
         self, record: Frame | PixelMeasurement, found: Detection, seen: _Outcome, angles: _Angles
@@ -279,7 +283,8 @@ class FrameUpdate:
             track = self._track_manager.state_machine
             track.add_pixel(record.t_s)
             if isinstance(record, Frame):
-                width_px = found.box.w
+                # a region larger than the target is no more of a target
+                width_px = min(found.box.w, seen.expected_width_px)
                 track.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance, width_px)
                 if found.log_odds is not None:
                     track.recognition.add(record.station, record.t_s, found.log_odds)

@@ -67,6 +67,8 @@ class TrackManager:
         self._window_s = config.estimation.fix_window_s
         self._coast_after_s = config.estimation.coast_after_s
         self._newest_epoch_s = -math.inf
+        # when a pixel was accepted of each camera, and when one of a cut silhouette, too
+        self._accepted_s: dict[str, float] = {}
         self._seen_s: dict[str, float] = {}
         geometries = {n: c.geometry for n, c in cameras.items()}
         self._eyes_m = [each.camera_pose(0.0, 0.0).position_runway_m for each in geometries.values()]
@@ -137,10 +139,9 @@ class TrackManager:
         """
         t_s = epoch.t_s
         fixed = len(views.accepted) >= 2
-        # two or more cameras see the target, one of them in this epoch: a cut silhouette is evidence of it, too
+        self._accepted_s.update(dict.fromkeys(views.accepted, t_s))
         self._seen_s.update(dict.fromkeys(views.seen, t_s))
-        together = sum(t_s - at_s <= _TOGETHER_S for at_s in self._seen_s.values())
-        proof = together >= 2 and bool(views.views)
+        proof = bool(views.views) and self._is_proved(t_s)
         self._newest_epoch_s = max(self._newest_epoch_s, t_s, newest_s)
         if self._ekf.has_target:
             self._update_status(t_s, fixed, proof)
@@ -155,7 +156,6 @@ class TrackManager:
             self._initiator.reset()
         if not self.is_confirmed:
             return None
-        self.changes.decide(Outcome.CONFIRMED)
         kinematics = self.reported(self._ekf.kinematics_at(t_s))
         self.predictor.add(Knot(t_s=t_s, position_m=kinematics.position_runway_m))
         return kinematics
@@ -206,6 +206,17 @@ class TrackManager:
         now_s = t_s if self._ekf.time_s is None else max(t_s, self._ekf.time_s)
         kinematics = self.reported(self._ekf.kinematics_at(now_s)) if self.is_confirmed else None
         return TrackState(t_s=t_s, status=self.state_machine.status, kinematics=kinematics)
+
+    def _is_proved(self, t_s: float) -> bool:
+        """Return whether pixels of two or more cameras, close in time, are evidence of the target.
+
+        Of an aircraft that stands and is recognised cut silhouettes are: it may stand across the border until it takes
+        off. Of all else they are not, as where it is, is what the filter expects.
+        """
+        machine = self.state_machine
+        stands = machine.recognition.is_recognised and machine.confirmation.is_standing
+        pixels = self._seen_s if stands else self._accepted_s
+        return sum(t_s - at_s <= _TOGETHER_S for at_s in pixels.values()) >= 2
 
     def _update_status(self, t_s: float, fixed: bool, proof: bool) -> None:
         """Update the status of the target, and drop it if it is lost or a false track."""
@@ -296,6 +307,7 @@ class TrackManager:
         self._alternative.reset()
         self._labels.clear()
         self._schedule.clear()
+        self._accepted_s.clear()
         self._seen_s.clear()
         self.state_machine.start(
             t_s + max(age_s, 0.0),
@@ -332,6 +344,8 @@ class TrackManager:
             camera.reset()
 
     def _set_status(self, t_s: float, status: TrackStatus) -> None:
+        if status in (TrackStatus.TRACKING, TrackStatus.COASTING):
+            self.changes.decide(Outcome.CONFIRMED)
         event = self.state_machine.set_status(t_s, status)
         if event is not None:
             self.changes.events.append(event)

@@ -88,7 +88,7 @@ class TrackStateMachine:
         self._newest_pixel_s = max(self._newest_pixel_s, t_s)
 
     def add_fix(self, t_s: float) -> None:
-        """Record a fix: accepted pixels of two or more cameras."""
+        """Record a fix: accepted pixels of two or more cameras; of what stands recognised also of cut silhouettes."""
         c = self._config
         # a fix in the next epoch counts, whatever the frame rate
         alone = not self._was_fixed and t_s - self._newest_fix_s > c.confirm_after_s

@@ -167,8 +167,8 @@ def test_a_track_displaced_in_the_step_of_its_start_leaves_nothing() -> None:
         outcomes=(TrackOutcome(track_s=0.05, outcome=Outcome.DISPLACED),),
     )
     assert rows.take(report, ["a", "b"]) == [("b", None)]
-    assert rows.final() == []
-    assert rows.rest() == ["a", "b"]
+    assert list(rows.final()) == []
+    assert list(rows.rest()) == ["a", "b"]
 
 
 @pytest.mark.parametrize(("near_s", "u_px", "kept"), [(0.5, 8.0, True), (0.5, 10.0, False), (1.0, 8.0, False)])
@@ -197,6 +197,16 @@ def test_a_source_without_tracks_gets_its_initial_pixels(tmp_path: Path) -> None
         sink.flush()
         written = [status for status, _ in file_rows(tmp_path)]
     assert written == statuses(collector) == ["miss", "initial", "ok"]
+
+
+@pytest.mark.parametrize("reason", [MissReason.LATE, MissReason.NO_PTU_ANGLE])
+def test_frames_that_no_one_looked_at_keep_their_reason(reason: MissReason) -> None:
+    """Expected: that a head gave no angles is not hidden by a track that was displaced."""
+    collector = ResultCollector()
+    unseen = replace(looked(0.3, 0.2, found=False), result=Miss(reason=reason))
+    collector.write(StepReport(cameras=(unseen, looked(0.4, 0.2))))
+    collector.write(ended(0.2, Outcome.DISPLACED))
+    assert [MISS_REASONS[row["reason"]] for row in collector.cameras()] == [reason, MissReason.NOT_ACQUIRED]
 
 
 def test_a_track_that_is_dropped_keeps_its_pixels() -> None:

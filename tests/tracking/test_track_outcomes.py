@@ -1,13 +1,16 @@
 """The outcome of tracks, as reports state it."""
 
 import numpy as np
+import pytest
 
+from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.messages import (
     Epoch,
     Event,
     Heartbeat,
     InitialPixel,
     InitialState,
+    Kinematics,
     Outcome,
     PixelMeasurement,
     PtuSample,
@@ -15,6 +18,7 @@ from groundstation.messages import (
     TrackOutcome,
     TrackStatus,
 )
+from groundstation.tracking.epoch_buffer import EpochViews
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.track_changes import TrackChanges
 from tests.replay.test_pipeline_scenarios import config
@@ -75,6 +79,47 @@ def test_a_track_that_no_picture_confirms_is_dropped() -> None:
     assert outcome.outcome is Outcome.DROPPED
     assert reports[-1].states[-1].status in (TrackStatus.LOST, TrackStatus.SEARCHING)
     assert any(report.outcomes and report.states for report in reports)
+
+
+@pytest.mark.parametrize(
+    ("odds", "standing", "kept"), [(4.0, True, True), (4.0, False, False), (0.5, True, False), (None, True, False)]
+)
+def test_cut_silhouettes_prove_an_aircraft_that_stands_recognised_alone(
+    odds: float | None, standing: bool, kept: bool
+) -> None:
+    """Expected: no pixel of a cut silhouette tells where a target is; what moves, or is not recognised, is dropped."""
+    pipeline = Pipeline(make_rig(), config(), span_m=2.3)
+    for event in flight(1.0):
+        if isinstance(event, PtuSample):
+            pipeline.step(event)
+    manager, began_s = pipeline._track_manager, pipeline.time_s
+    assert began_s is not None
+    found = InitiatedTarget(
+        kinematics=Kinematics(
+            position_runway_m=glide(1.0, start_y_m=560.0),
+            velocity_runway_m_s=np.array([0.0, 0.0 if standing else -20.0, 0.0]),
+            covariance=np.diag([0.01, 1.0, 0.01, 0.01, 0.01, 0.01]),
+        ),
+        moving=not standing,
+        recognised=odds is not None and odds > 1.5,
+        odds=odds,
+        age_s=0.3,
+        hits=4,
+    )
+    manager._start_track(began_s, found.kinematics, "acquired", found)
+    outcomes = []
+    for k in range(1, 13):
+        t_s = began_s + 0.1 * k
+        pipeline._ekf.predict_to(t_s)
+        manager.state_machine.add_pixel(t_s)
+        views = EpochViews(views=(object(),), accepted=frozenset(), arrived_s=None, seen=frozenset(("left", "right")))
+        manager.process_epoch(Epoch(t_s=t_s, epoch=k, stations=("left", "right")), views, newest_s=t_s)
+        outcomes += [each.outcome for each in manager.changes.take().outcomes]
+        assert not manager.is_confirmed
+        if kept:
+            # it is no fix, and what moves takes its place
+            assert manager.needs_search(t_s)
+    assert outcomes == ([] if kept else [Outcome.DROPPED])
 
 
 def test_each_track_is_decided_once() -> None:
