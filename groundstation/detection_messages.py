@@ -129,7 +129,7 @@ class InitialPixel:
     """A pixel by which a target was found, or that it explains, in a frame that has been reported without it.
 
     ``t_s`` and ``station`` are those of the frame's `CameraReport`; ``sigma_px`` is one sigma of u and v. At most
-    `INITIAL_PIXELS_S` older than the target. ``track_s`` is the target's track, by its start.
+    `INITIAL_PIXELS_S` older than the target. ``track_start_s`` is the target's track, by its start.
     """
 
     t_s: float
@@ -137,10 +137,10 @@ class InitialPixel:
     u_px: float
     v_px: float
     sigma_px: float
-    track_s: float | None = None
+    track_start_s: float | None = None
 
 
-class Outcome(StrEnum):
+class OutcomeKind(StrEnum):
     """What becomes of a track: it is confirmed, or, before that, dropped, or displaced by a better one.
 
     What has displaced it is the target instead; of one that is dropped it is not known whether it was.
@@ -153,10 +153,10 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackOutcome:
-    """The outcome of the track that started at ``track_s``, session time; a given target is confirmed at its start."""
+    """The outcome of the track with this start, session time; a given target is confirmed at its start."""
 
-    track_s: float
-    outcome: Outcome
+    track_start_s: float
+    kind: OutcomeKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,7 +18,7 @@ from groundstation.detection_messages import InitialPixel as InitialPixel
 from groundstation.detection_messages import Innovation as Innovation
 from groundstation.detection_messages import Miss as Miss
 from groundstation.detection_messages import MissReason as MissReason
-from groundstation.detection_messages import Outcome as Outcome
+from groundstation.detection_messages import OutcomeKind as OutcomeKind
 from groundstation.detection_messages import PointHypothesis as PointHypothesis
 from groundstation.detection_messages import RecognisedPixel as RecognisedPixel
 from groundstation.detection_messages import TrackOutcome as TrackOutcome
@@ -246,7 +246,7 @@ class CameraReport:
     channel_contrast : in some frames, the silhouette's contrast-to-noise on each channel, also the paper's saturation.
     image : the picture, if reports keep them.
     recognised : of a frame that was searched whole, the likeliest aircraft, also if it is not the target.
-    track_s : start of the track whose pixel was sought, which may not be confirmed yet; None without one.
+    track_start_s : start of the track whose pixel was sought, which may not be confirmed yet; None without one.
     """
 
     t_s: float
@@ -264,7 +264,7 @@ class CameraReport:
     channel_contrast: Mapping[str, float] | None = None
     image: Picture | None = None
     recognised: RecognisedPixel | None = None
-    track_s: float | None = None
+    track_start_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from groundstation.messages import InitialPixel, Outcome, TrackEvent, TrackOutcome
+from groundstation.messages import InitialPixel, OutcomeKind, TrackEvent, TrackOutcome
 
 
 @dataclass(slots=True)
@@ -16,16 +16,16 @@ class TrackChanges:
     # start of the track whose outcome is open
     _open_s: float | None = None
 
-    def start(self, track_s: float, pixels: Sequence[InitialPixel]) -> None:
+    def start(self, track_start_s: float, pixels: Sequence[InitialPixel]) -> None:
         """Note a new track and the pixels that it was found by; it displaces one that was not confirmed."""
-        self.decide(Outcome.DISPLACED)
-        self._open_s = track_s
-        self.initial_pixels += [replace(pixel, track_s=track_s) for pixel in pixels]
+        self.decide(OutcomeKind.DISPLACED)
+        self._open_s = track_start_s
+        self.initial_pixels += [replace(pixel, track_start_s=track_start_s) for pixel in pixels]
 
-    def decide(self, outcome: Outcome) -> None:
+    def decide(self, kind: OutcomeKind) -> None:
         """Note the outcome of the track, unless there has been one."""
         if self._open_s is not None:
-            self.outcomes.append(TrackOutcome(track_s=self._open_s, outcome=outcome))
+            self.outcomes.append(TrackOutcome(track_start_s=self._open_s, kind=kind))
             self._open_s = None
 
     def take(self) -> "TrackChanges":

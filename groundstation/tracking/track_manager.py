@@ -22,7 +22,7 @@ from groundstation.messages import (
     Frame,
     InitialState,
     Kinematics,
-    Outcome,
+    OutcomeKind,
     PixelMeasurement,
     TrackEvent,
     TrackState,
@@ -161,7 +161,7 @@ class TrackManager:
         return kinematics
 
     @property
-    def track_s(self) -> float | None:
+    def track_start_s(self) -> float | None:
         """Start of the track, which may not be confirmed yet; None without one."""
         return self.state_machine.started_s if self._ekf.has_target else None
 
@@ -326,12 +326,12 @@ class TrackManager:
             self.state_machine.started_s, () if found is None else self._earlier.of(t_s, start, found.pixels)
         )
         if found is None:
-            self.changes.decide(Outcome.CONFIRMED)
+            self.changes.decide(OutcomeKind.CONFIRMED)
         self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)
 
     def drop(self, t_s: float) -> None:
         """Drop the target as lost."""
-        self.changes.decide(Outcome.DROPPED)
+        self.changes.decide(OutcomeKind.DROPPED)
         self._ekf.drop_target()
         self._guided.reset()
         self._alternative.reset()
@@ -345,7 +345,7 @@ class TrackManager:
 
     def _set_status(self, t_s: float, status: TrackStatus) -> None:
         if status in (TrackStatus.TRACKING, TrackStatus.COASTING):
-            self.changes.decide(Outcome.CONFIRMED)
+            self.changes.decide(OutcomeKind.CONFIRMED)
         event = self.state_machine.set_status(t_s, status)
         if event is not None:
             self.changes.events.append(event)

@@ -11,7 +11,7 @@ from groundstation.messages import (
     InitialPixel,
     InitialState,
     Kinematics,
-    Outcome,
+    OutcomeKind,
     PixelMeasurement,
     PtuSample,
     StepReport,
@@ -40,15 +40,15 @@ def test_a_found_track_is_confirmed_when_its_estimate_is_reported() -> None:
     pipeline = Pipeline(make_rig(), config(), span_m=2.3)
     reports = [pipeline.step(event) for event in flight(8.0)]
     (outcome,) = outcomes_of(reports)
-    assert outcome.outcome is Outcome.CONFIRMED
+    assert outcome.kind is OutcomeKind.CONFIRMED
     at = next(k for k, report in enumerate(reports) if report.outcomes)
     assert next(k for k, r in enumerate(reports) if any(e.kinematics is not None for e in r.estimates)) == at
     # a frame belongs to the track that there was when it was processed
     cameras = [camera for report in reports for camera in report.cameras]
-    first = next(k for k, camera in enumerate(cameras) if camera.track_s is not None)
-    assert {camera.track_s for camera in cameras[first:]} == {outcome.track_s}
+    first = next(k for k, camera in enumerate(cameras) if camera.track_start_s is not None)
+    assert {camera.track_start_s for camera in cameras[first:]} == {outcome.track_start_s}
     assert first > 0
-    assert cameras[first].t_s >= outcome.track_s > 0.0
+    assert cameras[first].t_s >= outcome.track_start_s > 0.0
 
 
 def test_a_given_track_is_confirmed_at_its_start() -> None:
@@ -61,13 +61,13 @@ def test_a_given_track_is_confirmed_at_its_start() -> None:
     )
     pipeline = Pipeline(make_rig(), config(), span_m=2.3, initial=start)
     reports = [pipeline.step(event) for event in flight(2.0)]
-    assert outcomes_of(reports) == [TrackOutcome(track_s=start.t_s, outcome=Outcome.CONFIRMED)]
+    assert outcomes_of(reports) == [TrackOutcome(track_start_s=start.t_s, kind=OutcomeKind.CONFIRMED)]
 
 
 def test_a_track_that_no_picture_confirms_is_dropped() -> None:
     pipeline, reports = Pipeline(make_rig(), config(), span_m=2.3), []
     for event in flight(8.0):
-        if pipeline._track_manager.track_s is not None and isinstance(event, PixelMeasurement | Epoch):
+        if pipeline._track_manager.track_start_s is not None and isinstance(event, PixelMeasurement | Epoch):
             # the pictures end as soon as it is found
             continue
         reports.append(pipeline.step(event))
@@ -76,7 +76,7 @@ def test_a_track_that_no_picture_confirms_is_dropped() -> None:
     for t_s in np.arange(newest_s, newest_s + 20.0, 0.5):
         reports.append(pipeline.step(Heartbeat(t_s=float(t_s))))
     (outcome,) = outcomes_of(reports)
-    assert outcome.outcome is Outcome.DROPPED
+    assert outcome.kind is OutcomeKind.DROPPED
     assert reports[-1].states[-1].status in (TrackStatus.LOST, TrackStatus.SEARCHING)
     assert any(report.outcomes and report.states for report in reports)
 
@@ -114,12 +114,12 @@ def test_cut_silhouettes_prove_an_aircraft_that_stands_recognised_alone(
         manager.state_machine.add_pixel(t_s)
         views = EpochViews(views=(object(),), accepted=frozenset(), arrived_s=None, seen=frozenset(("left", "right")))
         manager.process_epoch(Epoch(t_s=t_s, epoch=k, stations=("left", "right")), views, newest_s=t_s)
-        outcomes += [each.outcome for each in manager.changes.take().outcomes]
+        outcomes += [each.kind for each in manager.changes.take().outcomes]
         assert not manager.is_confirmed
         if kept:
             # it is no fix, and what moves takes its place
             assert manager.needs_search(t_s)
-    assert outcomes == ([] if kept else [Outcome.DROPPED])
+    assert outcomes == ([] if kept else [OutcomeKind.DROPPED])
 
 
 def test_each_track_is_decided_once() -> None:
@@ -127,11 +127,14 @@ def test_each_track_is_decided_once() -> None:
     found = InitialPixel(t_s=0.9, station="left", u_px=1.0, v_px=2.0, sigma_px=1.0)
     changes.start(1.0, [found])
     changes.start(2.0, [found])
-    changes.decide(Outcome.CONFIRMED)
-    changes.decide(Outcome.DROPPED)
+    changes.decide(OutcomeKind.CONFIRMED)
+    changes.decide(OutcomeKind.DROPPED)
     taken = changes.take()
-    assert [(o.track_s, o.outcome) for o in taken.outcomes] == [(1.0, Outcome.DISPLACED), (2.0, Outcome.CONFIRMED)]
-    assert [p.track_s for p in taken.initial_pixels] == [1.0, 2.0]
+    assert [(o.track_start_s, o.kind) for o in taken.outcomes] == [
+        (1.0, OutcomeKind.DISPLACED),
+        (2.0, OutcomeKind.CONFIRMED),
+    ]
+    assert [p.track_start_s for p in taken.initial_pixels] == [1.0, 2.0]
     assert changes.take() == TrackChanges()
     # the next one does not displace what was confirmed
     changes.start(3.0, [])
