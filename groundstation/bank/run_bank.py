@@ -28,6 +28,7 @@ class BankRequest:
     """Parameters of a run of the bank: settings, output folder, workers, tuning file, environment with CSRT.
 
     ``scheduler`` is the address of a Dask scheduler; None starts ``workers`` processes here (None: one for each core).
+    Rendered worlds are kept in ``worlds``, and used again; None keeps none.
     """
 
     settings: BankSettings
@@ -36,6 +37,7 @@ class BankRequest:
     scheduler: str | None = None
     config: Path | None = None
     csrt_python: Path | None = None
+    worlds: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +71,7 @@ def run_bank(
             frame_hz=settings.frame_hz,
             tuning=tuning,
             csrt_python=None if request.csrt_python is None else str(request.csrt_python.absolute()),
+            worlds=None if request.worlds is None else str(request.worlds.absolute()),
         )
         for seed in settings.seeds
     }

@@ -11,13 +11,13 @@ from groundstation.bank.baseline import baseline_row
 from groundstation.bank.contact_sheet import contact_sheet
 from groundstation.bank.frame_classes import frame_class_row
 from groundstation.bank.frame_outcomes import frame_outcomes
+from groundstation.bank.rendered_worlds import rendered_world
 from groundstation.bank.session_figures import session_figures
 from groundstation.bank.session_truth import SessionTruth
 from groundstation.errors import SessionError
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.session import load_session
 from groundstation.simulation.world.draw_world import draw_world
-from groundstation.simulation.world.render_world import render_world
 from groundstation.simulation.world.world import world_factors
 
 # of the figures in a row: the last bits of a sum depend on how a machine's libraries order it
@@ -29,7 +29,8 @@ class WorldJob:
     """Parameters of a worker's job: the world's seed, duration in s and rate in Hz, and options of the replay.
 
     ``tuning`` is the text of a configuration file, or None for the defaults; ``csrt_python`` the executable of an
-    environment with OpenCV's CSRT, or None to leave the baseline out.
+    environment with OpenCV's CSRT, or None to leave the baseline out; ``worlds`` the folder where rendered worlds are
+    kept, or None to keep none.
     """
 
     seed: int
@@ -37,6 +38,7 @@ class WorldJob:
     frame_hz: float
     tuning: str | None = None
     csrt_python: str | None = None
+    worlds: str | None = None
 
 
 def score_world(job: WorldJob) -> dict[str, Any]:
@@ -47,20 +49,18 @@ def score_world(job: WorldJob) -> dict[str, Any]:
     world = draw_world(job.seed, duration_s=job.duration_s, frame_hz=job.frame_hz)
     with tempfile.TemporaryDirectory(prefix="groundstation-bank-") as name:
         folder = Path(name)
-        render_world(world, folder / "session")
+        session = rendered_world(world, folder if job.worlds is None else Path(job.worlds))
         config = None
         if job.tuning is not None:
             config = folder / "tuning.toml"
             config.write_text(job.tuning, encoding="utf-8")
-        request = ReplayRequest(
-            session=folder / "session", out=folder / "out", config=config, rerun=False, report=False
-        )
+        request = ReplayRequest(session=session, out=folder / "out", config=config, rerun=False, report=False)
         result = replay(request)
         if result.fault is not None:
             raise SessionError(
                 f"world {job.seed}", got=str(result.fault), wanted="a session that is replayed to its end"
             )
-        truth = SessionTruth(load_session(folder / "session"))
+        truth = SessionTruth(load_session(session))
         outcomes = frame_outcomes(truth, result.evaluation)
         row = {
             "seed": job.seed,

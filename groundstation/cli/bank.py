@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from groundstation import __version__
 from groundstation.cli.command_arguments import Commands, add_command, add_result_folder, print_files
 from groundstation.cli.number_arguments import count
-from groundstation.cli.path_arguments import READ, READ_TEXT, WRITTEN_FILE
+from groundstation.cli.path_arguments import READ, READ_TEXT, WRITTEN_FILE, WrittenFolder
 from groundstation.cli.progress import ProgressLine
 from groundstation.cli.wrong_usage import refuse_with
 from groundstation.errors import UsageError
@@ -23,6 +23,7 @@ not made for. Goes on where an earlier run into the same folder was interrupted.
 _MORE = """examples:
   groundstation bank validate.toml --out out/validate
   groundstation bank validate.toml --out out/validate --workers 4 --csrt-python csrt/bin/python
+  groundstation bank validate.toml --out out/slow-pan --config slow-pan.toml --worlds out/worlds
   groundstation bank test.toml --out out/test --test-log benchmarks/bank/test-runs.csv
 
 BANK.toml:
@@ -61,6 +62,12 @@ def add_bank(commands: Commands) -> None:
         metavar="FILE",
         help="a Python with opencv-contrib-python-headless below 5: also scores the baseline, CSRT started by hand",
     )
+    bank.add_argument(
+        "--worlds",
+        type=WrittenFolder(("world-*",)),
+        metavar="DIR",
+        help="keep rendered worlds there, and use them again: rendering takes most of the time",
+    )
     bank.add_argument("--test-log", type=WRITTEN_FILE, metavar="FILE", help="log of runs of the test set")
 
 
@@ -92,6 +99,7 @@ def run_bank_command(options: argparse.Namespace) -> int:
         scheduler=options.scheduler,
         config=options.config,
         csrt_python=options.csrt_python,
+        worlds=options.worlds,
     )
     words = f"groundstation {__version__}, commit {commit}, {now:%Y-%m-%d %H:%M} UTC"
     with ProgressLine(sys.stderr, "bank", "session") as line:

@@ -49,8 +49,11 @@ def scored(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     tracker.chmod(tracker.stat().st_mode | stat.S_IXUSR)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(score_world, "draw_world", small_world)
-        job = WorldJob(seed=SEED, duration_s=3.0, frame_hz=5.0, csrt_python=str(tracker))
-        return score_world.score_world(job)
+        worlds = tmp_path_factory.mktemp("worlds")
+        job = WorldJob(seed=SEED, duration_s=3.0, frame_hz=5.0, csrt_python=str(tracker), worlds=str(worlds))
+        found = score_world.score_world(job)
+        assert len(list(worlds.iterdir())) == 1
+        return found | {"kept": score_world.score_world(replace(job, csrt_python=None))["row"]}
 
 
 def test_a_row_has_factors_figures_and_the_baseline(scored: dict[str, Any]) -> None:
@@ -63,6 +66,11 @@ def test_a_row_has_factors_figures_and_the_baseline(scored: dict[str, Any]) -> N
     assert 0.0 < row["baseline_hit_share"] <= 1.0
     assert 0.0 < row["baseline_coverage"] <= 1.0
     assert all(value is None or np.isfinite(value) for value in row.values() if not isinstance(value, str))
+
+
+def test_a_kept_world_gives_the_same_figures(scored: dict[str, Any]) -> None:
+    row = {name: value for name, value in scored["row"].items() if not name.startswith("baseline")}
+    assert scored["kept"] == row
 
 
 def test_classes_of_frames_add_up_to_the_visible_frames(scored: dict[str, Any]) -> None:
