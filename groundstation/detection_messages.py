@@ -129,7 +129,7 @@ class InitialPixel:
     """A pixel by which a target was found, or that it explains, in a frame that has been reported without it.
 
     ``t_s`` and ``station`` are those of the frame's `CameraReport`; ``sigma_px`` is one sigma of u and v. At most
-    `INITIAL_PIXELS_S` older than the target. ``track_start_s`` is the target's track, by its start.
+    `INITIAL_PIXELS_S` older than the target. ``track_id`` is the number of the target's track.
     """
 
     t_s: float
@@ -137,7 +137,7 @@ class InitialPixel:
     u_px: float
     v_px: float
     sigma_px: float
-    track_start_s: float | None = None
+    track_id: int | None = None
 
 
 class OutcomeKind(StrEnum):
@@ -153,9 +153,9 @@ class OutcomeKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackOutcome:
-    """The outcome of the track with this start, session time; a given target is confirmed at its start."""
+    """The outcome of the track of this number; a given target is confirmed at its start."""
 
-    track_start_s: float
+    track_id: int
     kind: OutcomeKind
 
 

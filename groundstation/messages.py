@@ -246,7 +246,7 @@ class CameraReport:
     channel_contrast : in some frames, the silhouette's contrast-to-noise on each channel, also the paper's saturation.
     image : the picture, if reports keep them.
     recognised : of a frame that was searched whole, the likeliest aircraft, also if it is not the target.
-    track_start_s : start of the track whose pixel was sought, which may not be confirmed yet; None without one.
+    track_id : number of the track whose pixel was sought, which may not be confirmed yet; None without one.
     """
 
     t_s: float
@@ -264,7 +264,7 @@ class CameraReport:
     channel_contrast: Mapping[str, float] | None = None
     image: Picture | None = None
     recognised: RecognisedPixel | None = None
-    track_start_s: float | None = None
+    track_id: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -36,13 +36,13 @@ _NEAR_S = 0.3
 
 @dataclass(slots=True)
 class _Pending(Generic[Row]):
-    """A row, its time and station, whether its frame was searched, the start of its track, the silhouette's box."""
+    """A row, its time and station, whether its frame was searched, the number of its track, the silhouette's box."""
 
     t_s: float
     station: str
     row: Row
     searched: bool
-    track_start_s: float | None
+    track_id: int | None
     box: Box[float] | None
 
 
@@ -51,7 +51,7 @@ class _PixelPath:
 
     def __init__(self, station: str, pixels: Sequence[InitialPixel]) -> None:
         own = sorted((pixel for pixel in pixels if pixel.station == station), key=lambda pixel: pixel.t_s)
-        self.track_start_s = own[0].track_start_s
+        self.track_id = own[0].track_id
         self._times, self._u, self._v = np.array([(pixel.t_s, pixel.u_px, pixel.v_px) for pixel in own]).T
 
     def is_within(self, box: Box[float], t_s: float) -> bool:
@@ -72,7 +72,7 @@ class UnconfirmedRows(Generic[Row]):
     def __init__(self) -> None:
         self._rows: deque[_Pending[Row]] = deque()
         self._newest_s = -math.inf
-        self._confirmed_s: float | None = None
+        self._confirmed_id: int | None = None
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -86,19 +86,19 @@ class UnconfirmedRows(Generic[Row]):
             self._add(camera, row)
         times = (*(c.t_s for c in report.cameras), *(e.t_s for e in report.estimates), *(s.t_s for s in report.states))
         self._newest_s = max((self._newest_s, *times))
-        displaced = {each.track_start_s for each in report.outcomes if each.kind is OutcomeKind.DISPLACED}
-        pixels = [pixel for pixel in report.initial_pixels if pixel.track_start_s not in displaced]
+        displaced = {each.track_id for each in report.outcomes if each.kind is OutcomeKind.DISPLACED}
+        pixels = [pixel for pixel in report.initial_pixels if pixel.track_id not in displaced]
         changes = self._withdraw(displaced, pixels) if displaced else []
         changes += self._fill(pixels) if pixels else []
-        if any(isinstance(c.result, Detection) and c.track_start_s is None for c in report.cameras):
+        if any(isinstance(c.result, Detection) and c.track_id is None for c in report.cameras):
             # of a source that has no tracks: there is nothing to wait for
             self._release()
         for each in report.outcomes:
             if each.kind is OutcomeKind.CONFIRMED:
-                self._confirmed_s = each.track_start_s
+                self._confirmed_id = each.track_id
                 self._release()
             elif each.kind is OutcomeKind.DROPPED:
-                self._keep(each.track_start_s)
+                self._keep(each.track_id)
         return changes
 
     def final(self) -> Iterator[Row]:
@@ -118,35 +118,35 @@ class UnconfirmedRows(Generic[Row]):
         box = result.box if isinstance(result, Detection) else None
         reason = result.reason if isinstance(result, Miss) else None
         # where no picture was looked at, no track changes what is reported
-        track_start_s = None if reason in _NOT_LOOKED_AT else camera.track_start_s
+        track_id = None if reason in _NOT_LOOKED_AT else camera.track_id
         searched = reason is MissReason.NOT_ACQUIRED
-        self._rows.append(_Pending(camera.t_s, camera.station, row, searched, track_start_s, box))
+        self._rows.append(_Pending(camera.t_s, camera.station, row, searched, track_id, box))
 
     def _release(self) -> None:
         """Make all rows so far final."""
         for pending in self._rows:
-            pending.searched, pending.track_start_s = False, None
+            pending.searched, pending.track_id = False, None
 
-    def _keep(self, track_start_s: float) -> None:
+    def _keep(self, track_id: int) -> None:
         """Make the rows of a track final."""
         for pending in self._rows:
-            if pending.track_start_s == track_start_s:
-                pending.track_start_s = None
+            if pending.track_id == track_id:
+                pending.track_id = None
 
     def _withdraw(
-        self, tracks_s: Container[float | None], pixels: Sequence[InitialPixel]
+        self, tracks: Container[int | None], pixels: Sequence[InitialPixel]
     ) -> list[tuple[Row, InitialPixel | None]]:
         """Make the rows of tracks that were displaced rows of a search, or of the track with these ``pixels``."""
         changes: list[tuple[Row, InitialPixel | None]] = []
         paths = {station: _PixelPath(station, pixels) for station in {pixel.station for pixel in pixels}}
         for pending in self._rows:
-            if pending.track_start_s is None or pending.track_start_s not in tracks_s or self._is_old(pending):
+            if pending.track_id is None or pending.track_id not in tracks or self._is_old(pending):
                 continue
             path = paths.get(pending.station)
             if path is not None and pending.box is not None and path.is_within(pending.box, pending.t_s):
-                pending.track_start_s = path.track_start_s
+                pending.track_id = path.track_id
             else:
-                pending.searched, pending.track_start_s, pending.box = True, None, None
+                pending.searched, pending.track_id, pending.box = True, None, None
                 changes.append((pending.row, None))
         return changes
 
@@ -157,7 +157,7 @@ class UnconfirmedRows(Generic[Row]):
         for pending in self._rows:
             pixel = by_frame.get((round(pending.t_s, 6), pending.station))
             if pixel is not None and pending.searched and not self._is_old(pending):
-                pending.searched, pending.track_start_s = False, pixel.track_start_s
+                pending.searched, pending.track_id = False, pixel.track_id
                 changes.append((pending.row, pixel))
         return changes
 
@@ -165,5 +165,5 @@ class UnconfirmedRows(Generic[Row]):
         return self._newest_s - pending.t_s > INITIAL_PIXELS_S
 
     def _is_final(self, pending: _Pending[Row]) -> bool:
-        waits = pending.searched or (pending.track_start_s is not None and pending.track_start_s != self._confirmed_s)
+        waits = pending.searched or (pending.track_id is not None and pending.track_id != self._confirmed_id)
         return not waits or self._is_old(pending)

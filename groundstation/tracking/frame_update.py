@@ -183,7 +183,7 @@ class FrameUpdate:
             channel_contrast=seen.channel_contrast,
             image=record.image if self._keep_images and isinstance(record, Frame) else None,
             recognised=likeliest_aircraft(found),
-            track_start_s=self._track_manager.track_start_s,
+            track_id=self._track_manager.track_id,
         )
 
     def _angles(self, ready: ReadyFrame) -> _Angles | None:

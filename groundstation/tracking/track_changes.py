@@ -13,20 +13,22 @@ class TrackChanges:
     events: list[TrackEvent] = field(default_factory=list)
     initial_pixels: list[InitialPixel] = field(default_factory=list)
     outcomes: list[TrackOutcome] = field(default_factory=list)
-    # start of the track whose outcome is open
-    _open_s: float | None = None
+    # number of the newest track, and whether its outcome is open
+    track_id: int = 0
+    _is_open: bool = False
 
-    def start(self, track_start_s: float, pixels: Sequence[InitialPixel]) -> None:
+    def start(self, pixels: Sequence[InitialPixel]) -> None:
         """Note a new track and the pixels that it was found by; it displaces one that was not confirmed."""
         self.decide(OutcomeKind.DISPLACED)
-        self._open_s = track_start_s
-        self.initial_pixels += [replace(pixel, track_start_s=track_start_s) for pixel in pixels]
+        self.track_id += 1
+        self._is_open = True
+        self.initial_pixels += [replace(pixel, track_id=self.track_id) for pixel in pixels]
 
     def decide(self, kind: OutcomeKind) -> None:
         """Note the outcome of the track, unless there has been one."""
-        if self._open_s is not None:
-            self.outcomes.append(TrackOutcome(track_start_s=self._open_s, kind=kind))
-            self._open_s = None
+        if self._is_open:
+            self.outcomes.append(TrackOutcome(track_id=self.track_id, kind=kind))
+            self._is_open = False
 
     def take(self) -> "TrackChanges":
         """Return the changes so far, and forget them."""

@@ -161,9 +161,9 @@ class TrackManager:
         return kinematics
 
     @property
-    def track_start_s(self) -> float | None:
-        """Start of the track, which may not be confirmed yet; None without one."""
-        return self.state_machine.started_s if self._ekf.has_target else None
+    def track_id(self) -> int | None:
+        """Number of the track, counted from 1, which may not be confirmed yet; None without one."""
+        return self.changes.track_id if self._ekf.has_target else None
 
     @property
     def is_confirmed(self) -> bool:
@@ -322,9 +322,7 @@ class TrackManager:
             self.log(t_s, "warning", f"cameras agree on {where} and not with the filter: target restarted there")
         else:
             self.log(t_s, "info", f"target {how} at {where}{', recognised' if found and not found.moving else ''}")
-        self.changes.start(
-            self.state_machine.started_s, () if found is None else self._earlier.of(t_s, start, found.pixels)
-        )
+        self.changes.start(() if found is None else self._earlier.of(t_s, start, found.pixels))
         if found is None:
             self.changes.decide(OutcomeKind.CONFIRMED)
         self._set_status(t_s, TrackStatus.COASTING if how == "corrected" else TrackStatus.ACQUIRING)

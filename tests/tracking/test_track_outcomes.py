@@ -45,10 +45,11 @@ def test_a_found_track_is_confirmed_when_its_estimate_is_reported() -> None:
     assert next(k for k, r in enumerate(reports) if any(e.kinematics is not None for e in r.estimates)) == at
     # a frame belongs to the track that there was when it was processed
     cameras = [camera for report in reports for camera in report.cameras]
-    first = next(k for k, camera in enumerate(cameras) if camera.track_start_s is not None)
-    assert {camera.track_start_s for camera in cameras[first:]} == {outcome.track_start_s}
+    first = next(k for k, camera in enumerate(cameras) if camera.track_id is not None)
+    assert {camera.track_id for camera in cameras[first:]} == {outcome.track_id}
     assert first > 0
-    assert cameras[first].t_s >= outcome.track_start_s > 0.0
+    (started_s,) = [event.t_s for report in reports for event in report.events if event.text.startswith("target ")]
+    assert cameras[first].t_s >= started_s > 0.0
 
 
 def test_a_given_track_is_confirmed_at_its_start() -> None:
@@ -61,13 +62,13 @@ def test_a_given_track_is_confirmed_at_its_start() -> None:
     )
     pipeline = Pipeline(make_rig(), config(), span_m=2.3, initial=start)
     reports = [pipeline.step(event) for event in flight(2.0)]
-    assert outcomes_of(reports) == [TrackOutcome(track_start_s=start.t_s, kind=OutcomeKind.CONFIRMED)]
+    assert outcomes_of(reports) == [TrackOutcome(track_id=1, kind=OutcomeKind.CONFIRMED)]
 
 
 def test_a_track_that_no_picture_confirms_is_dropped() -> None:
     pipeline, reports = Pipeline(make_rig(), config(), span_m=2.3), []
     for event in flight(8.0):
-        if pipeline._track_manager.track_start_s is not None and isinstance(event, PixelMeasurement | Epoch):
+        if pipeline._track_manager.track_id is not None and isinstance(event, PixelMeasurement | Epoch):
             # the pictures end as soon as it is found
             continue
         reports.append(pipeline.step(event))
@@ -125,17 +126,17 @@ def test_cut_silhouettes_prove_an_aircraft_that_stands_recognised_alone(
 def test_each_track_is_decided_once() -> None:
     changes = TrackChanges()
     found = InitialPixel(t_s=0.9, station="left", u_px=1.0, v_px=2.0, sigma_px=1.0)
-    changes.start(1.0, [found])
-    changes.start(2.0, [found])
+    changes.start([found])
+    changes.start([found])
     changes.decide(OutcomeKind.CONFIRMED)
     changes.decide(OutcomeKind.DROPPED)
     taken = changes.take()
-    assert [(o.track_start_s, o.kind) for o in taken.outcomes] == [
-        (1.0, OutcomeKind.DISPLACED),
-        (2.0, OutcomeKind.CONFIRMED),
+    assert [(o.track_id, o.kind) for o in taken.outcomes] == [
+        (1, OutcomeKind.DISPLACED),
+        (2, OutcomeKind.CONFIRMED),
     ]
-    assert [p.track_start_s for p in taken.initial_pixels] == [1.0, 2.0]
+    assert [p.track_id for p in taken.initial_pixels] == [1, 2]
     assert changes.take() == TrackChanges()
     # the next one does not displace what was confirmed
-    changes.start(3.0, [])
+    changes.start([])
     assert changes.take().outcomes == []

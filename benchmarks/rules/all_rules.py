@@ -1,0 +1,247 @@
+"""The rules by the order in which a picture meets them: where to look, what a window shows, which track is followed."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from groundstation.detection import learned_detector, learned_finder
+from groundstation.detection.candidate_finder import CandidateFinder
+from groundstation.detection.channel_window import TARGET_PX
+from groundstation.detection.learned_detector import LearnedDetector
+from groundstation.detection.learned_finder import LearnedFinder
+from groundstation.estimation import initialise
+from groundstation.estimation.earlier_pixels import EarlierPixels
+from groundstation.estimation.guided_search import GuidedSearch
+from groundstation.estimation.initialise import TrackInitiator
+from groundstation.estimation.station_ekf import StationEkf
+from groundstation.evaluation.unconfirmed_rows import UnconfirmedRows
+from groundstation.messages import OutcomeKind, StepReport
+from groundstation.tracking import track_confirmation, track_manager, weighed_pixel
+from groundstation.tracking.alternative_track import AlternativeTrack
+from groundstation.tracking.existence_probability import ExistenceProbability
+from groundstation.tracking.recognition import Recognition
+from groundstation.tracking.track_state_machine import TrackStateMachine
+from rules.rule import Rule, always, constant, first_of
+
+
+def _no_narrower_window(best: Any) -> Callable[..., Any]:
+    def without(self: Any, *arguments: Any, weaker: bool = True) -> Any:
+        return best(self, *arguments) if weaker else None
+
+    return without
+
+
+def _no_weaker_region(scored: Any) -> Callable[..., Any]:
+    def without(self: Any, *arguments: Any, weaker: bool) -> Any:
+        return scored(self, *arguments, weaker=False)
+
+    return without
+
+
+def _no_withdrawal(take: Any) -> Callable[..., Any]:
+    def without(self: Any, report: StepReport, rows: Any) -> Any:
+        kept = {OutcomeKind.DISPLACED: OutcomeKind.DROPPED}
+        outcomes = tuple(replace(each, kind=kept.get(each.kind, each.kind)) for each in report.outcomes)
+        return take(self, replace(report, outcomes=outcomes), rows)
+
+    return without
+
+
+def _hits_alone(miss: Any) -> Callable[..., Any]:
+    return lambda self, station, t_s, in_view: miss(self, station, t_s, 0.0)
+
+
+RULES = (
+    Rule(
+        name="places kept from the frame before",
+        of="search",
+        where=learned_finder,
+        attribute="kept_places",
+        without=always([]),
+    ),
+    Rule(
+        name="proposals by contrast and motion",
+        of="search",
+        where=CandidateFinder,
+        attribute="find",
+        without=always(()),
+    ),
+    Rule(name="proposal network", of="search", where=LearnedFinder, attribute="_proposed", without=always([])),
+    Rule(
+        name="search guided by the other camera",
+        of="search",
+        where=GuidedSearch,
+        attribute="places",
+        without=always([]),
+    ),
+    Rule(name="grid", of="search", where=LearnedFinder, attribute="_turn_of_grid", without=always(())),
+    Rule(
+        name="window for half the width",
+        of="window",
+        where=LearnedDetector,
+        attribute="_best",
+        without=_no_narrower_window,
+    ),
+    Rule(
+        name="weaker regions where the target is expected",
+        of="window",
+        where=LearnedDetector,
+        attribute="_scored",
+        without=_no_weaker_region,
+    ),
+    Rule(
+        name="finer window once the direction is known",
+        of="window",
+        where=learned_detector,
+        attribute="_FINEST_TARGET_PX",
+        without=constant(TARGET_PX),
+    ),
+    Rule(
+        name="several windows for a vague prediction",
+        of="window",
+        where=learned_detector,
+        attribute="_MOST_WINDOWS",
+        without=constant(1),
+    ),
+    Rule(
+        name="window at the border",
+        of="window",
+        where=learned_detector,
+        attribute="_inside",
+        without=first_of,
+    ),
+    Rule(
+        name="two hypotheses on the nose",
+        of="window",
+        where=LearnedDetector,
+        attribute="_hypotheses",
+        without=always(()),
+    ),
+    Rule(
+        name="their weight by the prediction",
+        of="window",
+        where=weighed_pixel,
+        attribute="_MOST_LOG_ODDS",
+        without=constant(0.0),
+    ),
+    Rule(
+        name="of two fixes at a place the likelier",
+        of="track",
+        where=initialise,
+        attribute="without_lesser",
+        without=first_of,
+    ),
+    Rule(
+        name="no narrow pair with a part of an aircraft",
+        of="track",
+        where=initialise,
+        attribute="without_false_pairs",
+        without=first_of,
+    ),
+    Rule(
+        name="of two tracks in a state the better",
+        of="track",
+        where=initialise,
+        attribute="without_copies",
+        without=first_of,
+    ),
+    Rule(
+        name="link to the likelier fix",
+        of="track",
+        where=initialise,
+        attribute="_LINK_ODDS",
+        without=constant(0.0),
+    ),
+    Rule(
+        name="start without motion if recognised",
+        of="track",
+        where=TrackInitiator,
+        attribute="_is_recognised",
+        without=always(False),
+    ),
+    Rule(
+        name="pixels before the start",
+        of="track",
+        where=EarlierPixels,
+        attribute="of",
+        without=always(()),
+    ),
+    Rule(
+        name="reported only once it moves by 5 sigma",
+        of="track",
+        where=track_confirmation,
+        attribute="_FLYING_GATE",
+        without=constant(0.0),
+    ),
+    Rule(
+        name="a young target yields to a far likelier one",
+        of="track",
+        where=Recognition,
+        attribute="is_outdone_by",
+        without=always(False),
+    ),
+    Rule(
+        name="none yields to a far less likely one",
+        of="track",
+        where=Recognition,
+        attribute="is_likelier_than",
+        without=always(False),
+    ),
+    Rule(
+        name="yields to a far nearer one",
+        of="track",
+        where=track_manager,
+        attribute="_FAR_NEARER",
+        without=constant(0.0),
+    ),
+    Rule(
+        name="yields to one with far more fixes",
+        of="track",
+        where=track_manager,
+        attribute="_FAR_OFTENER",
+        without=constant(math.inf),
+    ),
+    Rule(
+        name="any yielding to another target",
+        of="track",
+        where=TrackStateMachine,
+        attribute="yields_to",
+        without=always(False),
+    ),
+    Rule(
+        name="restart where cameras agree",
+        of="track",
+        where=AlternativeTrack,
+        attribute="step",
+        without=always(None),
+    ),
+    Rule(
+        name="misses lower the existence",
+        of="track",
+        where=ExistenceProbability,
+        attribute="miss",
+        without=_hits_alone,
+    ),
+    Rule(
+        name="misses move the estimate",
+        of="track",
+        where=StationEkf,
+        attribute="update_miss",
+        without=always(None),
+    ),
+    Rule(
+        name="widths update range and span",
+        of="track",
+        where=StationEkf,
+        attribute="update_width",
+        without=always(None),
+    ),
+    Rule(
+        name="pixels of a displaced track are withdrawn",
+        of="track",
+        where=UnconfirmedRows,
+        attribute="take",
+        without=_no_withdrawal,
+    ),
+)
