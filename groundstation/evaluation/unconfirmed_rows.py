@@ -2,14 +2,15 @@
 
 A tracker that reports confirmed tracks only, as is usual, has to wait with the pixels as it does with the estimates.
 Those of a track that was displaced by a better one before it was confirmed are no detections of the target, unless the
-better one's pixels are within the same silhouettes: it may have had a wrong range only. Their frames become frames of a
-search, for which the better one may have initial pixels. Those of a track that was dropped stay: it may have been the
-target, and found again.
+better one's pixels are within the same silhouettes: it may have had a wrong range only, or have stood. Frames in which
+the better one has none are judged by the others: where most agree, both are the same target. Frames of what was another
+thing become frames of a search, for which the better one may have initial pixels. Pixels of a track that was dropped
+stay: it may have been the target, and found again.
 """
 
 import math
-from collections import deque
-from collections.abc import Container, Iterator, Sequence
+from collections import Counter, deque
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -36,7 +37,10 @@ _NEAR_S = 0.3
 
 @dataclass(slots=True)
 class _Pending(Generic[Row]):
-    """A row, its time and station, whether its frame was searched, the number of its track, the silhouette's box."""
+    """A row, its time and station, whether its frame was searched, the number of its track, the silhouette's box.
+
+    ``is_initial``: it has an initial pixel, of which no silhouette is known.
+    """
 
     t_s: float
     station: str
@@ -44,6 +48,7 @@ class _Pending(Generic[Row]):
     searched: bool
     track_id: int | None
     box: Box[float] | None
+    is_initial: bool = False
 
 
 class _PixelPath:
@@ -51,13 +56,12 @@ class _PixelPath:
 
     def __init__(self, station: str, pixels: Sequence[InitialPixel]) -> None:
         own = sorted((pixel for pixel in pixels if pixel.station == station), key=lambda pixel: pixel.t_s)
-        self.track_id = own[0].track_id
         self._times, self._u, self._v = np.array([(pixel.t_s, pixel.u_px, pixel.v_px) for pixel in own]).T
 
-    def is_within(self, box: Box[float], t_s: float) -> bool:
-        """Return whether the track was within a silhouette's box at a time."""
+    def is_within(self, box: Box[float], t_s: float) -> bool | None:
+        """Return whether the track was within a silhouette's box at a time; None where it has no pixel near it."""
         if float(np.abs(self._times - t_s).min()) > _NEAR_S:
-            return False
+            return None
         u, v = np.interp(t_s, self._times, self._u), np.interp(t_s, self._times, self._v)
         return bool(box.x0 <= u <= box.x1 and box.y0 <= v <= box.y1)
 
@@ -134,21 +138,28 @@ class UnconfirmedRows(Generic[Row]):
                 pending.track_id = None
 
     def _withdraw(
-        self, tracks: Container[int | None], pixels: Sequence[InitialPixel]
+        self, tracks: Collection[int], pixels: Sequence[InitialPixel]
     ) -> list[tuple[Row, InitialPixel | None]]:
         """Make the rows of tracks that were displaced rows of a search, or of the track with these ``pixels``."""
         changes: list[tuple[Row, InitialPixel | None]] = []
         paths = {station: _PixelPath(station, pixels) for station in {pixel.station for pixel in pixels}}
-        for pending in self._rows:
-            if pending.track_id is None or pending.track_id not in tracks or self._is_old(pending):
-                continue
-            path = paths.get(pending.station)
-            if path is not None and pending.box is not None and path.is_within(pending.box, pending.t_s):
-                pending.track_id = path.track_id
+        rows = [p for p in self._rows if p.track_id is not None and p.track_id in tracks and not self._is_old(p)]
+        agree = [self._agrees(pending, paths.get(pending.station)) for pending in rows]
+        votes = Counter((p.track_id, a) for p, a in zip(rows, agree, strict=True))
+        same = {track for track in tracks if votes[track, True] > votes[track, False]}
+        for pending, agrees in zip(rows, agree, strict=True):
+            has_pixel = pending.is_initial or pending.box is not None
+            if agrees or (agrees is None and has_pixel and pending.track_id in same):
+                pending.track_id = pixels[0].track_id
             else:
-                pending.searched, pending.track_id, pending.box = True, None, None
+                pending.searched, pending.track_id, pending.box, pending.is_initial = True, None, None, False
                 changes.append((pending.row, None))
         return changes
+
+    @staticmethod
+    def _agrees(pending: _Pending[Row], path: _PixelPath | None) -> bool | None:
+        """Return whether a row's silhouette has a track's pixel in it; None where that is not known."""
+        return None if path is None or pending.box is None else path.is_within(pending.box, pending.t_s)
 
     def _fill(self, pixels: Sequence[InitialPixel]) -> list[tuple[Row, InitialPixel | None]]:
         """Give frames of the search the pixels of the track that was found."""
@@ -157,7 +168,7 @@ class UnconfirmedRows(Generic[Row]):
         for pending in self._rows:
             pixel = by_frame.get((round(pending.t_s, 6), pending.station))
             if pixel is not None and pending.searched and not self._is_old(pending):
-                pending.searched, pending.track_id = False, pixel.track_id
+                pending.searched, pending.track_id, pending.is_initial = False, pixel.track_id, True
                 changes.append((pending.row, pixel))
         return changes
 

@@ -185,6 +185,24 @@ def test_a_track_displaced_by_the_same_target_keeps_its_pixels(near_s: float, u_
     assert statuses(collector) == ["miss", "miss"]
 
 
+@pytest.mark.parametrize(("u_px", "wanted"), [(8.0, ["initial", "ok", "ok", "ok"]), (30.0, ["miss"] * 4)])
+def test_frames_before_the_better_track_are_judged_by_the_others(u_px: float, wanted: list[str]) -> None:
+    """Expected: an aircraft that stood was seen before it moved; a bird that was followed was none before, either."""
+    collector = ResultCollector()
+    collector.write(StepReport(cameras=(looked(0.0, None),)))
+    collector.write(StepReport(initial_pixels=(pixel(0.0, 1),), cameras=(looked(0.1, 1), looked(2.0, 1))))
+    collector.write(StepReport(cameras=(looked(2.1, 1),)))
+    outcomes = ended(1, OutcomeKind.DISPLACED).outcomes
+    better = tuple(pixel(t_s, 2, u_px) for t_s in (2.0, 2.1))
+    collector.write(StepReport(outcomes=outcomes, initial_pixels=better))
+    before = 2 if u_px > 9.0 else 4
+    assert statuses(collector)[:before] == wanted[:before]
+    # the frames in which the better one has pixels get these
+    assert statuses(collector)[before:] == ["initial"] * (4 - before)
+    collector.write(ended(2, OutcomeKind.CONFIRMED))
+    assert statuses(collector)[:before] == wanted[:before]
+
+
 def test_a_source_without_tracks_gets_its_initial_pixels(tmp_path: Path) -> None:
     """Expected: also where the first detection is in the same report, after which nothing waits."""
     first = replace(pixel(0.1, 1), track_id=None)
