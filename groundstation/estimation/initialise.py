@@ -19,7 +19,13 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.config import InitiationConfig
 from groundstation.estimation.initial_fix import Fix, without_false_pairs, without_lesser
-from groundstation.estimation.tentative_track import InitiatedTarget, TentativeTrack, initiated, without_copies
+from groundstation.estimation.tentative_track import (
+    InitiatedTarget,
+    TentativeTrack,
+    initiated,
+    motion_over,
+    without_copies,
+)
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.station import LensError, StationGeometry
 from groundstation.messages import InitialPixel, Kinematics
@@ -257,18 +263,11 @@ class TrackInitiator:
             if dt <= 0.0:
                 continue
             if dt not in motions:
-                motions[dt] = self._motion_over(dt)
+                motions[dt] = motion_over(dt, self._config.acceleration_psd_m2_s3)
             F, Q = motions[dt]
             track.x = F @ track.x
             track.P = F @ track.P @ F.T + Q
             track.t_s = t_s
-
-    def _motion_over(self, dt: float) -> tuple[FloatArray, FloatArray]:
-        """Return F and Q, (6, 6) each, over ``dt`` seconds."""
-        F = np.eye(6)
-        F[:3, 3:] = dt * np.eye(3)
-        q = self._config.acceleration_psd_m2_s3
-        return F, np.kron(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), np.eye(3)) * q
 
     def _link(self, fixes: list[Fix], t_s: float) -> None:
         """Associate each track with its most likely fix; fixes that are of no likely track start new ones.

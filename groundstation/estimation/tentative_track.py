@@ -20,6 +20,14 @@ _EXPECTED_SQUARE, _SURE_ODDS = 3.0, 3.0
 _MOST_PIXELS = 450
 
 
+def motion_over(dt_s: float, acceleration_psd_m2_s3: float) -> tuple[FloatArray, FloatArray]:
+    """Return F and Q, (6, 6) each, of a constant velocity with white acceleration over ``dt_s`` seconds."""
+    F = np.eye(6)
+    F[:3, 3:] = dt_s * np.eye(3)
+    step = np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
+    return F, np.kron(step, np.eye(3)) * acceleration_psd_m2_s3
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class TentativeTrack:
     """A tentative track.
