@@ -105,6 +105,7 @@ class EstimationConfig:
     target_point_sigma_spans : one sigma, forward, to the right and upward on the aircraft and in spans, of the
         difference between the detected point and the target point, which lasts for the whole flight.
     target_point_behind_spans : further sigma of it, along an aircraft that is seen straight from behind.
+    target_point_behind_up_spans : and upward on it.
     labelled_sigma_px : noise of a pixel that someone else has found.
     fix_window_s : detections without frames: stations seen within this time count as one fix.
     late_horizon_s : a late reading or frame is still fused in its place if it is at most so much older than the
@@ -153,6 +154,7 @@ class EstimationConfig:
     residual_gate_sigma: float = 5.0
     target_point_sigma_spans: tuple[float, float, float] = state_model.TARGET_POINT_SIGMA_SPANS
     target_point_behind_spans: float = state_model.TARGET_POINT_BEHIND_SPANS
+    target_point_behind_up_spans: float = state_model.TARGET_POINT_BEHIND_UP_SPANS
     labelled_sigma_px: float = state_model.LABELLED_SIGMA_PX
     fix_window_s: float = 0.06
     late_horizon_s: float = 0.5
@@ -164,14 +166,16 @@ class EstimationConfig:
             "late_horizon_s",
             "target_point_sigma_spans",
             "target_point_behind_spans",
+            "target_point_behind_up_spans",
         )
         require_positive(self, but=unsigned)
         if not 0 <= self.detection_lasting_share < 1:
             raise ValueError(f"detection_lasting_share {self.detection_lasting_share} outside 0 … 1")
         if min(self.target_point_sigma_spans) < 0:
             raise ValueError(f"target_point_sigma_spans {self.target_point_sigma_spans} < 0")
-        if self.target_point_behind_spans < 0:
-            raise ValueError(f"target_point_behind_spans {self.target_point_behind_spans} < 0")
+        for name in ("target_point_behind_spans", "target_point_behind_up_spans"):
+            if (behind := getattr(self, name)) < 0:
+                raise ValueError(f"{name} {behind} < 0")
         if self.late_horizon_s < 0:
             raise ValueError(f"late_horizon_s {self.late_horizon_s} < 0")
         if not self.gate_probability < 1:

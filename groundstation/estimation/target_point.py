@@ -14,13 +14,17 @@ from groundstation.messages import Kinematics
 
 
 def point_sigma_m(
-    kinematics: Kinematics, span_m: float, sigma_spans: FloatArray, behind_spans: float, eyes_m: Sequence[FloatArray]
+    kinematics: Kinematics,
+    span_m: float,
+    sigma_spans: FloatArray,
+    behind_spans: FloatArray,
+    eyes_m: Sequence[FloatArray],
 ) -> FloatArray:
     """Return one sigma of the detected point forward, to the right and upward on the aircraft, m, (3,).
 
     ``sigma_spans`` (3,) is that of an aircraft that flies towards cameras at ``eyes_m``, (3,) each; one that flies away
-    hides its nose, and where that is inferred to be is wrong by ``behind_spans`` more along the aircraft, straight from
-    behind, and by nothing across the line of sight.
+    hides its nose, and where that is inferred to be is wrong by ``behind_spans`` (3,) more, straight from behind, and
+    by nothing across the line of sight.
     """
     sigma_m = span_m * sigma_spans
     velocity_m_s = kinematics.velocity_runway_m_s
@@ -29,7 +33,7 @@ def point_sigma_m(
         return sigma_m
     away = [_cosine(velocity_m_s, kinematics.position_runway_m - eye_m) for eye_m in eyes_m]
     behind2 = float(np.mean(np.square(np.maximum(away, 0.0))))
-    return np.asarray(np.sqrt(sigma_m**2 + np.array([(span_m * behind_spans) ** 2 * behind2, 0.0, 0.0])))
+    return np.asarray(np.sqrt(sigma_m**2 + (span_m * behind_spans) ** 2 * behind2))
 
 
 def _cosine(a: FloatArray, b: FloatArray) -> float:

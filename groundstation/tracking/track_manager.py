@@ -77,7 +77,8 @@ class TrackManager:
         self._earlier = EarlierPixels(geometries, config.initiation)
         self._span, self._usual_span_m = span, config.initiation.usual_span_m
         self._point_sigma_spans = np.array(config.estimation.target_point_sigma_spans)
-        self._point_behind_spans = config.estimation.target_point_behind_spans
+        behind = config.estimation.target_point_behind_spans, 0.0, config.estimation.target_point_behind_up_spans
+        self._point_behind_spans = np.array(behind)
         self._alternative = AlternativeTrack(geometries, config.initiation, span.span_m)
         self._initial = initial
         self._schedule = SearchSchedule()

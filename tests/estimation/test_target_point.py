@@ -46,14 +46,16 @@ EYES_M = [np.array([-8.0, 0.0, 1.5]), np.array([8.0, 0.0, 1.5])]
 
 
 @given(st.floats(-np.pi, np.pi))
-def test_a_nose_that_is_hidden_is_less_certain_along_the_aircraft_alone(course_rad: float) -> None:
+def test_a_nose_that_is_hidden_is_less_certain_along_the_aircraft_and_upward(course_rad: float) -> None:
     """Expected: towards the cameras the sigma as it is, away the root of the squares' sum, in between in between."""
     velocity = 20.0 * np.array([np.sin(course_rad), np.cos(course_rad), 0.0])
     flying = Kinematics(
         position_runway_m=np.array([0.0, 4000.0, 1.5]), velocity_runway_m_s=velocity, covariance=np.eye(6)
     )
-    sigma = point_sigma_m(flying, 2.0, SIGMA_M / 2.0, 0.25, EYES_M)
+    behind = np.array([0.25, 0.0, 0.03])
+    sigma = point_sigma_m(flying, 2.0, SIGMA_M / 2.0, behind, EYES_M)
     away = max(np.cos(course_rad), 0.0)
-    np.testing.assert_allclose(sigma, [np.hypot(0.5, 0.5 * away), *SIGMA_M[1:]], rtol=1e-3)
-    standing = point_sigma_m(estimate(np.zeros(3), 1.0), 2.0, SIGMA_M / 2.0, 0.25, EYES_M)
+    wanted = [np.hypot(0.5, 0.5 * away), SIGMA_M[1], np.hypot(SIGMA_M[2], 0.06 * away)]
+    np.testing.assert_allclose(sigma, wanted, rtol=1e-3)
+    standing = point_sigma_m(estimate(np.zeros(3), 1.0), 2.0, SIGMA_M / 2.0, behind, EYES_M)
     np.testing.assert_allclose(standing, SIGMA_M)

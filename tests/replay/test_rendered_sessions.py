@@ -93,7 +93,7 @@ def classic(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("classic") / "classic.toml"
     path.write_text(
         '[detection]\ndetector = "classic"\n[estimation]\ntarget_point_sigma_spans = [0.0, 0.0, 0.0]\n'
-        "target_point_behind_spans = 0.0\n"
+        "target_point_behind_spans = 0.0\ntarget_point_behind_up_spans = 0.0\n"
     )
     return path
 
