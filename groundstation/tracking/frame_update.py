@@ -253,7 +253,7 @@ class FrameUpdate:
             self._fuse_miss(record, result)
             status = _MISS_STATUS.get(result.reason, DetectionStatus.MISS)
             return _Outcome(status, result, prediction.pixel, spread, look.roi, look.channel_contrast)
-        found = weighed(result, prediction.pixel, spread)
+        found = weighed(result, prediction.pixel, spread, camera.geometry.image_size_px)
         span_m = self._assumed_span_m if self._span.span_m is None else self._span.span_m
         width_px = span_m * float(camera.station.lens.focal_px[0]) / prediction.depth_m
         return _Outcome(status, found, prediction.pixel, spread, look.roi, look.channel_contrast, result, width_px)

@@ -19,8 +19,13 @@ from groundstation.messages import Detection
 _MOST_LOG_ODDS = 1.0
 
 
-def weighed(found: Detection, predicted_px: FloatArray, covariance_px2: FloatArray) -> Detection:
-    """Return a detection at its likeliest point, given the predicted one (2,) and its covariance (2, 2)."""
+def weighed(
+    found: Detection, predicted_px: FloatArray, covariance_px2: FloatArray, image_size_px: tuple[int, int]
+) -> Detection:
+    """Return a detection at its likeliest point, given the predicted one (2,) and its covariance (2, 2).
+
+    Where that is outside the picture (w, h), no picture shows it: the detection stays as it is.
+    """
     if not found.hypotheses:
         return found
     fits = []
@@ -37,6 +42,9 @@ def weighed(found: Detection, predicted_px: FloatArray, covariance_px2: FloatArr
         replace(each, probability=weight / sum(weights)) for each, weight in zip(found.hypotheses, weights, strict=True)
     )
     (u, v), covariance = likeliest(hypotheses)
+    w, h = image_size_px
+    if not (-0.5 <= u <= w - 0.5 and -0.5 <= v <= h - 0.5):
+        return found
     share = float(np.trace(found.noise_px2) / np.trace(found.covariance_px2))
     return replace(
         found,
