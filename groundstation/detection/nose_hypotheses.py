@@ -33,6 +33,9 @@ _WRONG_MAP, _EXPONENT = 0.08, 0.9
 _AHEAD, _AHEAD_SIGMA, _ACROSS_SIGMA = 0.4, 0.15, 0.07
 # probability that a target does not fly with its nose ahead
 _NOT_AHEAD = 0.02
+# likelihood of a nose that the level set has not in its silhouette, over that of one that it has: a choice, by five
+# train and two validate worlds (docs/notes/detection.md)
+_OUTSIDE = 0.3
 # a direction that is less certain says nothing
 _MOST_SIGMA_RAD = 0.5
 # variance of a pixel's own rounding, window px²
@@ -78,6 +81,8 @@ def nose_hypotheses(maps: ChannelMaps, candidate: ChannelCandidate, heading: Exp
     corner = np.array([columns.start, rows.start], np.float64)
     outline = cv2.dilate(candidate.mask[rows, columns].astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.float64)
     by_flight = _ahead(candidate.centre - corner, heading, outline / outline.sum())
+    # a nose is within the silhouette, unless the level set has missed it
+    by_flight *= np.where(outline > 0.0, 1.0, _OUTSIDE)
     found = []
     for probability, density in ((right, shown), (1.0 - right, outline)):
         evidence = density * by_flight

@@ -84,3 +84,15 @@ def test_hypotheses_are_probabilities_with_covariances(rng: np.random.Generator)
         for each in found:
             assert np.all(np.linalg.eigvalsh(each.covariance_px2) > 0.05)
             assert BOX.x0 - 10 <= each.pixel[0] <= BOX.x1 + 10
+
+
+def test_a_point_ahead_of_the_silhouette_is_less_likely() -> None:
+    """Expected: a vague map and the direction of flight together lead no further beyond the outline than the map."""
+    vague = shown(np.array([83.0, 47.0]), sigma_px=5.0)
+    straight_ahead = ExpectedHeading(ahead_px=np.array([70.0, 0.0]), span_px=70.0, sigma_rad=0.05)
+    first = nose_hypotheses(vague, fuselage(), straight_ahead)[0]
+    # the outline ends at 83.5 px, the direction has the nose at 91.5 ± 10.5
+    assert first.pixel[0] < 83.5
+    # a nose that the level set has missed is still found
+    missed = nose_hypotheses(shown(np.array([91.0, 47.0])), fuselage(), straight_ahead)
+    assert abs(max(missed, key=lambda each: each.pixel[0]).pixel[0] - 91.0) < 1.0
