@@ -19,8 +19,10 @@ from parallel_study import STUDIES, StudyRun, add_study_arguments
 from rules.all_rules import RULES
 
 from groundstation.bank.pooled_figures import HIT, WRONG, Ratio, bootstrap_interval
+from groundstation.bank.rendered_worlds import rendered_world
 from groundstation.bank.result_table import Row
 from groundstation.bank.score_world import WorldJob, score_world
+from groundstation.simulation.world.draw_world import draw_world
 from groundstation.simulation.world.world_sets import WorldSet, seed_of
 
 DURATION_S, FRAME_HZ = 10.0, 10.0
@@ -32,6 +34,8 @@ def scored_without(item: dict[str, Any]) -> Row:
     """Return a world's row without the rule of ``item``, and the processor time, s."""
     rule = None if item["rule"] == AS_IT_IS else {each.name: each for each in RULES}[item["rule"]]
     job = WorldJob(seed=item["seed"], duration_s=DURATION_S, frame_hz=FRAME_HZ, worlds=item["keep"])
+    # what is rendered first is not the rule's time
+    rendered_world(draw_world(job.seed, duration_s=job.duration_s, frame_hz=job.frame_hz), Path(item["keep"]))
     began_s = time.process_time()
     with contextlib.nullcontext() if rule is None else rule.left_out():
         row: Row = score_world(job)["row"]

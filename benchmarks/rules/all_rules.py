@@ -1,11 +1,11 @@
-"""The rules by the order in which a picture meets them: where to look, what a window shows, which track is followed."""
+"""The rules in the order of their use: where to look, what a window shows, which track is followed."""
 
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from groundstation.detection import learned_detector, learned_finder
+from groundstation.detection import learned_detector, learned_finder, nose_hypotheses
 from groundstation.detection.candidate_finder import CandidateFinder
 from groundstation.detection.channel_window import TARGET_PX
 from groundstation.detection.learned_detector import LearnedDetector
@@ -124,6 +124,13 @@ RULES = (
         where=weighed_pixel,
         attribute="_MOST_LOG_ODDS",
         without=constant(0.0),
+    ),
+    Rule(
+        name="a nose outside of the silhouette is less likely",
+        of="window",
+        where=nose_hypotheses,
+        attribute="_OUTSIDE",
+        without=constant(1.0),
     ),
     Rule(
         name="of two fixes at a place the likelier",

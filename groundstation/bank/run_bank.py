@@ -17,6 +17,7 @@ from groundstation.bank.result_store import write_atomically
 from groundstation.bank.result_table import table_hash, write_table
 from groundstation.bank.score_world import WorldJob, score_world
 from groundstation.errors import InputError
+from groundstation.files.new_folder import make_folder
 from groundstation.tracking.config import load_config
 
 ROWS, PAGE, SUMMARY = "rows.parquet", "bank.html", "bank.json"
@@ -64,6 +65,8 @@ def run_bank(
         tuning = request.config.read_text(encoding="utf-8")
     if request.csrt_python is not None:
         require_csrt(request.csrt_python)
+    if request.worlds is not None:
+        make_folder(request.worlds)
     jobs = {
         f"world-{seed}": WorldJob(
             seed=seed,

@@ -33,8 +33,8 @@ _WRONG_MAP, _EXPONENT = 0.08, 0.9
 _AHEAD, _AHEAD_SIGMA, _ACROSS_SIGMA = 0.4, 0.15, 0.07
 # probability that a target does not fly with its nose ahead
 _NOT_AHEAD = 0.02
-# likelihood of a nose that the level set has not in its silhouette, over that of one that it has: a choice, by five
-# train and two validate worlds (docs/notes/detection.md)
+# likelihood of a nose outside of the level set's silhouette, over that of one within: a choice by train worlds
+# (docs/notes/detection.md)
 _OUTSIDE = 0.3
 # a direction that is less certain says nothing
 _MOST_SIGMA_RAD = 0.5
@@ -125,8 +125,13 @@ def _normal(shape: tuple[int, ...], mean: FloatArray, covariance: FloatArray) ->
 def likeliest(hypotheses: Sequence[PointHypothesis]) -> tuple[FloatArray, FloatArray]:
     """Return the likeliest point (2,), and the mean square (2, 2) of all hypotheses about it as its covariance."""
     best = max(hypotheses, key=lambda h: h.probability)
+    return best.pixel, mean_square_about(best.pixel, hypotheses)
+
+
+def mean_square_about(point_px: FloatArray, hypotheses: Sequence[PointHypothesis]) -> FloatArray:
+    """Return the mean square (2, 2) of hypotheses about a point (2,)."""
     covariance = np.zeros((2, 2))
     for each in hypotheses:
-        away = each.pixel - best.pixel
+        away = each.pixel - point_px
         covariance += each.probability * (each.covariance_px2 + np.outer(away, away))
-    return best.pixel, covariance
+    return covariance

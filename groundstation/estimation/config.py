@@ -105,7 +105,7 @@ class EstimationConfig:
     target_point_sigma_spans : one sigma, forward, to the right and upward on the aircraft and in spans, of the
         difference between the detected point and the target point, which lasts for the whole flight.
     target_point_behind_spans : further sigma of it, along an aircraft that is seen straight from behind.
-    target_point_behind_up_spans : and upward on it.
+    target_point_behind_up_spans : further sigma of it, upward on an aircraft that is seen straight from behind.
     labelled_sigma_px : noise of a pixel that someone else has found.
     fix_window_s : detections without frames: stations seen within this time count as one fix.
     late_horizon_s : a late reading or frame is still fused in its place if it is at most so much older than the

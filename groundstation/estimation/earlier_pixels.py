@@ -4,7 +4,7 @@ A target is found by fixes, which take two cameras, and its tentative track may 
 Kalman filter goes back in time from the target's state, through all that the cameras showed before it was found. A
 candidate is the target's where it is near enough to the state: where the target is likelier to be seen there than
 something else that looks like an aircraft, of which the same frame shows how many there are. Of several the likeliest
-counts, by place and odds. It updates the state: an aircraft that has just begun to move stood before.
+counts, by place and odds; its pixel updates the state: an aircraft that has just begun to move stood before.
 """
 
 import math
@@ -22,8 +22,10 @@ from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import INITIAL_PIXELS_S, InitialPixel, Kinematics
 
-# the target's own candidate is further away with this probability
-_TAIL = 0.01
+# the target's own candidate is farther away with a probability of 0.01
+_GATE = chi_square_limit(0.01, 2)
+# newest frames that are gone back through, which takes 0.15 ms each: five seconds of two cameras at 30 Hz
+_MOST_FRAMES = 300
 # log odds beyond which a candidate is no surer to be an aircraft
 _SURE_ODDS = 3.0
 # one sigma of a candidate of which none is stated, as a share of its width
@@ -50,7 +52,7 @@ class EarlierPixels:
 
     def __init__(self, stations: Mapping[str, StationGeometry], config: InitiationConfig) -> None:
         self._stations, self._config = stations, config
-        self._frames: deque[_SearchedFrame] = deque()
+        self._frames: deque[_SearchedFrame] = deque(maxlen=_MOST_FRAMES)
 
     def add(self, station: str, t_s: float, candidates: Sequence[CameraCandidate]) -> None:
         """Add the candidates of a frame."""
@@ -82,23 +84,26 @@ class EarlierPixels:
     def _explained(self, frame: _SearchedFrame, target: "_CarriedTarget") -> "_Explained | None":
         """Return the candidate of a frame that a target is the likeliest to be, None without one."""
         geometry = self._stations[frame.station]
+        focal_px, (w, h) = float(geometry.lens.focal_px[0]), geometry.image_size_px
+        least = math.log(len(frame.candidates) / (w * h))
+        seen: dict[tuple[float, float], _Expected | None] = {}
         best: tuple[float, _Explained] | None = None
-        w, h = geometry.image_size_px
         for c in frame.candidates:
-            seen = geometry.project(target.x[:3], c.pan_rad, c.tilt_rad)
-            if seen is None:
+            angles = c.pan_rad, c.tilt_rad
+            if angles not in seen:
+                seen[angles] = target.expected(geometry, *angles)
+            if (expected := seen[angles]) is None:
                 continue
-            angles_px = c.angle_sigma_rad * float(geometry.lens.focal_px[0])
-            R = np.eye(2) * (self._sigma_px(c) ** 2 + angles_px**2)
-            each = _Explained(candidate=c, residual_px=c.pixel - seen.pixel, jacobian=seen.jacobian[:, :3], noise_px2=R)
-            S = each.jacobian @ target.P[:3, :3] @ each.jacobian.T + R
-            square = float(each.residual_px @ np.linalg.solve(S, each.residual_px))
-            likelihood = -0.5 * square - math.log(2.0 * math.pi * math.sqrt(float(np.linalg.det(S))))
-            if square > chi_square_limit(_TAIL, 2) or likelihood <= math.log(len(frame.candidates) / (w * h)):
+            noise_px2 = self._sigma_px(c) ** 2 + (c.angle_sigma_rad * focal_px) ** 2
+            away = c.pixel - expected.pixel
+            square, determinant = expected.distance(away, noise_px2)
+            likelihood = -0.5 * square - math.log(2.0 * math.pi * math.sqrt(determinant))
+            if square > _GATE or likelihood <= least:
                 continue
             score = likelihood + min(c.odds or 0.0, _SURE_ODDS)
             if best is None or score > best[0]:
-                best = score, each
+                found = _Explained(candidate=c, residual_px=away, jacobian=expected.jacobian, noise_px2=noise_px2)
+                best = score, found
         return None if best is None else best[1]
 
     def _sigma_px(self, c: CameraCandidate) -> float:
@@ -108,33 +113,62 @@ class EarlierPixels:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Explained:
-    """A candidate as the pixel of a target: its residual (2,), ∂(u, v)/∂(x, y, z) (2, 3), and its noise (2, 2)."""
+    """A candidate as the pixel of a target: residual (2,), ∂(u, v)/∂(x, y, z) (2, 3), variance of u and of v."""
 
     candidate: CameraCandidate
     residual_px: FloatArray
     jacobian: FloatArray
-    noise_px2: FloatArray
+    noise_px2: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Expected:
+    """Where a camera shows a target: pixel (2,), ∂(u, v)/∂(x, y, z) (2, 3), covariance (2, 2) by its position."""
+
+    pixel: FloatArray
+    jacobian: FloatArray
+    covariance_px2: FloatArray
+
+    def distance(self, away_px: FloatArray, noise_px2: float) -> tuple[float, float]:
+        """Return the squared distance of a pixel that is ``away_px`` (2,), in sigmas, and the determinant of S, px⁴."""
+        (a, b), (_, c) = self.covariance_px2.tolist()
+        a, c = a + noise_px2, c + noise_px2
+        (u, v), determinant = away_px.tolist(), a * c - b * b
+        return (c * u * u - 2.0 * b * u * v + a * v * v) / determinant, determinant
 
 
 class _CarriedTarget:
     """State (6,) and covariance (6, 6) of a target that is followed back in time."""
 
     def __init__(self, t_s: float, target: Kinematics, config: InitiationConfig) -> None:
-        self._t_s, self._config = t_s, config
+        self._t_s, self._psd, self._start_share = t_s, config.acceleration_psd_m2_s3, config.start_share
         self.x = np.concatenate([target.position_runway_m, target.velocity_runway_m_s])
         self.P = target.covariance.copy()
 
     def go_back_to(self, t_s: float) -> None:
-        """Predict the state to an earlier time."""
-        F, Q = motion_over(self._t_s - t_s, self._config.acceleration_psd_m2_s3)
-        back = np.linalg.inv(F)
-        self.x, self.P, self._t_s = back @ self.x, back @ (self.P + Q) @ back.T, t_s
+        """Predict the state to an earlier time: F⁻¹ x and F⁻¹ (P + Q) F⁻ᵀ; F⁻¹ is F over the negative time."""
+        dt_s = self._t_s - t_s
+        if dt_s == 0.0:
+            return
+        back, negative = motion_over(-dt_s, self._psd)
+        # F⁻¹ Q F⁻ᵀ is the negative of Q over the negative time
+        self.x, self.P, self._t_s = back @ self.x, back @ self.P @ back.T - negative, t_s
+
+    def expected(self, geometry: StationGeometry, pan_rad: float, tilt_rad: float) -> _Expected | None:
+        """Return where a camera at these angles shows the target; None behind it."""
+        seen = geometry.project(self.x[:3], pan_rad, tilt_rad)
+        if seen is None:
+            return None
+        J = seen.jacobian[:, :3]
+        return _Expected(pixel=seen.pixel, jacobian=J, covariance_px2=J @ self.P[:3, :3] @ J.T)
 
     def update(self, pixel: _Explained) -> None:
         """Update the state with a pixel. Errors of candidates are correlated: many are hardly better than one."""
-        J = np.hstack([pixel.jacobian, np.zeros((2, 3))])
-        S = J @ self.P @ J.T + (1.0 + self._config.start_share) * pixel.noise_px2
-        K = np.linalg.solve(S, J @ self.P).T
+        J = pixel.jacobian
+        S = J @ self.P[:3, :3] @ J.T
+        S[0, 0] += (1.0 + self._start_share) * pixel.noise_px2
+        S[1, 1] += (1.0 + self._start_share) * pixel.noise_px2
+        K = np.linalg.solve(S, J @ self.P[:3]).T
         self.x = self.x + K @ pixel.residual_px
-        self.P = self.P - K @ S @ K.T
-        self.P = 0.5 * (self.P + self.P.T)
+        P = self.P - K @ S @ K.T
+        self.P = 0.5 * (P + P.T)

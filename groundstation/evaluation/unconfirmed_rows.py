@@ -3,9 +3,9 @@
 A tracker that reports confirmed tracks only, as is usual, has to wait with the pixels as it does with the estimates.
 Those of a track that was displaced by a better one before it was confirmed are no detections of the target, unless the
 better one's pixels are within the same silhouettes: it may have had a wrong range only, or have stood. Frames in which
-the better one has none are judged by the others: where most agree, both are the same target. Frames of what was another
-thing become frames of a search, for which the better one may have initial pixels. Pixels of a track that was dropped
-stay: it may have been the target, and found again.
+the better one has no pixel are judged by the same camera's others: where most agree, it showed the same target. Frames
+of what was another thing become frames of a search, for which the better one may have initial pixels. Pixels of a track
+that was dropped stay: it may have been the target, and found again.
 """
 
 import math
@@ -33,6 +33,8 @@ Row = TypeVar("Row")
 _NOT_LOOKED_AT = frozenset((MissReason.LATE, MissReason.NO_PTU_ANGLE, MissReason.NOT_RECORDED))
 # chosen: a track has pixels as near in time, of frames that are searched by turns, where it is said to have been
 _NEAR_S = 0.3
+# frames of a camera by which its others are judged, at least; chosen
+_LEAST_VOTES = 3
 
 
 @dataclass(slots=True)
@@ -142,15 +144,19 @@ class UnconfirmedRows(Generic[Row]):
     ) -> list[tuple[Row, InitialPixel | None]]:
         """Make the rows of tracks that were displaced rows of a search, or of the track with these ``pixels``."""
         changes: list[tuple[Row, InitialPixel | None]] = []
+        # of several tracks the newest is the one that took the place
+        newest = max((p.track_id for p in pixels if p.track_id is not None), default=None)
+        pixels = [p for p in pixels if p.track_id == newest]
         paths = {station: _PixelPath(station, pixels) for station in {pixel.station for pixel in pixels}}
         rows = [p for p in self._rows if p.track_id is not None and p.track_id in tracks and not self._is_old(p)]
         agree = [self._agrees(pending, paths.get(pending.station)) for pending in rows]
-        votes = Counter((p.track_id, a) for p, a in zip(rows, agree, strict=True))
-        same = {track for track in tracks if votes[track, True] > votes[track, False]}
+        votes = Counter((p.track_id, p.station, a) for p, a in zip(rows, agree, strict=True))
         for pending, agrees in zip(rows, agree, strict=True):
+            # where most of its camera's other frames agree, that camera showed the same target
+            yes, no = (votes[pending.track_id, pending.station, answer] for answer in (True, False))
             has_pixel = pending.is_initial or pending.box is not None
-            if agrees or (agrees is None and has_pixel and pending.track_id in same):
-                pending.track_id = pixels[0].track_id
+            if agrees or (agrees is None and has_pixel and yes >= _LEAST_VOTES and yes > no):
+                pending.track_id = newest
             else:
                 pending.searched, pending.track_id, pending.box, pending.is_initial = True, None, None, False
                 changes.append((pending.row, None))

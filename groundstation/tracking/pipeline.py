@@ -28,6 +28,7 @@ from groundstation.messages import (
     Heartbeat,
     InitialState,
     Kinematics,
+    OutcomeKind,
     PixelMeasurement,
     PtuSample,
     ReferenceFix,
@@ -228,7 +229,11 @@ class Pipeline:
         self._counts_before_restart.update({**self._counts_since_restart(), **self._fused_late, "begun_anew": 1})
         if self._on_smoothed is not None:
             self._ekf.close_history()
+        changes = self._track_manager.changes
+        # what it was is not known; later tracks have other numbers
+        changes.decide(OutcomeKind.DROPPED)
         self._set_up(None)
+        self._track_manager.changes = changes
         self._track_manager.log(event.t_s, "error", f"the filter has failed ({event.why}); reset")
         return self._run(())
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.detection.nose_hypotheses import likeliest
+from groundstation.detection.nose_hypotheses import likeliest, mean_square_about
 from groundstation.geometry.mahalanobis import mahalanobis_squared
 from groundstation.messages import Detection
 
@@ -24,7 +24,8 @@ def weighed(
 ) -> Detection:
     """Return a detection at its likeliest point, given the predicted one (2,) and its covariance (2, 2).
 
-    Where that is outside the picture (w, h), no picture shows it: the detection stays as it is.
+    Where that is outside the picture (w, h), no picture shows it: the detection's own point stays, with the mean square
+    of all hypotheses about it.
     """
     if not found.hypotheses:
         return found
@@ -44,7 +45,8 @@ def weighed(
     (u, v), covariance = likeliest(hypotheses)
     w, h = image_size_px
     if not (-0.5 <= u <= w - 0.5 and -0.5 <= v <= h - 0.5):
-        return found
+        u, v = found.u_px, found.v_px
+        covariance = mean_square_about(np.array([u, v]), hypotheses)
     share = float(np.trace(found.noise_px2) / np.trace(found.covariance_px2))
     return replace(
         found,

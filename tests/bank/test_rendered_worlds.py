@@ -56,12 +56,38 @@ def test_another_renderer_renders_again(renderer: _Renderer, monkeypatch: pytest
 
 
 def test_two_processes_at_the_same_world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    render = _Renderer()
+
     def beaten(world: World, folder: Path) -> None:
-        folder.mkdir()
-        raise InputError(str(folder), got="a folder that is not empty", wanted="a new or an empty one")
+        render(world, folder)
+        if len(render.rendered) == 1:
+            # the other one is faster
+            rendered_worlds.rendered_world(world, tmp_path)
 
     monkeypatch.setattr(rendered_worlds, "render_world", beaten)
-    assert rendered_worlds.rendered_world(draw_world(5), tmp_path).is_dir()
+    session = rendered_worlds.rendered_world(draw_world(5), tmp_path)
+    assert render.rendered == [5, 5]
+    assert list(tmp_path.iterdir()) == [session]
+    assert (session / "session.toml").is_file()
+
+
+def test_an_empty_folder_is_no_rendered_world(renderer: _Renderer, tmp_path: Path) -> None:
+    session = rendered_worlds.rendered_world(draw_world(5), tmp_path)
+    (session / "session.toml").unlink()
+    assert (rendered_worlds.rendered_world(draw_world(5), tmp_path) / "session.toml").is_file()
+
+
+@pytest.mark.parametrize("package", ["geometry/camera.py", "rig/rig.py", "picture.py", "simulation/simulate.py"])
+def test_all_that_decides_on_a_picture_is_in_the_name(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: a projection or a rolling shutter that changes makes old pictures wrong."""
+    before = rendered_worlds._renderer_digest.__wrapped__()
+    own = Path.read_bytes
+
+    def changed(path: Path) -> bytes:
+        return own(path) + (b"#" if path.as_posix().endswith(f"groundstation/{package}") else b"")
+
+    monkeypatch.setattr(Path, "read_bytes", changed)
+    assert rendered_worlds._renderer_digest.__wrapped__() != before
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:

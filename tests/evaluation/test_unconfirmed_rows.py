@@ -185,22 +185,35 @@ def test_a_track_displaced_by_the_same_target_keeps_its_pixels(near_s: float, u_
     assert statuses(collector) == ["miss", "miss"]
 
 
-@pytest.mark.parametrize(("u_px", "wanted"), [(8.0, ["initial", "ok", "ok", "ok"]), (30.0, ["miss"] * 4)])
-def test_frames_before_the_better_track_are_judged_by_the_others(u_px: float, wanted: list[str]) -> None:
+@pytest.mark.parametrize(("u_px", "common", "kept"), [(8.0, 3, True), (8.0, 2, False), (30.0, 3, False)])
+def test_frames_before_the_better_track_are_judged_by_the_camera_s_others(u_px: float, common: int, kept: bool) -> None:
     """Expected: an aircraft that stood was seen before it moved; a bird that was followed was none before, either."""
     collector = ResultCollector()
+    times = [2.0 + 0.1 * k for k in range(common)]
     collector.write(StepReport(cameras=(looked(0.0, None),)))
-    collector.write(StepReport(initial_pixels=(pixel(0.0, 1),), cameras=(looked(0.1, 1), looked(2.0, 1))))
-    collector.write(StepReport(cameras=(looked(2.1, 1),)))
+    # the other camera has seen something else
+    other = looked(0.1, 1, station="right")
+    collector.write(StepReport(initial_pixels=(pixel(0.0, 1),), cameras=(looked(0.1, 1), other)))
+    collector.write(StepReport(cameras=tuple(looked(t_s, 1) for t_s in times)))
     outcomes = ended(1, OutcomeKind.DISPLACED).outcomes
-    better = tuple(pixel(t_s, 2, u_px) for t_s in (2.0, 2.1))
-    collector.write(StepReport(outcomes=outcomes, initial_pixels=better))
-    before = 2 if u_px > 9.0 else 4
-    assert statuses(collector)[:before] == wanted[:before]
-    # the frames in which the better one has pixels get these
-    assert statuses(collector)[before:] == ["initial"] * (4 - before)
+    collector.write(StepReport(outcomes=outcomes, initial_pixels=tuple(pixel(t_s, 2, u_px) for t_s in times)))
     collector.write(ended(2, OutcomeKind.CONFIRMED))
-    assert statuses(collector)[:before] == wanted[:before]
+    assert statuses(collector)[:3] == (["initial", "ok", "miss"] if kept else ["miss", "miss", "miss"])
+    # the frames in which the better one has pixels keep theirs, or get these
+    assert statuses(collector)[3:] == (["ok"] if u_px < 9.0 else ["initial"]) * common
+
+
+def test_of_several_tracks_in_a_report_the_newest_takes_the_place() -> None:
+    rows = UnconfirmedRows[str]()
+    rows.take(StepReport(cameras=(looked(0.3, 1),)), ["a"])
+    outcomes = (
+        TrackOutcome(track_id=1, kind=OutcomeKind.DISPLACED),
+        TrackOutcome(track_id=2, kind=OutcomeKind.DROPPED),
+    )
+    pixels = (pixel(0.3, 2, 8.0), pixel(0.3, 3, 8.0))
+    assert rows.take(StepReport(outcomes=outcomes, initial_pixels=pixels), []) == []
+    assert list(rows.final()) == []
+    assert rows.take(ended(3, OutcomeKind.DISPLACED), []) == [("a", None)]
 
 
 def test_a_source_without_tracks_gets_its_initial_pixels(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.messages import (
     Epoch,
     Event,
+    FilterReset,
     Heartbeat,
     InitialPixel,
     InitialState,
@@ -121,6 +122,31 @@ def test_cut_silhouettes_prove_an_aircraft_that_stands_recognised_alone(
             # it is no fix, and what moves takes its place
             assert manager.needs_search(t_s)
     assert outcomes == ([] if kept else [OutcomeKind.DROPPED])
+
+
+def test_a_track_after_a_reset_of_the_filter_has_another_number() -> None:
+    """Expected: rows of the one before would be its own, and one that was confirmed would confirm it."""
+    pipeline, reports = Pipeline(make_rig(), config(), span_m=2.3), []
+    events = flight(12.0)
+    middle = next(k for k, event in enumerate(events) if event.t_s > 5.0)
+    reset = FilterReset(t_s=events[middle].t_s, why="test", in_vain=False)
+    for event in (*events[:middle], reset, *events[middle:]):
+        reports.append(pipeline.step(event))
+    assert [(o.track_id, o.kind) for o in outcomes_of(reports)] == [
+        (1, OutcomeKind.CONFIRMED),
+        (2, OutcomeKind.CONFIRMED),
+    ]
+    assert {camera.track_id for report in reports for camera in report.cameras} == {None, 1, 2}
+
+
+def test_a_track_that_is_open_at_a_reset_is_dropped() -> None:
+    pipeline, reports = Pipeline(make_rig(), config(), span_m=2.3), []
+    for event in flight(8.0):
+        if pipeline._track_manager.track_id is not None:
+            break
+        reports.append(pipeline.step(event))
+    reports.append(pipeline.step(FilterReset(t_s=event.t_s, why="test", in_vain=False)))
+    assert outcomes_of(reports) == [TrackOutcome(track_id=1, kind=OutcomeKind.DROPPED)]
 
 
 def test_each_track_is_decided_once() -> None:

@@ -61,7 +61,11 @@ def test_a_point_outside_the_picture_is_none_that_it_shows() -> None:
     """Expected: in 1000044 the direction of flight had the nose of a cut aircraft at u = -306 px."""
     by_itself = detection(0.5)
     outside = weighed(by_itself, TAIL, np.eye(2), (360, 480))
-    assert outside is by_itself
+    np.testing.assert_allclose([outside.u_px, outside.v_px], NOSE)
+    # the likelier end, 80 px away, is in the covariance
+    p_tail = 1.0 / (1.0 + np.exp(-1.0))
+    assert outside.covariance_px2[0, 0] == pytest.approx(9.0 + p_tail * 80.0**2)
+    assert np.trace(outside.noise_px2) / np.trace(outside.covariance_px2) == pytest.approx(0.3)
     inside = weighed(by_itself, NOSE, np.eye(2), (360, 480))
     np.testing.assert_allclose([inside.u_px, inside.v_px], NOSE)
 
