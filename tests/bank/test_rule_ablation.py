@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -59,11 +60,15 @@ def test_a_world_is_scored_without_the_rule_that_is_named(monkeypatch: pytest.Mo
         seen.append(vars(rule.where)[rule.attribute] is before)
         return {"row": {"seed": job.seed, "keep": job.worlds}}
 
+    rendered = []
     monkeypatch.setattr(rule_ablation, "score_world", scored)
+    monkeypatch.setattr(rule_ablation, "rendered_world", lambda world, folder: rendered.append((world.seed, folder)))
     for name in (rule_ablation.AS_IT_IS, rule.name):
         found = rule_ablation.scored_without({"seed": 7, "rule": name, "keep": "worlds"})
         assert (found["seed"], found["keep"]) == (7, "worlds")
     assert seen == [True, False]
+    # what is rendered is not the rule's time
+    assert rendered == [(7, Path("worlds"))] * 2
     with pytest.raises(KeyError, match="no rule of this name"):
         rule_ablation.scored_without({"seed": 7, "rule": "no rule of this name", "keep": "worlds"})
 
