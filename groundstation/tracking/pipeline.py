@@ -28,7 +28,6 @@ from groundstation.messages import (
     Heartbeat,
     InitialState,
     Kinematics,
-    OutcomeKind,
     PixelMeasurement,
     PtuSample,
     ReferenceFix,
@@ -128,11 +127,9 @@ class Pipeline:
             stopwatch=self._stopwatch,
             keep_images=self._keep_images,
         )
-        self._cross_check = CameraCrossCheck(
-            {name: self._ekf.pointing_sigma_rad(name) for name in rig.names},
-            self._config.estimation.search_again_s,
-            self._config.estimation.residual_gate_sigma,
-        )
+        pointing = {name: self._ekf.pointing_sigma_rad(name) for name in rig.names}
+        gates = config.estimation
+        self._cross_check = CameraCrossCheck(pointing, gates.search_again_s, gates.residual_gate_sigma)
         self._references = ReferenceUpdate(
             self._ekf, self._track_manager, self._late_buffer, self._cross_check, self._throttle.take
         )
@@ -229,9 +226,7 @@ class Pipeline:
         self._counts_before_restart.update({**self._counts_since_restart(), **self._fused_late, "begun_anew": 1})
         if self._on_smoothed is not None:
             self._ekf.close_history()
-        changes = self._track_manager.changes
-        # what it was is not known; later tracks have other numbers
-        changes.decide(OutcomeKind.DROPPED)
+        changes = self._track_manager.changes.after_reset()
         self._set_up(None)
         self._track_manager.changes = changes
         self._track_manager.log(event.t_s, "error", f"the filter has failed ({event.why}); reset")

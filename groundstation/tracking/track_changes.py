@@ -35,3 +35,8 @@ class TrackChanges:
         taken = TrackChanges(self.events, self.initial_pixels, self.outcomes)
         self.events, self.initial_pixels, self.outcomes = [], [], []
         return taken
+
+    def after_reset(self) -> "TrackChanges":
+        """Return the changes for a new filter: an open track is dropped, and later tracks have other numbers."""
+        self.decide(OutcomeKind.DROPPED)
+        return self
