@@ -11,14 +11,15 @@ over worlds; epochs that mislead; the pooled ANEES; seconds from the first view 
 import argparse
 import contextlib
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from bank_mutation import difference
 from parallel_study import STUDIES, StudyRun, add_study_arguments
 from rules.all_rules import RULES
 
-from groundstation.bank.pooled_figures import HIT, WRONG, Ratio, bootstrap_interval
+from groundstation.bank.pooled_figures import HIT, WRONG
 from groundstation.bank.rendered_worlds import rendered_world
 from groundstation.bank.result_table import Row
 from groundstation.bank.score_world import WorldJob, score_world
@@ -42,25 +43,13 @@ def scored_without(item: dict[str, Any]) -> Row:
     return {**row, "cpu_s": time.process_time() - began_s}
 
 
-def change(before: Sequence[Row], after: Sequence[Row], ratio: Ratio) -> tuple[float, float, float]:
-    """Return after less before of a share, in points, with the 95 % interval of a bootstrap over worlds."""
-
-    def of(rows: Sequence[Row], drawn: Iterable[int]) -> float:
-        drawn = list(drawn)
-        below = sum(float(rows[k][ratio.below] or 0.0) for k in drawn)
-        return sum(float(rows[k][ratio.above] or 0.0) for k in drawn) / max(below, 1.0)
-
-    everything = range(len(before))
-    low, high = bootstrap_interval(len(before), lambda drawn: of(after, drawn) - of(before, drawn))
-    return 100.0 * (of(after, everything) - of(before, everything)), 100.0 * low, 100.0 * high
-
-
 def line(name: str, before: Sequence[Row], after: Sequence[Row]) -> str:
     """Return a rule's row of the table."""
     if after is before:
         shares = [f"{100.0 * _sum(before, r.above) / _sum(before, r.below):.2f} %" for r in (HIT, WRONG)]
     else:
-        shares = ["{:+.2f} ({:+.2f} … {:+.2f})".format(*change(before, after, ratio)) for ratio in (HIT, WRONG)]
+        changes = [[100.0 * share for share in difference(before, after, ratio)] for ratio in (HIT, WRONG)]
+        shares = ["{:+.2f} ({:+.2f} … {:+.2f})".format(*points) for points in changes]
     anees = _sum(after, "nees_sum") / max(3.0 * _sum(after, "nees_count"), 1.0)
     waited = [float(row["time_to_track_s"]) for row in after if row["time_to_track_s"] is not None]
     mean_s = sum(waited) / max(len(waited), 1)

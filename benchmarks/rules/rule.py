@@ -14,13 +14,11 @@ class Rule:
     Attributes
     ----------
     name : of the rule, as in the table of docs/notes/detection.md.
-    of : search, window or track.
     where : the module or the class that has the attribute ``attribute``.
     without : from the attribute to what stands in its place.
     """
 
     name: str
-    of: str
     where: Any
     attribute: str
     without: Callable[[Any], Any]

@@ -23,7 +23,7 @@ from groundstation.geometry.station import StationGeometry
 from groundstation.messages import INITIAL_PIXELS_S, InitialPixel, Kinematics
 
 # the target's own candidate is farther away with a probability of 0.001; what else the frame shows decides before that.
-# Five of six drawn worlds lost one or two of their own pixels to 0.01, as errors of candidates are larger than stated
+# 0.01 costs five of 53 validate worlds a pixel and gains none, as errors of candidates are larger than stated
 _GATE = chi_square_limit(0.001, 2)
 # newest frames that are gone back through, which takes 0.15 ms each: five seconds of two cameras at 30 Hz
 _MOST_FRAMES = 300

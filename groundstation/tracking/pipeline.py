@@ -128,8 +128,8 @@ class Pipeline:
             keep_images=self._keep_images,
         )
         pointing = {name: self._ekf.pointing_sigma_rad(name) for name in rig.names}
-        gates = config.estimation
-        self._cross_check = CameraCrossCheck(pointing, gates.search_again_s, gates.residual_gate_sigma)
+        limits = config.estimation
+        self._cross_check = CameraCrossCheck(pointing, limits.search_again_s, limits.residual_gate_sigma)
         self._references = ReferenceUpdate(
             self._ekf, self._track_manager, self._late_buffer, self._cross_check, self._throttle.take
         )
