@@ -1,6 +1,5 @@
 """The rules in the order of their use: where to look, what a window shows, which track is followed."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -164,12 +163,6 @@ RULES = (
         without=constant(0.0),
     ),
     Rule(
-        name="a young target yields to a far likelier one",
-        where=Recognition,
-        attribute="is_outdone_by",
-        without=always(False),
-    ),
-    Rule(
         name="none yields to a far less likely one",
         where=Recognition,
         attribute="is_likelier_than",
@@ -180,12 +173,6 @@ RULES = (
         where=track_manager,
         attribute="_FAR_NEARER",
         without=constant(0.0),
-    ),
-    Rule(
-        name="yields to one with far more fixes",
-        where=track_manager,
-        attribute="_FAR_OFTENER",
-        without=constant(math.inf),
     ),
     Rule(
         name="any yielding to another target",

@@ -48,11 +48,6 @@ class Recognition:
         odds = self.odds
         return odds is not None and odds >= RECOGNISED_LOG_ODDS
 
-    def is_outdone_by(self, odds: float | None) -> bool:
-        """Return whether another target, of these mean log odds, is far more likely to be an aircraft."""
-        own = self.odds
-        return own is not None and odds is not None and odds >= max(RECOGNISED_LOG_ODDS, own + _FAR_MORE_ODDS)
-
     def is_likelier_than(self, odds: float | None) -> bool:
         """Return whether the target is far more likely to be an aircraft than another one of these mean log odds."""
         own = self.odds

@@ -38,9 +38,6 @@ from groundstation.tracking.track_state_machine import TrackStateMachine
 
 # other traffic is behind the aircraft that lands: of two, one whose distance is less than this share of the other's
 _FAR_NEARER = 0.5
-# different things in two cameras meet now and then only: of two targets, one with so many times the other's fixes.
-# Those of a target that is followed are counted in each epoch, the other's where frames are searched, which is seldomer
-_FAR_OFTENER = 2.0
 # pixels of two cameras so close in time confirm a target, though pairs lose frames
 _TOGETHER_S = 0.1
 
@@ -278,15 +275,12 @@ class TrackManager:
             return True
         moving_s = found.age_s if found.moving else None
         own_m, other_m = self._range_m(self._ekf.kinematics_at(t_s)), self._range_m(found.kinematics)
-        oftener = found.hits > _FAR_OFTENER * machine.fixes_since(t_s - found.age_s)
         return machine.yields_to(
             t_s,
             recognised=found.recognised,
             moving_s=moving_s,
             odds=found.odds,
             far_nearer=other_m < _FAR_NEARER * own_m,
-            # of two that displace each other by turns none would settle
-            far_oftener=oftener and not own_m < _FAR_NEARER * other_m,
         )
 
     def _range_m(self, target: Kinematics) -> float:

@@ -16,7 +16,6 @@ estimate, until it has had a fix and its velocity has converged and is not zero;
 false track.
 """
 
-from collections import deque
 from collections.abc import Iterable
 
 from groundstation.arrays import FloatArray
@@ -26,9 +25,6 @@ from groundstation.messages import TrackEvent, TrackStatus
 from groundstation.tracking.existence_probability import ExistenceProbability
 from groundstation.tracking.recognition import Recognition
 from groundstation.tracking.track_confirmation import TrackConfirmation
-
-# newest fixes of which the times are kept
-_KEPT_FIXES = 100
 
 
 class TrackStateMachine:
@@ -42,11 +38,10 @@ class TrackStateMachine:
         self._config = config
         self._newest_pixel_s = 0.0
         self._newest_fix_s = 0.0
-        self._started_s = self._found_s = 0.0
+        self._started_s = 0.0
         # fixes since the last gap without pixels
         self._fixes_since_gap = config.confirm_fixes
         self._was_fixed = False
-        self._fixed_s: deque[float] = deque(maxlen=_KEPT_FIXES)
 
     @property
     def started_s(self) -> float:
@@ -69,9 +64,7 @@ class TrackStateMachine:
         """
         self._newest_pixel_s = self._started_s = self._newest_fix_s = t_s
         self.confirmation.start(t_s, found_at_m, known=known, standing=standing)
-        self._fixed_s.clear()
         if not known:
-            self._found_s = t_s
             self.recognition.start(t_s, odds)
         self._fixes_since_gap = self._config.confirm_fixes
         self.existence.start()
@@ -95,7 +88,6 @@ class TrackStateMachine:
         if self._fixes_since_gap < c.confirm_fixes and alone:
             self._fixes_since_gap = 0
         self._newest_fix_s = t_s
-        self._fixed_s.append(t_s)
         self.confirmation.add_fix()
         self._fixes_since_gap += 1
 
@@ -139,34 +131,22 @@ class TrackStateMachine:
         moving_s: float | None,
         odds: float | None = None,
         far_nearer: bool = False,
-        far_oftener: bool = False,
     ) -> bool:
         """Return whether the target is given up for another one that is recognised, or has moved for ``moving_s``.
 
-        One that moves yields to another that moves and is recognised, if it is not itself; while it is younger than a
-        found target has to move, also to one that is by its mean log ``odds`` of aircraft far more likely to be one:
-        what has been followed for long may be an aircraft unlike those of the channel's training. One that stands
-        yields to each that moves and is recognised; one that stands and is not recognised, to each; one that stands and
-        is, to what has moved for as long as a found target has to move. Of two aircraft the one that lands is nearer
-        than the traffic and the horizon behind it: one that stands, or whose velocity has not settled, yields to one
-        that is ``far_nearer``, if it is about as likely to be an aircraft (birds are nearer, too); the latter also to
-        one that has had fixes ``far_oftener`` in the same time, as different things in two cameras seldom meet.
+        One that moves yields to another that moves and is recognised, if it is not itself. One that stands yields to
+        each that moves and is recognised; one that stands and is not recognised, to each; one that stands and is, to
+        what has moved for as long as a found target has to move. Of two aircraft the one that lands is nearer than the
+        traffic and the horizon behind it: one that stands, or whose velocity has not settled, yields to one that is
+        ``far_nearer``, if it is about as likely to be an aircraft by its mean log ``odds`` (birds are nearer, too).
         """
-        known, likelier = self.recognition.is_recognised, self.recognition.is_likelier_than(odds)
+        known, nearer = self.recognition.is_recognised, far_nearer and not self.recognition.is_likelier_than(odds)
         if not self.confirmation.is_standing:
-            young = t_s - self._found_s <= self._config.false_target_s
-            better = recognised or (young and self.recognition.is_outdone_by(odds))
-            if known:
-                rival = (far_nearer or far_oftener) and not likelier
-                return moving_s is not None and recognised and rival and not self.confirmation.has_settled
-            return moving_s is not None and better
+            rival = nearer and not self.confirmation.has_settled if known else True
+            return moving_s is not None and recognised and rival
         if moving_s is None:
-            return recognised and (not known or (far_nearer and not likelier))
+            return recognised and (not known or nearer)
         return recognised or not known or moving_s > self._config.false_target_s
-
-    def fixes_since(self, t_s: float) -> int:
-        """Return the number of fixes from ``t_s`` on, at most a hundred."""
-        return sum(fixed_s >= t_s for fixed_s in self._fixed_s)
 
     def seen_by_two(self, t_s: float) -> bool:
         """Return whether two or more cameras detect the target: its last fix is at most ``search_again_s`` old."""

@@ -228,31 +228,6 @@ def test_a_recognised_thing_that_stands_yields_to_a_much_nearer_one(odds: float 
     assert not life.yields_to(9.9, recognised=False, moving_s=None, odds=odds, far_nearer=True)
 
 
-def test_a_recognised_thing_that_two_cameras_hardly_ever_agree_on_yields_to_one_that_they_do() -> None:
-    """Expected: until its velocity has settled, to what moves and is recognised."""
-    life, ekf = started(found=True)
-    life.start(0.0, ekf.kinematics_at(0.0).position_runway_m, odds=4.0)
-    life.recognition.add("left", 0.0, 4.0)
-    life.add_fix(0.1)
-    assert life.yields_to(0.2, recognised=True, moving_s=0.6, far_oftener=True)
-    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, odds=2.9, far_oftener=True)
-    assert not life.yields_to(0.2, recognised=False, moving_s=0.6, far_oftener=True)
-    assert not life.yields_to(0.2, recognised=True, moving_s=None, far_oftener=True)
-    move(ekf, -15.0)
-    assert life.update(True, ekf) is TrackStatus.TRACKING
-    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, far_oftener=True)
-
-
-def test_fixes_are_counted_from_a_time_on_and_forgotten_with_the_target() -> None:
-    life, ekf = stood(4.0)
-    assert life.fixes_since(9.0) == 10
-    for k in range(100, 300):
-        life.add_fix(k * 0.1)
-    assert life.fixes_since(0.0) == 100
-    life.start(30.0, ekf.kinematics_at(0.0).position_runway_m)
-    assert life.fixes_since(0.0) == 0
-
-
 def test_what_moves_yields_to_what_moves_and_is_recognised_only() -> None:
     """Expected: parked aircraft and birds take no target over; a recognised one is not looked past."""
     for odds in (4.0, 0.5):
@@ -295,24 +270,6 @@ def test_a_found_target_is_reported_only_while_its_velocity_is_not_zero(speed_m_
     covariance = np.diag([0.01, 0.25, 0.01, 1.0, 1.0, 1.0])
     ekf.start_target(np.array([0.0, 200.0, 8.0]), np.array([0.0, speed_m_s, 0.0]), covariance)
     assert (life.update(True, ekf) is not TrackStatus.ACQUIRING) is reported
-
-
-def test_what_moves_yields_to_what_moves_and_is_far_more_like_an_aircraft() -> None:
-    """Expected: a bird of log odds 0.5 yields to an aircraft of 2, never to another bird, and no aircraft yields.
-
-    What has been followed for more than 4 s does not: it may be an aircraft that the channel does not know.
-    """
-    for odds, other, yields in ((0.5, 2.0, True), (0.5, 1.4, False), (1.2, 2.0, False), (1.2, 2.3, True)):
-        life, ekf = stood(odds)
-        move(ekf, -15.0)
-        assert not life.confirmation.is_false_track(9.9, ekf)
-        assert life.yields_to(3.9, recognised=False, moving_s=0.6, odds=other) is yields
-        assert not life.yields_to(4.1, recognised=False, moving_s=0.6, odds=other)
-        assert not life.yields_to(3.9, recognised=False, moving_s=None, odds=other)
-    life, ekf = stood(4.0)
-    move(ekf, -15.0)
-    assert not life.confirmation.is_false_track(9.9, ekf)
-    assert not life.yields_to(3.9, recognised=False, moving_s=0.6, odds=9.0)
 
 
 @pytest.mark.parametrize(
