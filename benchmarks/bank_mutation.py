@@ -28,7 +28,7 @@ from groundstation.bank.result_table import Row
 
 ROOT = Path(__file__).resolve().parents[1]
 DETECTOR = "groundstation/detection/learned_detector.py"
-LINE = "        return self._described(candidate, window, maps, span)\n"
+LINE = "        return self._described(best, span, hint)\n"
 WITHHELD = (
     '        self._count = getattr(self, "_count", 0) + 1\n'
     "        if self._count % 5 == 0:\n"
