@@ -109,7 +109,7 @@ pages: $(VENV)/installed $(VENV)/kernels
 
 ## study: the slow measurements whose figures stand in docs/notes
 study: $(VENV)/installed
-	for study in $(filter-out benchmarks/change_indicator.py benchmarks/flightgear_approach.py benchmarks/mutation_score.py benchmarks/reader_fuzz.py benchmarks/recording_fuzz.py benchmarks/bank_mutation.py benchmarks/bank_notes.py benchmarks/landing_animation.py benchmarks/regenerate_pages.py benchmarks/report_pictures.py benchmarks/proposal_recall.py benchmarks/channel_odds.py benchmarks/channel_worlds.py benchmarks/interrupts.py benchmarks/rule_ablation.py $(wildcard benchmarks/*_sheet.py),$(wildcard benchmarks/*.py)); do echo "== $$study"; $(BIN)/python $$study || exit 1; done
+	for study in $(filter-out benchmarks/change_indicator.py benchmarks/flightgear_approach.py benchmarks/mutation_score.py benchmarks/reader_fuzz.py benchmarks/recording_fuzz.py benchmarks/bank_mutation.py benchmarks/bank_notes.py benchmarks/landing_animation.py benchmarks/regenerate_pages.py benchmarks/report_pictures.py benchmarks/proposal_recall.py benchmarks/channel_odds.py benchmarks/channel_worlds.py benchmarks/interrupts.py benchmarks/rule_ablation.py benchmarks/true_pixels.py $(wildcard benchmarks/*_sheet.py),$(wildcard benchmarks/*.py)); do echo "== $$study"; $(BIN)/python $$study || exit 1; done
 
 ## constraints: the newest versions that pyproject.toml admits become those that the tests run with
 constraints:
