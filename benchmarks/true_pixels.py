@@ -57,6 +57,8 @@ target_point_sigma_spans = [0.0, 0.0, 0.0]
 target_point_behind_spans = 0.0
 target_point_behind_up_spans = 0.0
 """
+# what makes a frame's detection of a picture and a prediction: there is no public place between it and the filter
+DETECT = "_detect"
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
@@ -90,7 +92,7 @@ class TruePixels:
     @contextlib.contextmanager
     def in_place(self) -> Iterator[None]:
         """Run the block with true pixels, for the filter and for the cameras' agreement among themselves."""
-        detect = FrameUpdate._detect
+        detect = vars(FrameUpdate)[DETECT]
 
         def true_pixel(update: FrameUpdate, record: Frame, prediction: Any) -> Any:
             outcome = detect(update, record, prediction)
@@ -99,7 +101,7 @@ class TruePixels:
             found = self._true(record, outcome.result)
             return outcome._replace(result=found, by_itself=found)
 
-        with mock.patch.object(FrameUpdate, "_detect", true_pixel):
+        with mock.patch.object(FrameUpdate, DETECT, true_pixel):
             yield
 
     def _true(self, record: Frame, found: Detection) -> Detection:

@@ -91,7 +91,7 @@ class InitiatedTarget:
     """A confirmed tentative track: its state, whether it moves, and whether the learned channel recognises it.
 
     ``odds`` are its mean log odds of aircraft, None where the learned channel has not weighed its candidates; ``age_s``
-    is the time since its first fix, and ``hits`` the number of its fixes; ``pixels`` are those of its fixes.
+    is the time since its first fix; ``pixels`` are those of its fixes.
     """
 
     kinematics: Kinematics
@@ -99,7 +99,6 @@ class InitiatedTarget:
     recognised: bool
     odds: float | None
     age_s: float
-    hits: int
     pixels: tuple[InitialPixel, ...] = ()
 
 
@@ -121,7 +120,6 @@ def initiated(track: TentativeTrack, config: InitiationConfig, *, moving: bool, 
         recognised=recognised,
         odds=track.mean_odds,
         age_s=track.t_s - track.born_s,
-        hits=track.hits,
         pixels=tuple(track.pixels),
     )
 

@@ -16,8 +16,8 @@ from groundstation.messages import RecognisedPixel
 
 # of the mean
 _MEMORY_S = 1.0
-# log odds by which another one is far more likely to be an aircraft: in validate worlds 3 and 8 birds that were
-# followed had 0.5 to 1.5, and the aircraft 2.1 to 3; a choice, with no figure for other birds
+# log odds by which the target is far more likely to be an aircraft than another one: in validate worlds 3 and 8 birds
+# had 0.5 to 1.5, and the aircraft 2.1 to 3; a choice, with no figure for other birds
 _FAR_MORE_ODDS = 1.0
 
 

@@ -276,7 +276,6 @@ class TrackManager:
         moving_s = found.age_s if found.moving else None
         own_m, other_m = self._range_m(self._ekf.kinematics_at(t_s)), self._range_m(found.kinematics)
         return machine.yields_to(
-            t_s,
             recognised=found.recognised,
             moving_s=moving_s,
             odds=found.odds,

@@ -125,7 +125,6 @@ class TrackStateMachine:
 
     def yields_to(
         self,
-        t_s: float,
         *,
         recognised: bool,
         moving_s: float | None,

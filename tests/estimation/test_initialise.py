@@ -381,7 +381,7 @@ def test_the_unlikelier_it_is_the_longer_it_must_move(rng: np.random.Generator) 
         found = first_found(Scene(rng), glide, odds)
         assert found is not None
         assert age_s - 1e-9 <= found[0] <= age_s + 0.11
-        assert found[1].hits == round(10.0 * found[1].age_s) + 1
+        assert len(found[1].pixels) == 2 * (round(10.0 * found[1].age_s) + 1)
 
 
 @pytest.mark.parametrize("weighed", [False, True])

@@ -106,7 +106,6 @@ def test_cut_silhouettes_prove_an_aircraft_that_stands_recognised_alone(
         recognised=odds is not None and odds > 1.5,
         odds=odds,
         age_s=0.3,
-        hits=4,
     )
     manager._start_track(began_s, found.kinematics, "acquired", found)
     outcomes = []

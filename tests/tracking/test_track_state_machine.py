@@ -213,19 +213,19 @@ def test_a_recognised_aircraft_that_stands_yields_to_what_moves() -> None:
     """Expected: at once to what is recognised, else after the time that a found target has to move, 4 s."""
     life, _ = stood(4.0)
     assert life.needs_search(9.9)
-    assert life.yields_to(9.9, recognised=True, moving_s=0.6)
-    assert not life.yields_to(9.9, recognised=True, moving_s=None)
-    assert not life.yields_to(9.9, recognised=False, moving_s=3.9)
-    assert life.yields_to(9.9, recognised=False, moving_s=4.1)
+    assert life.yields_to(recognised=True, moving_s=0.6)
+    assert not life.yields_to(recognised=True, moving_s=None)
+    assert not life.yields_to(recognised=False, moving_s=3.9)
+    assert life.yields_to(recognised=False, moving_s=4.1)
 
 
 @pytest.mark.parametrize(("odds", "yields"), [(3.1, True), (2.9, False), (None, True)])
 def test_a_recognised_thing_that_stands_yields_to_a_much_nearer_one(odds: float | None, yields: bool) -> None:
     """Expected: something on the horizon is left for an aircraft near by that has not moved far enough yet."""
     life, _ = stood(4.0)
-    assert life.yields_to(9.9, recognised=True, moving_s=None, odds=odds, far_nearer=True) is yields
-    assert not life.yields_to(9.9, recognised=True, moving_s=None, odds=odds, far_nearer=False)
-    assert not life.yields_to(9.9, recognised=False, moving_s=None, odds=odds, far_nearer=True)
+    assert life.yields_to(recognised=True, moving_s=None, odds=odds, far_nearer=True) is yields
+    assert not life.yields_to(recognised=True, moving_s=None, odds=odds, far_nearer=False)
+    assert not life.yields_to(recognised=False, moving_s=None, odds=odds, far_nearer=True)
 
 
 def test_what_moves_yields_to_what_moves_and_is_recognised_only() -> None:
@@ -236,9 +236,9 @@ def test_what_moves_yields_to_what_moves_and_is_recognised_only() -> None:
         assert not life.confirmation.is_false_track(9.9, ekf)
         assert life.update(True, ekf) is TrackStatus.TRACKING
         assert life.needs_search(9.9) is (odds < 1.5)
-        assert not life.yields_to(9.9, recognised=True, moving_s=None)
-        assert not life.yields_to(9.9, recognised=False, moving_s=9.0)
-        assert life.yields_to(9.9, recognised=True, moving_s=0.6) is (odds < 1.5)
+        assert not life.yields_to(recognised=True, moving_s=None)
+        assert not life.yields_to(recognised=False, moving_s=9.0)
+        assert life.yields_to(recognised=True, moving_s=0.6) is (odds < 1.5)
 
 
 def test_a_recognised_aircraft_yields_to_a_much_nearer_one_until_its_velocity_has_settled() -> None:
@@ -248,17 +248,17 @@ def test_a_recognised_aircraft_yields_to_a_much_nearer_one_until_its_velocity_ha
     life.recognition.add("left", 0.0, 4.0)
     life.add_fix(0.1)
     assert life.needs_search(0.2)
-    assert life.yields_to(0.2, recognised=True, moving_s=0.6, far_nearer=True)
-    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, far_nearer=False)
-    assert not life.yields_to(0.2, recognised=False, moving_s=0.6, far_nearer=True)
-    assert not life.yields_to(0.2, recognised=True, moving_s=None, far_nearer=True)
+    assert life.yields_to(recognised=True, moving_s=0.6, far_nearer=True)
+    assert not life.yields_to(recognised=True, moving_s=0.6, far_nearer=False)
+    assert not life.yields_to(recognised=False, moving_s=0.6, far_nearer=True)
+    assert not life.yields_to(recognised=True, moving_s=None, far_nearer=True)
     # a bird near the cameras, which the channel half believes
-    assert life.yields_to(0.2, recognised=True, moving_s=0.6, odds=3.1, far_nearer=True)
-    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, odds=2.9, far_nearer=True)
+    assert life.yields_to(recognised=True, moving_s=0.6, odds=3.1, far_nearer=True)
+    assert not life.yields_to(recognised=True, moving_s=0.6, odds=2.9, far_nearer=True)
     move(ekf, -15.0)
     assert life.update(True, ekf) is TrackStatus.TRACKING
     assert not life.needs_search(0.2)
-    assert not life.yields_to(0.2, recognised=True, moving_s=0.6, far_nearer=True)
+    assert not life.yields_to(recognised=True, moving_s=0.6, far_nearer=True)
 
 
 @pytest.mark.parametrize(("speed_m_s", "reported"), [(0.0, False), (4.9, False), (5.1, True)])
@@ -297,18 +297,22 @@ def test_one_camera_that_knows_the_target_outweighs_two_that_see_something_else_
     assert life.is_likelier_than(12.9 + unseen_s, other) is likelier
 
 
-def test_a_target_that_is_corrected_is_as_old_as_before() -> None:
-    life, ekf = stood(0.5)
+def test_a_target_that_is_corrected_stays_recognised_as_it_was() -> None:
+    life, ekf = stood(4.0)
     move(ekf, -15.0)
     assert not life.confirmation.is_false_track(9.9, ekf)
+    before = life.recognition.odds
     life.start(9.9, None, known=True)
-    assert not life.yields_to(10.0, recognised=False, moving_s=0.6, odds=3.0)
+    assert life.recognition.odds == before
+    assert not life.yields_to(recognised=True, moving_s=0.6)
+    life.start(9.9, None)
+    assert life.recognition.odds is None
 
 
 def test_what_stands_and_is_not_recognised_yields_to_each() -> None:
     life, _ = stood(0.5)
-    assert life.yields_to(9.9, recognised=True, moving_s=None)
-    assert life.yields_to(9.9, recognised=False, moving_s=0.6)
+    assert life.yields_to(recognised=True, moving_s=None)
+    assert life.yields_to(recognised=False, moving_s=0.6)
 
 
 def test_an_aircraft_that_comes_to_stand_is_searched_past_and_no_longer_reported() -> None:
