@@ -1,10 +1,9 @@
 """Where the nose of a candidate is: what the nose map shows, or else what outline and direction of flight leave.
 
-A nose map is a probability over a window. It may have several modes, as the nose and an engine, between which there is
-nothing, and sometimes it is wrong: it shows the other end of a fuselage, or the fins. Where the direction of flight is
-known there are therefore several hypotheses: each mode of the map, and that the map is wrong and the nose somewhere in
-the silhouette. How likely each is follows from that direction: an aircraft flies with its nose ahead. The filter's
-prediction, which contains what other cameras show, weighs them afterwards.
+A nose map is a probability over a window, and sometimes it is wrong: it shows the other end of a fuselage, or the fins.
+Where the direction of flight is known there are therefore two hypotheses. By the first one the map is right; by the
+second one the nose is somewhere in the silhouette. How likely each is follows from that direction: an aircraft flies
+with its nose ahead. The filter's prediction, which contains what other cameras show, weighs them afterwards.
 """
 
 import math
@@ -37,12 +36,6 @@ _NOT_AHEAD = 0.02
 # likelihood of a nose outside of the level set's silhouette, over that of one within: a choice by train worlds
 # (docs/notes/detection.md)
 _OUTSIDE = 0.3
-# a map is smoothed so much before its modes are found, window px, one sigma, and a mode with a smaller share of it is
-# none: in 44 train worlds points of aircraft from 200 px on are off by 0.065 of the width (rms), with the map's mean
-# by 0.077; a blur of 0.7 or 1.5 px is as good, a least share of 0.1 is less likely
-_MODE_BLUR_PX, _LEAST_MODE = 1.0, 0.02
-# below this share of its largest value a map is flat
-_FLAT = 1e-3
 # a direction that is less certain says nothing
 _MOST_SIGMA_RAD = 0.5
 # variance of a pixel's own rounding, window px²
@@ -95,41 +88,15 @@ def nose_hypotheses(maps: ChannelMaps, candidate: ChannelCandidate, heading: Exp
         evidence = density * by_flight
         mass = float(evidence.sum())
         weight = probability * mass / max(float(density.sum()), _LEAST)
-        if weight <= _LEAST:
-            continue
-        for part in _modes(evidence / mass) if density is shown else [evidence / mass]:
-            share = float(part.sum())
-            mean, covariance = nose_of((part / share).astype(np.float32))
+        if weight > _LEAST:
+            mean, covariance = nose_of((evidence / mass).astype(np.float32))
             covariance += _ROUNDING_PX2 * np.eye(2)
-            found.append((weight * share, mean + corner, covariance))
+            found.append((weight, mean + corner, covariance))
     total = sum(weight for weight, _, _ in found)
     return sorted(
         (PointHypothesis(pixel=m, covariance_px2=P, probability=weight / total) for weight, m, P in found),
         key=lambda h: -h.probability,
     )
-
-
-def _modes(density: FloatArray) -> list[FloatArray]:
-    """Return the parts (h, w) of a density with the sum 1: the pixels from which steepest ascent leads to one mode."""
-    smooth = cv2.GaussianBlur(density, (0, 0), _MODE_BLUR_PX)
-    steep = smooth >= _FLAT * float(smooth.max())
-    if np.count_nonzero(steep & (smooth == cv2.dilate(smooth, np.ones((3, 3), np.uint8)))) == 1:
-        return [density]
-    v, u = np.nonzero(steep)
-    rows, columns = slice(v.min(), v.max() + 1), slice(u.min(), u.max() + 1)
-    near = np.pad(smooth[rows, columns], 1, constant_values=-1.0)
-    h, w = near.shape[0] - 2, near.shape[1] - 2
-    steps = [(dv, du) for dv in (-1, 0, 1) for du in (-1, 0, 1)]
-    steepest = np.argmax([near[1 + dv : 1 + dv + h, 1 + du : 1 + du + w] for dv, du in steps], axis=0).ravel()
-    top = np.arange(h * w) + np.array([dv * w + du for dv, du in steps])[steepest]
-    while np.any(top != top[top]):
-        top = top[top]
-    # what is flat around it goes to the mode of the nearest pixel
-    around = [(rows.start, density.shape[0] - rows.stop), (columns.start, density.shape[1] - columns.stop)]
-    mode = np.pad(top.reshape(h, w), around, mode="edge")
-    share = np.bincount(mode.ravel(), density.ravel())
-    kept = np.flatnonzero(share >= min(_LEAST_MODE, float(share.max())))
-    return [np.where(mode == each, density, 0.0) for each in kept]
 
 
 def _around(candidate: ChannelCandidate) -> tuple[slice, slice]:

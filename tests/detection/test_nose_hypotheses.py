@@ -1,13 +1,9 @@
 """Where a nose may be: the map is right, or the silhouette and the direction of flight say what it cannot."""
 
-import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from groundstation.box import Box
-from groundstation.detection import nose_hypotheses as nose_hypotheses_module
 from groundstation.detection.channel_candidate import ChannelCandidate
 from groundstation.detection.channel_window import WINDOW_PX
 from groundstation.detection.learned_channel import ChannelMaps
@@ -100,55 +96,3 @@ def test_a_point_ahead_of_the_silhouette_is_less_likely() -> None:
     # a nose that the level set has missed is still found
     missed = nose_hypotheses(shown(np.array([91.0, 47.0])), fuselage(), straight_ahead)
     assert abs(max(missed, key=lambda each: each.pixel[0]).pixel[0] - 91.0) < 1.0
-
-
-def both(first: np.ndarray, second: np.ndarray, share: float) -> ChannelMaps:
-    """A map that shows a ``share`` of the nose at a second place."""
-    nose = (1.0 - share) * shown(first).nose + share * shown(second).nose
-    return ChannelMaps(aircraft=np.zeros_like(nose), nose=nose.astype(np.float32))
-
-
-def test_each_mode_of_a_map_is_a_hypothesis() -> None:
-    """Expected: a nose and an engine are two places, and the point is one of them, not between (validate 1000044)."""
-    engine, nose = np.array([72.0, 45.0]), np.array([80.0, 48.0])
-    found = nose_hypotheses(both(nose, engine, 0.4), fuselage(), heading())
-    assert len(found) == 3  # and that the map is wrong
-    for each, place in zip(found, (nose, engine), strict=False):
-        assert np.hypot(*(each.pixel - place)) < 1.0
-        assert np.trace(each.covariance_px2) < 3.0 * 2.0 * 1.5**2
-    point, covariance = likeliest(found)
-    np.testing.assert_allclose(point, found[0].pixel)
-    # the other one stays in the covariance
-    off = engine - point
-    assert off @ np.linalg.solve(covariance, off) < 9.0
-
-
-def test_a_mode_with_hardly_any_of_the_map_is_none() -> None:
-    engine, nose = np.array([72.0, 45.0]), np.array([80.0, 48.0])
-    assert len(nose_hypotheses(both(nose, engine, 0.005), fuselage(), heading())) == 2
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 30))
-def test_modes_share_a_map_out(seed: int, height: int, width: int) -> None:
-    """Expected: no pixel is of two modes, and what is of none is below the least shares."""
-    rng = np.random.default_rng(seed)
-    density = rng.random((height, width)) ** rng.integers(1, 40)
-    density /= density.sum()
-    parts = nose_hypotheses_module._modes(density)
-    assert parts
-    together = np.sum(parts, axis=0)
-    assert np.all((together == density) | (together == 0.0))
-    shares = [float(part.sum()) for part in parts]
-    assert min(shares) >= nose_hypotheses_module._LEAST_MODE or len(parts) == 1
-    # of the pixels that are not flat, each with the highest of its neighbours
-    smooth = cv2.GaussianBlur(density, (0, 0), nose_hypotheses_module._MODE_BLUR_PX)
-    label = np.full(density.shape, -1)
-    for number, part in enumerate(parts):
-        label[part > 0.0] = number
-    for v, u in np.argwhere(smooth >= nose_hypotheses_module._FLAT * smooth.max()):
-        near = [
-            (y, x) for y in range(max(v - 1, 0), min(v + 2, height)) for x in range(max(u - 1, 0), min(u + 2, width))
-        ]
-        highest = max(near, key=lambda at: smooth[at])
-        if min(density[v, u], density[highest]) > 0.0:
-            assert label[v, u] == label[highest]
