@@ -1,7 +1,7 @@
 """Is the stated covariance that of the errors? Each replay again with true pixels plus the noise that is stated.
 
-    python benchmarks/true_pixels.py [--first N] [--worlds N] [--keep DIR] [--session DIR ...] [--wrong SHARE]
-        [--workers N]
+    python benchmarks/true_pixels.py [--first N] [--worlds N] [--keep DIR] [--detected BANK] [--session DIR ...]
+        [--wrong SHARE] [--workers N]
 
 N worlds of the validate set, 10 s at 10 Hz, or session folders with their truth, are replayed as they are, and again
 with the true pixel of the nose in place of each detected one, displaced by a draw of the detection's covariance, of
@@ -14,7 +14,8 @@ Printed are the runs' figures, quantiles of the sessions' ANEES, and two tests o
 true ones': the Kolmogorov-Smirnov test of two samples, and Wilcoxon's signed ranks of the logarithms of each session's
 ratio, which is the sharper one, as both runs share worlds and calibrations. The true pixels' ANEES is no 1 either: it
 says what the filter states too much or too little by itself. DIR keeps rendered worlds, also those of
-`groundstation bank --worlds DIR`.
+`groundstation bank --worlds DIR`; BANK is the output of a bank of this program with these worlds, which are then not
+replayed as they are.
 """
 
 import argparse
@@ -29,6 +30,7 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+import pyarrow.parquet as pq
 from parallel_study import STUDIES, StudyRun, add_study_arguments
 from scipy.stats import ks_2samp, wilcoxon
 
@@ -208,6 +210,15 @@ def jobs(options: argparse.Namespace, runs: Sequence[str]) -> dict[tuple[str, st
     return {(name, run): {**each, "run": run, **share.get(run, {})} for name, each in sessions.items() for run in runs}
 
 
+def rows_of(bank: Path, seeds: Sequence[int]) -> list[Row]:
+    """Return a bank's rows of these worlds. Raises `SessionError` where it has none of one."""
+    table = bank / "rows.parquet"
+    rows: dict[int, Row] = {int(r["seed"]): r for r in pq.read_table(table).to_pylist()} if table.is_file() else {}
+    if missing := [seed for seed in seeds if seed not in rows]:
+        raise SessionError(str(table), got=f"no row of world {missing[0]}", wanted="a bank with all these worlds")
+    return [rows[seed] for seed in seeds]
+
+
 def main() -> int:
     """Replay all sessions in each way, and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -216,6 +227,7 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, default=STUDIES / "worlds", metavar="DIR", help="where worlds are kept")
     parser.add_argument("--session", type=Path, action="append", metavar="DIR", help="a session instead of worlds")
     parser.add_argument("--wrong", type=float, default=0.0, metavar="SHARE", help="share of gross pixels (0: no run)")
+    parser.add_argument("--detected", type=Path, metavar="BANK", help="a bank's output, not to replay as detected")
     add_study_arguments(parser, "true-pixels")
     options = parser.parse_args()
     if not 0.0 <= options.wrong < 1.0:
@@ -224,13 +236,16 @@ def main() -> int:
         parser.error(f"--first: got {options.first}, wanted 0 or more")
     runs = [DETECTED, TRUE, *([GROSS] if options.wrong else [])]
     try:
-        items = jobs(options, runs)
+        items = jobs(options, runs if options.detected is None else runs[1:])
+        seeds = [item["seed"] for (_, run), item in items.items() if run == TRUE]
+        known = [] if options.detected is None else rows_of(options.detected, seeds)
     except SessionError as fault:
         parser.error(str(fault))
     values = StudyRun.chosen("true pixels", options).values(
         scored, {f"{name}-{run}": item for (name, run), item in items.items()}
     )
     of_run = {run: [values[f"{name}-{each}"] for name, each in items if each == run] for run in runs}
+    of_run[DETECTED] = known or of_run[DETECTED]
     if not _sum(of_run[TRUE], "replaced"):
         print("no pixel was replaced: nothing was detected, or no nose is in a picture")
         return 1

@@ -162,6 +162,8 @@ def test_sessions_are_compared_in_pairs(rng: np.random.Generator) -> None:
         (["--worlds", "0"], "--worlds"),
         (["--first", "-1"], "--first: got -1"),
         (["--session", "nothing"], "nothing"),
+        (["--detected", "nothing"], "no row of world 1000000"),
+        (["--detected", str(RECORDINGS), "--session", str(RECORDINGS / "landing-1")], "no row of world"),
     ],
 )
 def test_bad_arguments_are_named(
