@@ -181,6 +181,12 @@ RULES = (
         without=always(False),
     ),
     Rule(
+        name="a missed target is followed where it is found",
+        where=track_manager.TrackManager,
+        attribute="_may_be",
+        without=always(False),
+    ),
+    Rule(
         name="restart where cameras agree",
         where=AlternativeTrack,
         attribute="step",

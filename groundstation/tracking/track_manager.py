@@ -17,6 +17,7 @@ from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.target_point import point_sigma_m, with_point_error
 from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
+from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.messages import (
     Epoch,
     Frame,
@@ -38,6 +39,8 @@ from groundstation.tracking.track_state_machine import TrackStateMachine
 
 # other traffic is behind the aircraft that lands: of two, one whose distance is less than this share of the other's
 _FAR_NEARER = 0.5
+# a target that is found again is farther from its prediction with this probability
+_OTHERS = 1e-3
 # pixels of two cameras so close in time confirm a target, though pairs lose frames
 _TOGETHER_S = 0.1
 
@@ -98,7 +101,8 @@ class TrackManager:
             return False
         if isinstance(record, PixelMeasurement):
             return True
-        has_target = self._ekf.has_target
+        # a target that no camera sees has no pairs to lose
+        has_target = self._ekf.has_target and not self.state_machine.is_missed(record.t_s)
         return self._schedule.is_due(record.station, record.t_s, epoch=record.epoch, has_target=has_target)
 
     def guided_places(self, record: Frame, pan_rad: float, tilt_rad: float) -> list[GuidedPlace]:
@@ -273,6 +277,8 @@ class TrackManager:
             return True
         if found.moving and machine.is_doubtful(t_s) and not machine.is_likelier_than(t_s, found.odds):
             return True
+        if found.recognised and machine.is_missed(t_s) and self._may_be(t_s, found):
+            return True
         moving_s = found.age_s if found.moving else None
         own_m, other_m = self._range_m(self._ekf.kinematics_at(t_s)), self._range_m(found.kinematics)
         return machine.yields_to(
@@ -281,6 +287,15 @@ class TrackManager:
             odds=found.odds,
             far_nearer=other_m < _FAR_NEARER * own_m,
         )
+
+    def _may_be(self, t_s: float, found: InitiatedTarget) -> bool:
+        """Return whether a found target is where the prediction of the one that is followed may be, and as likely."""
+        if self.state_machine.recognition.is_likelier_than(found.odds):
+            return False
+        own, other = self._ekf.kinematics_at(t_s), found.kinematics
+        away = other.position_runway_m - own.position_runway_m
+        covariance = own.covariance[:3, :3] + other.covariance[:3, :3]
+        return float(away @ np.linalg.solve(covariance, away)) <= chi_square_limit(_OTHERS, 3)
 
     def _range_m(self, target: Kinematics) -> float:
         """Return the distance of a target from the nearest station, m."""

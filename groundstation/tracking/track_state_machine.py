@@ -73,6 +73,10 @@ class TrackStateMachine:
         """Return whether the time without an accepted pixel exceeds its limit."""
         return t_s - self._newest_pixel_s > self._config.lost_after_s
 
+    def is_missed(self, t_s: float) -> bool:
+        """Return whether no camera has seen the target for so long that whole frames are searched again."""
+        return t_s - self._newest_pixel_s > self._config.search_again_s
+
     def add_pixel(self, t_s: float) -> None:
         """Record an accepted pixel."""
         alone = self.status is TrackStatus.COASTING and not self._was_fixed

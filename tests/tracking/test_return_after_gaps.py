@@ -5,7 +5,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from groundstation.messages import CameraReport, DetectionStatus, Epoch, Event, PixelMeasurement, TrackEvent
+from groundstation.estimation.camera_candidate import CameraCandidate
+from groundstation.messages import (
+    CameraReport,
+    DetectionStatus,
+    Epoch,
+    Event,
+    Frame,
+    PixelMeasurement,
+    TrackEvent,
+    TrackStatus,
+)
+from groundstation.picture import as_picture
 from groundstation.rig.rig import Rig
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
@@ -194,3 +205,76 @@ def test_each_label_is_taken_next_to_a_doubtful_target() -> None:
         PixelMeasurement(t_s=t - 0.033 * n, station="right", epoch=999, u_px=600.0, v_px=400.0) for n in (2, 1, 0)
     ]
     assert all(manager.searches(label) for label in labels)
+
+
+def found_again(gap_s: float, aside_m: float, odds: float) -> list[str]:
+    """The log of a flight recognised with odds of 3, then not seen for a time, then found ``aside_m`` off by search.
+
+    What is found stands, so that its motion is no evidence.
+    """
+    pipeline, rig, rows = Pipeline(fixed_rig(), Config()), fixed_rig(), multirotor(3)
+    manager = pipeline._track_manager
+    events: list[TrackEvent] = []
+
+    def feed(k: int, seen: bool) -> float:
+        t = float(rows[k, 0])
+        for station in rig.stations:
+            projection = station.geometry().project(rows[k, 1:], 0.0, 0.0)
+            if projection is not None and seen:
+                u, v = projection.pixel
+                step = PixelMeasurement(t_s=t, station=station.name, epoch=k, u_px=u, v_px=v)
+                events.extend(pipeline.step(step).events)
+        events.extend(pipeline.step(Epoch(t_s=t, epoch=k, stations=rig.names)).events)
+        return t
+
+    last = 150
+    for k in range(last):
+        feed(k, seen=True)
+    manager.state_machine.recognition.start(rows[last, 0], 3.0)
+    gone = last + round(gap_s * RATE_HZ)
+    for k in range(last, gone):
+        feed(k, seen=False)
+    assert manager.state_machine.status is TrackStatus.COASTING
+    place = manager.state_at(rows[gone, 0]).kinematics.position_runway_m + [aside_m, 0.0, 0.0]
+    for k in range(gone, gone + round(0.6 * RATE_HZ)):
+        for station in rig.stations:
+            projection = station.geometry().project(place, 0.0, 0.0)
+            assert projection is not None
+            seen = CameraCandidate(
+                t_s=rows[k, 0],
+                station=station.name,
+                pixel=projection.pixel,
+                width_px=None,
+                score=10.0,
+                pan_rad=0.0,
+                tilt_rad=0.0,
+                angle_sigma_rad=1e-4,
+                odds=odds,
+            )
+            manager.add_search(station.name, rows[k, 0], [seen])
+        feed(k, seen=False)
+    return [e.text for e in events if e.t_s >= rows[gone, 0]]
+
+
+def test_what_is_recognised_where_a_missed_target_may_be_is_followed() -> None:
+    """Expected: a new start within 0.6 s, if no camera has seen the target for over 1 s, it is near, and as likely."""
+    assert any("target acquired" in text and "recognised" in text for text in found_again(1.6, 3.0, 2.5))
+    assert not any("target acquired" in text for text in found_again(0.3, 3.0, 2.5))
+    assert not any("target acquired" in text for text in found_again(1.6, 60.0, 2.5))
+    assert not any("target acquired" in text for text in found_again(1.6, 3.0, 1.6))
+
+
+def test_a_missed_target_has_each_frame_searched() -> None:
+    """Expected: next to a target that was just seen one epoch in three of 15 Hz, next to one not seen for 2 s each."""
+    for missing_s, expected in ((0.0, 4), (2.0, 12)):
+        flown = Flown(3, [("left", 20.0, 30.0), ("right", 20.0, 30.0)])
+        manager, t = flown.pipeline._track_manager, 20.0 + missing_s
+        manager.state_machine.recognition.start(20.0, -1.0)
+        picture = as_picture(np.zeros((8, 8), np.uint8))
+        searched = 0
+        for k in range(12):
+            frames = [
+                Frame(t_s=t + k / RATE_HZ, station=name, epoch=900 + k, image=picture) for name in ("left", "right")
+            ]
+            searched += sum(manager.searches(frame) for frame in frames) == 2
+        assert searched == expected
