@@ -94,7 +94,8 @@ class EstimationConfig:
     coast_after_s : where time passes and no pair is answered for so long, the track coasts; in operation at least two
         and a half periods of the cameras.
     confirm_after_s, confirm_fixes : after so long without any accepted pixel, the status is tracking at so many fixes.
-    search_again_s : without a fix for so long, the whole frames are searched again next to the prediction.
+    search_again_s : without a fix for so long, the whole frames are searched again next to the prediction; and without
+        any pixel for so long, an aircraft that is found where the target may be is followed instead.
     proof_fixes, proof_s : a target found by searching needs so many fixes within so long, or it is dropped.
     settled_velocity_sigma_m_s : and is reported once its velocity is known so well in every direction, and is not zero.
     false_target_s, false_target_m : a target found by searching must move so far in so long, or it is dropped.

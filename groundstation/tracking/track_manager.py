@@ -40,7 +40,7 @@ from groundstation.tracking.track_state_machine import TrackStateMachine
 # other traffic is behind the aircraft that lands: of two, one whose distance is less than this share of the other's
 _FAR_NEARER = 0.5
 # a target that is found again is farther from its prediction with this probability
-_OTHERS = 1e-3
+_FARTHER_CHANCE = 1e-3
 # pixels of two cameras so close in time confirm a target, though pairs lose frames
 _TOGETHER_S = 0.1
 
@@ -101,8 +101,7 @@ class TrackManager:
             return False
         if isinstance(record, PixelMeasurement):
             return True
-        # a target that no camera sees has no pairs to lose
-        has_target = self._ekf.has_target and not self.state_machine.is_missed(record.t_s)
+        has_target = self._ekf.has_target
         return self._schedule.is_due(record.station, record.t_s, epoch=record.epoch, has_target=has_target)
 
     def guided_places(self, record: Frame, pan_rad: float, tilt_rad: float) -> list[GuidedPlace]:
@@ -233,7 +232,10 @@ class TrackManager:
             self._initiator.discard(self._ekf.kinematics_at(t_s))
             self.drop(t_s)
         else:
+            crossed = machine.confirmation.has_crossed
             self._set_status(t_s, machine.update(fixed, self._ekf))
+            if machine.confirmation.has_crossed and not crossed:
+                self.log(t_s, "info", "what was found crosses on the ground: not reported until it is recognised")
 
     def _correct(self, t_s: float, views: EpochViews) -> None:
         """Restart the target where cameras agree on another place than the filter's, look after look."""
@@ -289,13 +291,13 @@ class TrackManager:
         )
 
     def _may_be(self, t_s: float, found: InitiatedTarget) -> bool:
-        """Return whether a found target is where the prediction of the one that is followed may be, and as likely."""
-        if self.state_machine.recognition.is_likelier_than(found.odds):
-            return False
-        own, other = self._ekf.kinematics_at(t_s), found.kinematics
-        away = other.position_runway_m - own.position_runway_m
-        covariance = own.covariance[:3, :3] + other.covariance[:3, :3]
-        return float(away @ np.linalg.solve(covariance, away)) <= chi_square_limit(_OTHERS, 3)
+        """Return whether a found target is as likely as the followed one, and has a place and velocity it may have."""
+        own = self._ekf.kinematics_at(t_s)
+        away = np.concatenate([found.kinematics.position_runway_m, found.kinematics.velocity_runway_m_s])
+        away -= np.concatenate([own.position_runway_m, own.velocity_runway_m_s])
+        square = float(away @ np.linalg.solve(own.covariance + found.kinematics.covariance, away))
+        near = square <= chi_square_limit(_FARTHER_CHANCE, len(away))
+        return near and not self.state_machine.recognition.is_likelier_than(found.odds)
 
     def _range_m(self, target: Kinematics) -> float:
         """Return the distance of a target from the nearest station, m."""

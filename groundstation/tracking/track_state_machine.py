@@ -74,8 +74,8 @@ class TrackStateMachine:
         return t_s - self._newest_pixel_s > self._config.lost_after_s
 
     def is_missed(self, t_s: float) -> bool:
-        """Return whether no camera has seen the target for so long that whole frames are searched again."""
-        return t_s - self._newest_pixel_s > self._config.search_again_s
+        """Return whether no camera has seen a target for ``search_again_s`` that two have seen since its start."""
+        return self.confirmation.has_fix and t_s - self._newest_pixel_s > self._config.search_again_s
 
     def add_pixel(self, t_s: float) -> None:
         """Record an accepted pixel."""
@@ -101,7 +101,7 @@ class TrackStateMachine:
         A target found by searching is acquiring until it has had a fix, and its velocity has converged and is not zero.
         """
         self._was_fixed = fixed
-        if not self.confirmation.is_reportable(ekf):
+        if not self.confirmation.is_reportable(ekf, recognised=self.recognition.is_recognised):
             return TrackStatus.ACQUIRING
         confirmed = fixed and self._fixes_since_gap >= self._config.confirm_fixes
         return TrackStatus.TRACKING if confirmed else TrackStatus.COASTING
@@ -159,7 +159,11 @@ class TrackStateMachine:
         """Set the status; return an event if it changed."""
         if status is self.status:
             return None
-        level = "warning" if status in (TrackStatus.LOST, TrackStatus.COASTING) else "info"
+        reported = (TrackStatus.TRACKING, TrackStatus.COASTING)
+        worse = status in (TrackStatus.LOST, TrackStatus.COASTING) or (
+            self.status in reported and status not in reported
+        )
+        level = "warning" if worse else "info"
         event = TrackEvent(t_s=t_s, level=level, text=f"{self.status.value} → {status.value}")
         self.status = status
         return event

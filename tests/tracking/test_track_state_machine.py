@@ -348,3 +348,46 @@ def test_a_target_that_no_learned_channel_has_seen_is_not_searched_for() -> None
         life.add_fix(k * 0.1)
     assert not life.recognition.is_available
     assert not life.needs_search(9.9)
+
+
+@pytest.mark.parametrize(
+    ("height_m", "velocity_m_s", "recognised", "reported"),
+    [
+        (1.0, (8.0, -3.0, 0.0), False, False),
+        (1.0, (8.0, -3.0, 0.0), True, True),
+        (1.0, (3.0, -8.0, 0.0), False, True),
+        (4.1, (8.0, -3.0, 0.0), False, False),
+        (4.3, (8.0, -3.0, 0.0), False, True),
+    ],
+    ids=["crosses", "recognised", "rolls", "may be on the ground", "flies"],
+)
+def test_what_crosses_on_the_ground_is_reported_only_if_recognised(
+    height_m: float, velocity_m_s: tuple[float, float, float], recognised: bool, reported: bool
+) -> None:
+    """Heights with a sigma of 0.1 m, about the 4 m that a lorry is high. One that was reported may cross afterwards."""
+    life, ekf = started(found=True)
+    covariance = np.diag([0.01] * 6)
+    ekf.start_target(np.array([20.0, 200.0, height_m]), np.array(velocity_m_s), covariance)
+    life.start(0.0, np.array([10.0, 200.0, height_m]), odds=3.0 if recognised else 0.5)
+    life.add_fix(0.1)
+    assert (life.update(True, ekf) is TrackStatus.TRACKING) is reported
+    assert life.confirmation.has_crossed is not reported
+    if reported:
+        ekf.start_target(np.array([20.0, 200.0, 0.5]), np.array([8.0, 0.0, 0.0]), covariance)
+        assert life.update(True, ekf) is TrackStatus.TRACKING
+    else:
+        ekf.start_target(np.array([30.0, 200.0, 9.0]), np.array(velocity_m_s), covariance)
+        assert life.update(True, ekf) is TrackStatus.TRACKING, "it flies after all"
+
+
+def test_an_estimate_that_ends_is_a_warning() -> None:
+    life, _ = started(found=False)
+    steps = [
+        TrackStatus.TRACKING,
+        TrackStatus.COASTING,
+        TrackStatus.ACQUIRING,
+        TrackStatus.TRACKING,
+        TrackStatus.ACQUIRING,
+    ]
+    events = [life.set_status(0.1 * k, status) for k, status in enumerate(steps)]
+    assert [each.level for each in events if each] == ["info", "warning", "warning", "info", "warning"]
