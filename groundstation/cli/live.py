@@ -69,6 +69,9 @@ def add_live(commands: Commands) -> None:
     live.add_argument("--for", type=duration_s, dest="seconds", metavar="S", help="end after so many seconds")
     live.add_argument("--simulate", action="store_true", help="with a range that is not there")
     live.add_argument("--rig", type=READ, metavar="FILE", help="with --simulate: another rig than the built-in one")
+    live.add_argument(
+        "--config", type=READ, metavar="FILE", help="with --simulate: tuning, TOML; otherwise the station file names it"
+    )
     add_simulated_flight(live, None, "with --simulate: ")
     live.add_argument(
         "--ptu-fault",
@@ -169,6 +172,7 @@ def _simulator(options: argparse.Namespace, stop: StopRequest) -> "SimulatedStat
         SimulatedStationConfig(
             seconds=options.seconds,
             rig=options.rig,
+            tuning=options.config,
             rate_hz=options.rate,
             seed=options.seed,
             ptu_faults=tuple(options.ptu_fault),
@@ -194,6 +198,7 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
             return "got no STATION; wanted a station file, or --simulate"
         defaults: dict[str, object] = {
             "rig": None,
+            "config": None,
             "rate": None,
             "seed": 0,
             "wind": 0.0,

@@ -34,6 +34,7 @@ class SimulatedStationConfig:
     seconds : how long the landings go on, s; None for as long as the operation.
     rig, rate_hz : of a set-up without a station file: its rig file (None for the standard rig), pictures a second
         (None for what this machine renders).
+    tuning : of such a set-up: its tuning file; None for the default tuning.
     ptu_faults : names of `ptu_drivers.simulated.faults`, each over and over on each unit's line.
     receiver : a reference receiver on the aircraft; None for none.
     timetable : what fails when, s from the flight's time zero.
@@ -42,6 +43,7 @@ class SimulatedStationConfig:
 
     seconds: float | None = None
     rig: Path | None = None
+    tuning: Path | None = None
     rate_hz: float | None = 30.0
     seed: int = 0
     ptu_faults: tuple[str, ...] = ()
@@ -79,9 +81,10 @@ class SimulatedStation(StationSimulator):
             return load_station(station)
         self._measures_rate = self._config.rate_hz is None
         rig = None if self._config.rig is None else load_rig(self._config.rig)
-        return simulated_station_file(
-            out, self._config.rate_hz or FULL_RATE_HZ, rig, dgps=self._config.receiver is not None
-        )
+        # a file that cannot be read is at fault by its own name, not by that of the simulated station's
+        load_config(self._config.tuning)
+        rate_hz, dgps = self._config.rate_hz or FULL_RATE_HZ, self._config.receiver is not None
+        return replace(simulated_station_file(out, rate_hz, rig, dgps=dgps), config=self._config.tuning)
 
     def check(self, rig: Rig) -> None:
         """Raise `InputError` if the fault timetable names a device that the rig does not have."""
