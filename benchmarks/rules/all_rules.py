@@ -163,6 +163,12 @@ RULES = (
         without=constant(0.0),
     ),
     Rule(
+        name="what crosses on the ground is not reported",
+        where=track_confirmation,
+        attribute="_crosses_on_ground",
+        without=always(False),
+    ),
+    Rule(
         name="none yields to a far less likely one",
         where=Recognition,
         attribute="is_likelier_than",
@@ -183,7 +189,7 @@ RULES = (
     Rule(
         name="a missed target is followed where it is found",
         where=track_manager.TrackManager,
-        attribute="_may_be",
+        attribute="_fits_prediction",
         without=always(False),
     ),
     Rule(

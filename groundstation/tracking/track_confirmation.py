@@ -31,7 +31,8 @@ _MOVING_GATE, _LEAST_SPEED_M_S = 36.0, 2.0
 # whose range is uncertain, seems to move along the line of sight. With gates of 0, 16, 25 and 36 two validate worlds
 # have 79, 18, 13 and 1 misleading epochs, and 58 train worlds 2168, 2129, 2108 and 2061 epochs *tracking*
 _FLYING_GATE = 25.0
-# what is not higher than a lorry, above the threshold, for sure may be on the ground
+# what is not higher than a lorry, above the threshold, for sure may be on the ground: the highest that European roads
+# allow, not a figure of recordings; two sigmas are a choice
 _ON_GROUND_M, _HEIGHT_SIGMAS = 4.0, 2.0
 
 
@@ -164,7 +165,7 @@ def _is_moving(ekf: StationEkf, gate: float, least_m_s: float) -> bool:
 
 
 def _crosses_on_ground(ekf: StationEkf) -> bool:
-    """Return whether a target may be on the ground, and moves more across the runway's direction than along it."""
+    """Return whether a target may be on the ground, and moves more across the runway (x) than along it (y)."""
     position, velocity = ekf.layout.position, ekf.layout.velocity
     height_m, sigma_m = ekf.state[position][2], math.sqrt(ekf.covariance[position, position][2, 2])
     across_m_s, along_m_s, _ = np.abs(ekf.state[velocity])

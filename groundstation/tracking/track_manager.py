@@ -235,7 +235,7 @@ class TrackManager:
             crossed = machine.confirmation.has_crossed
             self._set_status(t_s, machine.update(fixed, self._ekf))
             if machine.confirmation.has_crossed and not crossed:
-                self.log(t_s, "info", "what was found crosses on the ground: not reported until it is recognised")
+                self.log(t_s, "info", "what was found crosses on the ground, and is not recognised: not reported")
 
     def _correct(self, t_s: float, views: EpochViews) -> None:
         """Restart the target where cameras agree on another place than the filter's, look after look."""
@@ -279,7 +279,7 @@ class TrackManager:
             return True
         if found.moving and machine.is_doubtful(t_s) and not machine.is_likelier_than(t_s, found.odds):
             return True
-        if found.recognised and machine.is_missed(t_s) and self._may_be(t_s, found):
+        if found.recognised and machine.is_missed(t_s) and self._fits_prediction(t_s, found):
             return True
         moving_s = found.age_s if found.moving else None
         own_m, other_m = self._range_m(self._ekf.kinematics_at(t_s)), self._range_m(found.kinematics)
@@ -290,7 +290,7 @@ class TrackManager:
             far_nearer=other_m < _FAR_NEARER * own_m,
         )
 
-    def _may_be(self, t_s: float, found: InitiatedTarget) -> bool:
+    def _fits_prediction(self, t_s: float, found: InitiatedTarget) -> bool:
         """Return whether a found target is as likely as the followed one, and has a place and velocity it may have."""
         own = self._ekf.kinematics_at(t_s)
         away = np.concatenate([found.kinematics.position_runway_m, found.kinematics.velocity_runway_m_s])

@@ -159,11 +159,10 @@ class TrackStateMachine:
         """Set the status; return an event if it changed."""
         if status is self.status:
             return None
-        reported = (TrackStatus.TRACKING, TrackStatus.COASTING)
-        worse = status in (TrackStatus.LOST, TrackStatus.COASTING) or (
-            self.status in reported and status not in reported
-        )
-        level = "warning" if worse else "info"
+        worse = status in (TrackStatus.LOST, TrackStatus.COASTING)
+        # an estimate was reported until now
+        ends = self.status in (TrackStatus.TRACKING, TrackStatus.COASTING) and status is not TrackStatus.TRACKING
+        level = "warning" if worse or ends else "info"
         event = TrackEvent(t_s=t_s, level=level, text=f"{self.status.value} → {status.value}")
         self.status = status
         return event

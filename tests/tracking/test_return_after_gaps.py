@@ -272,5 +272,5 @@ def test_what_crosses_on_the_ground_is_logged_once() -> None:
     assert manager.state_machine.status is TrackStatus.ACQUIRING
     assert manager.state_at(1.6).kinematics is None
     assert [e.text for e in manager.changes.events if "crosses" in e.text] == [
-        "what was found crosses on the ground: not reported until it is recognised"
+        "what was found crosses on the ground, and is not recognised: not reported"
     ]
