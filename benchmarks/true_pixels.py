@@ -56,6 +56,7 @@ GROSS_PX = 100.0
 DETECTED, TRUE, GROSS = "as detected", "true pixels", "true pixels, some gross"
 TUNING = """[estimation]
 target_point_sigma_spans = [0.0, 0.0, 0.0]
+target_point_behind_lead_spans = 0.0
 target_point_behind_spans = 0.0
 target_point_behind_up_spans = 0.0
 """

@@ -105,7 +105,9 @@ class EstimationConfig:
     residual_gate_sigma : rays that miss each other by more sigmas make no baseline point.
     target_point_sigma_spans : one sigma, forward, to the right and upward on the aircraft and in spans, of the
         difference between the detected point and the target point, which lasts for the whole flight.
-    target_point_behind_spans : further sigma of it, along an aircraft that is seen straight from behind.
+    target_point_behind_lead_spans : so far is the nose ahead of the one that the learned channel detects, along an
+        aircraft that is seen straight from behind, which hides its nose.
+    target_point_behind_spans : further sigma of the difference, along such an aircraft.
     target_point_behind_up_spans : further sigma of it, upward on an aircraft that is seen straight from behind.
     labelled_sigma_px : noise of a pixel that someone else has found.
     fix_window_s : detections without frames: stations seen within this time count as one fix.
@@ -154,6 +156,7 @@ class EstimationConfig:
     predictor: Predictor = Predictor.HERMITE
     residual_gate_sigma: float = 5.0
     target_point_sigma_spans: tuple[float, float, float] = state_model.TARGET_POINT_SIGMA_SPANS
+    target_point_behind_lead_spans: float = state_model.TARGET_POINT_BEHIND_LEAD_SPANS
     target_point_behind_spans: float = state_model.TARGET_POINT_BEHIND_SPANS
     target_point_behind_up_spans: float = state_model.TARGET_POINT_BEHIND_UP_SPANS
     labelled_sigma_px: float = state_model.LABELLED_SIGMA_PX
@@ -166,6 +169,7 @@ class EstimationConfig:
             "detection_lasting_share",
             "late_horizon_s",
             "target_point_sigma_spans",
+            "target_point_behind_lead_spans",
             "target_point_behind_spans",
             "target_point_behind_up_spans",
         )
@@ -174,7 +178,7 @@ class EstimationConfig:
             raise ValueError(f"detection_lasting_share {self.detection_lasting_share} outside 0 … 1")
         if min(self.target_point_sigma_spans) < 0:
             raise ValueError(f"target_point_sigma_spans {self.target_point_sigma_spans} < 0")
-        for name in ("target_point_behind_spans", "target_point_behind_up_spans"):
+        for name in unsigned[3:]:
             if (behind := getattr(self, name)) < 0:
                 raise ValueError(f"{name} {behind} < 0")
         if self.late_horizon_s < 0:

@@ -1,43 +1,65 @@
-"""The error of the detected point on an aircraft that the detector has not seen before.
+"""Where the detected point is on an aircraft that the detector has not seen before.
 
-It is about the same in all pictures of a flight, so that no filter averages it away and no residual shows it: the
-estimate's covariance is enlarged by it at the output.
+The difference to the target point is about the same in all pictures of a flight, so that no filter averages it away and
+no residual shows it: the estimate is corrected by its mean and its covariance enlarged at the output.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.config import EstimationConfig
 from groundstation.messages import Kinematics
 
 
-def point_sigma_m(
-    kinematics: Kinematics,
-    span_m: float,
-    sigma_spans: FloatArray,
-    behind_spans: FloatArray,
-    eyes_m: Sequence[FloatArray],
-) -> FloatArray:
-    """Return one sigma of the detected point forward, to the right and upward on the aircraft, m, (3,).
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TargetPointError:
+    """The detected point's error, in spans, by how an aircraft flies in front of cameras.
 
-    ``sigma_spans`` (3,) is that of an aircraft that flies towards cameras at ``eyes_m``, (3,) each; one that flies away
-    hides its nose, and where that is inferred to be is wrong by ``behind_spans`` (3,) more, straight from behind, and
-    by nothing across the line of sight.
+    One that flies away hides its nose: where that is inferred to be is behind the nose in the mean, and more uncertain.
+
+    Attributes
+    ----------
+    sigma_spans : (3,) one sigma forward, to the right and upward on an aircraft that flies towards the cameras.
+    hidden_lead_spans : so far is the nose ahead of the detected point in the mean, along an aircraft that is seen
+        straight from behind; nothing where it flies across the line of sight.
+    hidden_spans : (3,) further sigma, forward, to the right and upward, of one that is seen straight from behind.
+    eyes_m : (3,) each, the positions of the cameras in the runway frame.
     """
-    sigma_m = span_m * sigma_spans
-    velocity_m_s = kinematics.velocity_runway_m_s
-    speed_m_s = float(np.linalg.norm(velocity_m_s))
-    if speed_m_s == 0.0 or not eyes_m:
-        return sigma_m
-    away = [_cosine(velocity_m_s, kinematics.position_runway_m - eye_m) for eye_m in eyes_m]
-    behind2 = float(np.mean(np.square(np.maximum(away, 0.0))))
-    return np.asarray(np.sqrt(sigma_m**2 + (span_m * behind_spans) ** 2 * behind2))
 
+    sigma_spans: FloatArray
+    hidden_lead_spans: float
+    hidden_spans: FloatArray
+    eyes_m: Sequence[FloatArray]
 
-def _cosine(a: FloatArray, b: FloatArray) -> float:
-    return float(a @ b) / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12)
+    @classmethod
+    def by(cls, config: EstimationConfig, eyes_m: Sequence[FloatArray], *, inferred: bool) -> "TargetPointError":
+        """Return the configured error; ``inferred``: the learned channel has inferred where a hidden nose is."""
+        return cls(
+            sigma_spans=np.array(config.target_point_sigma_spans),
+            hidden_lead_spans=config.target_point_behind_lead_spans if inferred else 0.0,
+            hidden_spans=np.array((config.target_point_behind_spans, 0.0, config.target_point_behind_up_spans)),
+            eyes_m=eyes_m,
+        )
+
+    def corrected(self, kinematics: Kinematics, span_m: float) -> Kinematics:
+        """Return the estimate of the detected point as one of the target point, for an aircraft with a span in m."""
+        hidden = self._hidden_share(kinematics)
+        sigma_m = span_m * np.sqrt(self.sigma_spans**2 + hidden * self.hidden_spans**2)
+        ahead_m = span_m * hidden * self.hidden_lead_spans * _expected_direction(kinematics)
+        moved = replace(kinematics, position_runway_m=kinematics.position_runway_m + ahead_m)
+        return with_point_error(moved, sigma_m)
+
+    def _hidden_share(self, kinematics: Kinematics) -> float:
+        """Return the mean of the squared cosines between path and lines of sight: 1 straight from behind, 0 towards."""
+        velocity_m_s = kinematics.velocity_runway_m_s
+        if not velocity_m_s.any() or not self.eyes_m:
+            return 0.0
+        away = [_cosine(velocity_m_s, kinematics.position_runway_m - eye_m) for eye_m in self.eyes_m]
+        return float(np.mean(np.square(np.maximum(away, 0.0))))
 
 
 def with_point_error(kinematics: Kinematics, sigma_m: FloatArray) -> Kinematics:
@@ -60,3 +82,15 @@ def with_point_error(kinematics: Kinematics, sigma_m: FloatArray) -> Kinematics:
     covariance[:2, :2] += right * np.eye(2) + (forward - right) * spread
     covariance[2, 2] += up
     return replace(kinematics, covariance=covariance)
+
+
+def _expected_direction(kinematics: Kinematics) -> FloatArray:
+    """Return the mean (3,) of the direction of flight: shorter than 1, the less the velocity is known."""
+    velocity_m_s = kinematics.velocity_runway_m_s
+    noise2 = max(float(np.trace(kinematics.covariance[3:, 3:])), 0.0)
+    length_m_s = math.sqrt(float(velocity_m_s @ velocity_m_s) + noise2)
+    return velocity_m_s / length_m_s if length_m_s > 0.0 else np.zeros(3)
+
+
+def _cosine(a: FloatArray, b: FloatArray) -> float:
+    return float(a @ b) / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12)

@@ -15,8 +15,10 @@ import numpy as np
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.box import Box
 from groundstation.detection.channel_contrast import measure_channels
+from groundstation.detection.config import TargetPoint
 from groundstation.detection.detector import DetectionHint
 from groundstation.detection.detector_callback import DetectorCallback
+from groundstation.detection.learned_detector import LearnedDetector
 from groundstation.detection.make_detector import make_detector, make_finder
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.camera_candidate import CameraCandidate
@@ -117,6 +119,11 @@ class CameraTracker:
     def has_detected(self) -> bool:
         """Whether the detector has found a target in any picture so far."""
         return self._detections > 0
+
+    @property
+    def infers_hidden_nose(self) -> bool:
+        """Whether the learned channel says where a nose is that the aircraft hides."""
+        return isinstance(self._detector, LearnedDetector) and self._config.detection.target_point is TargetPoint.NOSE
 
     @contextmanager
     def state_preserved(self) -> Iterator[None]:

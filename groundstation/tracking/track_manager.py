@@ -14,7 +14,7 @@ from groundstation.estimation.earlier_pixels import EarlierPixels
 from groundstation.estimation.guided_search import GuidedPlace, GuidedSearch
 from groundstation.estimation.initialise import TrackInitiator
 from groundstation.estimation.station_ekf import StationEkf
-from groundstation.estimation.target_point import point_sigma_m, with_point_error
+from groundstation.estimation.target_point import TargetPointError
 from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.geometry.chi_square import chi_square_limit
@@ -76,9 +76,8 @@ class TrackManager:
         self._guided = GuidedSearch(geometries, config.initiation, span.span_m)
         self._earlier = EarlierPixels(geometries, config.initiation)
         self._span, self._usual_span_m = span, config.initiation.usual_span_m
-        self._point_sigma_spans = np.array(config.estimation.target_point_sigma_spans)
-        behind = config.estimation.target_point_behind_spans, 0.0, config.estimation.target_point_behind_up_spans
-        self._point_behind_spans = np.array(behind)
+        inferred = any(camera.infers_hidden_nose for camera in cameras.values())
+        self._point_error = TargetPointError.by(config.estimation, self._eyes_m, inferred=inferred)
         self._alternative = AlternativeTrack(geometries, config.initiation, span.span_m)
         self._initial = initial
         self._schedule = SearchSchedule()
@@ -157,9 +156,9 @@ class TrackManager:
             self._initiator.reset()
         if not self.is_confirmed:
             return None
-        kinematics = self.reported(self._ekf.kinematics_at(t_s))
+        kinematics = self._ekf.kinematics_at(t_s)
         self.predictor.add(Knot(t_s=t_s, position_m=kinematics.position_runway_m))
-        return kinematics
+        return self.reported(kinematics)
 
     @property
     def track_id(self) -> int | None:
@@ -172,12 +171,11 @@ class TrackManager:
         return self._ekf.has_target and self.state_machine.status is not TrackStatus.ACQUIRING
 
     def reported(self, kinematics: Kinematics) -> Kinematics:
-        """Return an estimate of the filter with the error of the detected point added, if a detector has found it."""
+        """Return an estimate of the filter as one of the target point, if a detector has found it."""
         if not any(camera.has_detected for camera in self._cameras.values()):
             return kinematics
         span_m = self._usual_span_m if self._span.span_m is None else self._span.span_m
-        sigma_m = point_sigma_m(kinematics, span_m, self._point_sigma_spans, self._point_behind_spans, self._eyes_m)
-        return with_point_error(kinematics, sigma_m)
+        return self._point_error.corrected(kinematics, span_m)
 
     def is_quiet(self, t_s: float) -> bool:
         """Return whether the last epoch is so old that the status depends on time only."""
