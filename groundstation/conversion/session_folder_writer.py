@@ -226,8 +226,7 @@ def _inner(window: Box[int], size_px: tuple[int, int]) -> Box[int]:
 
 def _device_time(clock: ClockModel, t_s: float) -> float:
     """Return the device's stamp that reads as ``t_s`` of the session."""
-    guess = (t_s - clock.offset_s) / (1.0 + 1e-6 * clock.drift_ppm)
-    return _near(guess, lambda stamp: clock.session_from_device(stamp) == t_s)
+    return _near(clock.device_from_session(t_s), lambda stamp: clock.session_from_device(stamp) == t_s)
 
 
 def _degrees(angle_rad: float) -> float:

@@ -4,6 +4,7 @@ import math
 import threading
 
 from groundstation.live.input_queue import DeviceLogLine, InputQueue, TimedPicture
+from groundstation.rig.rig import EQUAL_CLOCKS, ClockModel
 from groundstation.sources.cameras.camera import CameraEvent, CameraEventKind
 from groundstation.sources.cameras.live_camera import LiveCamera
 
@@ -19,9 +20,16 @@ def reported(event: CameraEvent, session_from_host_s: float) -> DeviceLogLine:
 
 
 class CameraWorker:
-    """Hands one camera's frames on."""
+    """Hands one camera's frames on; ``clock`` makes session time of its stamps, which the host's zero is added to."""
 
-    def __init__(self, station: str, camera: LiveCamera, input_queue: InputQueue, session_from_host_s: float) -> None:
+    def __init__(
+        self,
+        station: str,
+        camera: LiveCamera,
+        input_queue: InputQueue,
+        session_from_host_s: float,
+        clock: ClockModel = EQUAL_CLOCKS,
+    ) -> None:
         self.station = station
         self.camera = camera
         self.frames = 0
@@ -29,7 +37,7 @@ class CameraWorker:
         self.counts_before = camera.counts
         """What the camera had counted when its frames began to be taken."""
         self._input_queue = input_queue
-        self._zero_s = session_from_host_s
+        self._zero_s, self._clock = session_from_host_s, clock
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name=f"frames-{station}", daemon=True)
 
@@ -51,7 +59,7 @@ class CameraWorker:
                 if frame is None or frame.repeated:
                     continue
                 self.frames += 1
-                self.newest_s = frame.t_s + self._zero_s
+                self.newest_s = self._clock.session_from_device(frame.t_s + self._zero_s)
                 self._input_queue.put(
                     TimedPicture(
                         t_s=self.newest_s,

@@ -29,6 +29,8 @@ from groundstation.messages import (
 )
 from groundstation.pointing.pointing_law import HeadController
 from groundstation.pointing.search_pattern import SearchPattern
+from groundstation.rig.ptu_axes import AxisCorrection
+from groundstation.rig.rig import Rig
 from groundstation.tracking.config import Config
 from groundstation.tracking.log_throttle import LogThrottle
 from groundstation.tracking.pipeline import Pipeline
@@ -77,16 +79,24 @@ class LiveCore:
     pairing : of its cameras.
     heads : of the stations that turn.
     pattern : where to look while there is no target.
+    rig : corrects readings by ``ptu_clock`` and ``ptu_axes``, the heads' in time alone; without, they are angles.
     """
 
     def __init__(
-        self, pipeline: Pipeline, pairing: FramePairer, heads: Mapping[str, HeadController], pattern: SearchPattern
+        self,
+        pipeline: Pipeline,
+        pairing: FramePairer,
+        heads: Mapping[str, HeadController],
+        pattern: SearchPattern,
+        rig: Rig | None = None,
     ) -> None:
         self.pipeline = pipeline
         self.status = TrackStatus.SEARCHING
         self._pairing = pairing
         self._heads = heads
         self._pattern = pattern
+        stations = () if rig is None else rig.stations
+        self._corrections = {s.name: (s.ptu_clock, AxisCorrection(s.ptu_axes)) for s in stations}
         self._commanded_s = -math.inf
         # the newest pair or heartbeat
         self._answered_s = -math.inf
@@ -110,12 +120,25 @@ class LiveCore:
             self._step(_numbered(item, paired.epoch), step)
             for epoch in paired.closed_after:
                 self._step(epoch, step)
+        elif isinstance(item, PtuSample):
+            self._take_reading(item, step)
         else:
-            if isinstance(item, PtuSample) and item.station in self._heads:
-                self._heads[item.station].read(item)
             self._step(item, step)
         self._pass_time(now_s, now_s if known_s is None else known_s, step)
         return step
+
+    def _take_reading(self, reading: PtuSample, step: LiveStep) -> None:
+        """Give the head its reading and the pipeline the angles, both at the session time of the motion."""
+        if reading.station in self._corrections:
+            clock, axes = self._corrections[reading.station]
+            reading = replace(reading, t_s=clock.session_from_device(reading.t_s))
+            pan_rad, tilt_rad = axes.angles(reading.pan_rad, reading.tilt_rad)
+            angles = replace(reading, pan_rad=pan_rad, tilt_rad=tilt_rad)
+        else:
+            angles = reading
+        if reading.station in self._heads:
+            self._heads[reading.station].read(reading)
+        self._step(angles, step)
 
     def pass_time(self, now_s: float, known_s: float | None = None) -> LiveStep:
         """Close a pair that will not be completed, send a heartbeat, and tell the heads where to turn, if it is time.

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from groundstation.errors import ConfigError
+from groundstation.errors import ConfigError, RigError
 from groundstation.files.nearest_word import one_of
 from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile
@@ -22,12 +22,18 @@ from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.sources.cameras.open_camera import open_camera
 from groundstation.tracking.config import config_from_mapping
 
+# beyond what a camera's or a PTU's answer takes
+_MOST_LAG_S = 1.0
+
 T = TypeVar("T")
 Tell = Callable[[CameraEvent], None]
 
 
 def check_against_rig(file: StationFile, rig: Rig) -> None:
-    """Raise `ConfigError` where station file and rig do not speak of the same stations, `RigError` for one in mm."""
+    """Raise `ConfigError` where station file and rig do not speak of the same stations.
+
+    Raises `RigError` for a rig in mm, or of another recorder's clocks.
+    """
     ours, theirs = tuple(s.name for s in file.stations), rig.names
     if set(ours) != set(theirs):
         raise ConfigError(
@@ -45,6 +51,24 @@ def check_against_rig(file: StationFile, rig: Rig) -> None:
                 wanted="the PTU's URL, or fixed = true in the rig",
             )
     require_one_sight(rig, file.span_m)
+    _require_clocks_of_one_host(rig)
+
+
+def _require_clocks_of_one_host(rig: Rig) -> None:
+    """Raise `RigError` for a clock that no device has whose stamps this host makes: these lag, and do not drift."""
+    for station in rig.stations:
+        for name, clock in (("ptu_clock", station.ptu_clock), ("camera_clock", station.camera_clock)):
+            if clock is None:
+                continue
+            where = f"{rig.path}: station {station.name}: {name}"
+            if clock.drift_ppm != 0.0:
+                wanted = "0: in operation all stamps are of this host's clock, which does not drift against itself"
+                raise RigError(where, got=f"drift_ppm = {clock.drift_ppm:g}", wanted=wanted)
+            if abs(clock.offset_s) > _MOST_LAG_S:
+                wanted = (
+                    f"at most {_MOST_LAG_S:g} s: in operation an offset is a device's lag, not another clock's zero"
+                )
+                raise RigError(where, got=f"offset_s = {clock.offset_s:g}", wanted=wanted)
 
 
 def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: float) -> LiveCamera:

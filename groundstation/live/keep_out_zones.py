@@ -89,7 +89,8 @@ def _kept(
         return station
     calibrated = rig[station.name]
     zone = None if sun is None else SunZone(sun=sun, angle_rad=sun_angle_of(calibrated, given_rad))
-    keep_out = KeepOut(lens=LensAxis.of(calibrated.geometry()), sun=zone, sectors=head.sectors, utc_zero_s=utc_zero_s)
+    lens = LensAxis.of(calibrated.geometry(), calibrated.ptu_axes)
+    keep_out = KeepOut(lens=lens, sun=zone, sectors=head.sectors, utc_zero_s=utc_zero_s)
     return dataclasses.replace(station, head=dataclasses.replace(head, keep_out=keep_out))
 
 

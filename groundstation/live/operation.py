@@ -20,6 +20,7 @@ from groundstation.live.camera_status import clock_status, lost_frames
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.core import LiveCore, LiveStep
 from groundstation.live.frame_pairing import FramePairer, LoadShedder
+from groundstation.live.head_controllers import head_controllers
 from groundstation.live.head_log import HeadState
 from groundstation.live.head_manager import HeadManager
 from groundstation.live.input_queue import DeviceLogLine, InputQueue, Item, TimedPicture
@@ -28,10 +29,8 @@ from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile
 from groundstation.live.status_board import DeviceState, LiveStatus, StatusBoard
 from groundstation.messages import Event, Frame, Kinematics, PtuSample, StepReport, TrackEvent, TrackStatus
-from groundstation.pointing.keep_out import KeepOut
-from groundstation.pointing.pointing_law import HeadController
 from groundstation.pointing.search_pattern import SearchPattern
-from groundstation.rig.rig import Rig
+from groundstation.rig.rig import EQUAL_CLOCKS, Rig
 from groundstation.sinks.sink import Sink
 from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.thread_scheduling import short_gil_switch_interval
@@ -185,7 +184,8 @@ class Operation:
         The devices are already open, and the caller closes them; ``reference`` opens its line itself.
         """
         warm_up(self._config.detection.detector)
-        workers = [CameraWorker(n, c, self.input_queue, -self.start_s) for n, c in cameras.items()]
+        clocks = {s.name: s.camera_clock or EQUAL_CLOCKS for s in self._rig.stations}
+        workers = [CameraWorker(n, c, self.input_queue, -self.start_s, clocks[n]) for n, c in cameras.items()]
         core = self._core(heads)
         with ExitStack() as stack:
             if self._open_approach is not None:
@@ -344,17 +344,9 @@ class Operation:
 
     def _core(self, heads: HeadManager) -> LiveCore:
         geometries = {s.name: s.geometry() for s in self._rig.stations}
-        closed = {s.name: s.head.keep_out for s in self._file.stations if s.head is not None}
-        controllers = {
-            n: HeadController(geometries[n], h.limits, self._file.pointing, _since(closed.get(n), self.start_s))
-            for n, h in heads.states.items()
-        }
+        limits = {name: head.limits for name, head in heads.states.items()}
+        controllers = head_controllers(self._file, self._rig, limits, self.start_s)
         period_s = 1.0 / self._file.rate_hz
         pairing = FramePairer(self._rig.names, period_s)
         self._load_shedder = LoadShedder(pairing, period_s, most=len(self._rig.names) + 1)
-        return LiveCore(self._pipeline(), pairing, controllers, SearchPattern(geometries, self._file.search))
-
-
-def _since(keep_out: KeepOut | None, start_s: float) -> KeepOut | None:
-    """Return what a lens is kept out of at session times."""
-    return None if keep_out is None else keep_out.since(start_s)
+        return LiveCore(self._pipeline(), pairing, controllers, SearchPattern(geometries, self._file.search), self._rig)

@@ -16,6 +16,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import rotation_y
 from groundstation.pointing.sun import SunOverPlace
+from groundstation.rig.ptu_axes import IDEAL_AXES, PtuAxes
 
 if TYPE_CHECKING:
     # its compiled kernels cost the PTUs' process, which is sent the axis, half a second of a core
@@ -61,25 +62,39 @@ class Sector:
 class LensAxis:
     """Mounting of a lens on a head: ``base_from_runway`` (3, 3), the optical axis (3,) in the head, the lean, rad.
 
-    It has no slots, for cached properties.
+    Angles of the head are its readings, of which ``axes`` makes pan and tilt. It has no slots, for cached properties.
     """
 
     base_from_runway: FloatArray
     axis_head: FloatArray
     lean_rad: float
+    axes: PtuAxes = IDEAL_AXES
 
     @classmethod
-    def of(cls, geometry: "StationGeometry") -> "LensAxis":
+    def of(cls, geometry: "StationGeometry", axes: PtuAxes = IDEAL_AXES) -> "LensAxis":
         """Return a calibrated station's."""
         base_from_runway = geometry.packed[0:9].reshape(3, 3).T.copy()
         return cls(
             base_from_runway=base_from_runway,
             axis_head=geometry.packed[12:21].reshape(3, 3)[:, 2].copy(),
             lean_rad=geometry.lean_rad,
+            axes=axes,
         )
 
+    def clearance(self, off_rad: FloatArray, kept_rad: float) -> FloatArray:
+        """Return by how much a head may turn, rad, until its axis, (…) rad off, is ``kept_rad`` off."""
+        backlash_rad, most_turn = self._bounds
+        return np.asarray((off_rad - kept_rad - backlash_rad) / most_turn)
+
+    def clearance_at(self, off_rad: float, kept_rad: float) -> float:
+        """Return the same of one axis."""
+        backlash_rad, most_turn = self._bounds
+        return (off_rad - kept_rad - backlash_rad) / most_turn
+
     def angle_to(self, direction_runway: FloatArray, pan_rad: FloatArray, tilt_rad: FloatArray) -> FloatArray:
-        """Return the angle between the optical axis and a unit direction (3,), rad, at angles (…) of the head."""
+        """Return the angle between the optical axis and a unit direction (3,), rad, at readings (…) of the head."""
+        if not self._ideal:
+            pan_rad, tilt_rad = self.axes.middle_angles(pan_rad, tilt_rad)
         x, y, z = (self.base_from_runway @ direction_runway).tolist()
         c, s = np.cos(tilt_rad), np.sin(tilt_rad)
         # the axis in a base that does not pan
@@ -88,13 +103,25 @@ class LensAxis:
         return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
 
     def angle_at(self, direction_runway: FloatArray, pan_rad: float, tilt_rad: float) -> float:
-        """Return the same at one pair of angles, to the last bit."""
+        """Return the same at one pair of readings, to the last bit."""
+        if not self._ideal:
+            pan, tilt = self.axes.middle_angles(np.asarray(pan_rad), np.asarray(tilt_rad))
+            pan_rad, tilt_rad = float(pan), float(tilt)
         x, y, z = (self.base_from_runway @ direction_runway).tolist()
         # those of `math` round otherwise
         c, s = float(np.cos(tilt_rad)), float(np.sin(tilt_rad))
         bx, by, bz = (level + c * forward + s * upward for level, forward, upward in self._parts)
         along = float(np.cos(pan_rad)) * (x * bx + y * by) + float(np.sin(pan_rad)) * (y * bx - x * by) + z * bz
         return float(np.arccos(min(max(along, -1.0), 1.0)))
+
+    @cached_property
+    def _ideal(self) -> bool:
+        return self.axes.is_ideal_apart_from_lean
+
+    @cached_property
+    def _bounds(self) -> tuple[float, float]:
+        """Half the backlash of both axes, which side of it a head is on being unknown, and the most that they turn."""
+        return 0.5 * (self.axes.pan_backlash_rad + self.axes.tilt_backlash_rad), self.axes.most_turn
 
     @cached_property
     def _parts(self) -> list[tuple[float, float, float]]:
@@ -168,7 +195,7 @@ class ClosedZones:
         out = [sector.clearance(pan_rad, tilt_rad) for sector in self.keep_out.sectors]
         if self.sun_runway is not None and self.keep_out.sun is not None:
             off = self.keep_out.lens.angle_to(self.sun_runway, pan_rad, tilt_rad)
-            out.append(np.asarray(off - self.keep_out.sun.angle_rad))
+            out.append(self.keep_out.lens.clearance(off, self.keep_out.sun.angle_rad))
         if not out:
             return np.full(np.broadcast_shapes(np.shape(pan_rad), np.shape(tilt_rad)), np.inf)
         return np.asarray(reduce(np.minimum, out))
@@ -181,7 +208,7 @@ class ClosedZones:
         out = [sector.clearance_at(pan_rad, tilt_rad) for sector in self.keep_out.sectors]
         if self.sun_runway is not None and self.keep_out.sun is not None:
             off = self.keep_out.lens.angle_at(self.sun_runway, pan_rad, tilt_rad)
-            out.append(off - self.keep_out.sun.angle_rad)
+            out.append(self.keep_out.lens.clearance_at(off, self.keep_out.sun.angle_rad))
         return min(out, default=math.inf)
 
     def words(self, angles_rad: tuple[float, float]) -> str:

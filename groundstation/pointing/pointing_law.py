@@ -15,13 +15,14 @@ from itertools import islice, takewhile
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.geometry.aim import aim_at
+from groundstation.geometry.aim import Aim, aim_at
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
 from groundstation.pointing.keep_out import KeepOut
 from groundstation.pointing.keep_out_pointing import KeepOutController
+from groundstation.rig.ptu_axes import IDEAL_AXES, Backlash, PtuAxes
 
 _GAIN_TIMES_LATENCY = 0.3
 # a driver refuses a rate from which the axis could not stop before its limit if the stop command came so late
@@ -166,11 +167,17 @@ def _fastest_within(room_rad: float, brakes_rad_s2: float) -> float:
 class HeadController:
     """Controls one station's PTU: follows a target, moves to angles, holds; around its lens's keep-out zones, if any.
 
+    Limits, zones, readings and commands are of the unit's own readings, of which ``axes`` makes pan and tilt;
     ``keep_out`` is at session times.
     """
 
     def __init__(
-        self, geometry: StationGeometry, limits: HeadLimits, config: PointingConfig, keep_out: KeepOut | None = None
+        self,
+        geometry: StationGeometry,
+        limits: HeadLimits,
+        config: PointingConfig,
+        keep_out: KeepOut | None = None,
+        axes: PtuAxes = IDEAL_AXES,
     ) -> None:
         self.geometry = geometry
         self.keep_out = (
@@ -179,9 +186,14 @@ class HeadController:
         self.latency_s = config.latency_s
         self._config = config
         self._pan, self._tilt = AxisController(limits.pan, config), AxisController(limits.tilt, config)
+        self._axes = None if axes.is_ideal_apart_from_lean else axes
+        self._backlash = Backlash(axes.pan_backlash_rad), Backlash(axes.tilt_backlash_rad)
+        self._senses = (0.0, 0.0)
 
     def read(self, sample: PtuSample) -> None:
-        """Take a reading of this station's PTU."""
+        """Take a reading of this station's PTU, as the unit gives it, at its session time."""
+        pan, tilt = self._backlash
+        self._senses = pan.sense(sample.pan_rad), tilt.sense(sample.tilt_rad)
         self._pan.read(sample.t_s, sample.pan_rad)
         self._tilt.read(sample.t_s, sample.tilt_rad)
 
@@ -193,7 +205,7 @@ class HeadController:
         """Return whether the lens is not kept from a point (3,), runway frame."""
         if self.keep_out is None or self.keep_out.zones(now_s).is_empty:
             return True
-        aim = aim_at(self.geometry, point_runway_m)
+        aim = self._reading_at(point_runway_m)
         return aim is None or self.keep_out.allows(now_s, (aim.pan_rad, aim.tilt_rad))
 
     def follow(
@@ -206,8 +218,8 @@ class HeadController:
         """
         act_s = now_s + self.latency_s
         here, there = target(act_s), target(act_s + self._config.rate_step_s)
-        aim = None if here is None else aim_at(self.geometry, here)
-        later = None if there is None else aim_at(self.geometry, there)
+        aim = None if here is None else self._reading_at(here)
+        later = None if there is None else self._reading_at(there)
         if aim is None or later is None:
             return self.hold(now_s)
         step = self._config.rate_step_s
@@ -243,6 +255,15 @@ class HeadController:
         """Return how far the head is from angles now, the larger of both axes; infinite without a reading."""
         pan, tilt = self._pan.expected(now_s, self.latency_s), self._tilt.expected(now_s, self.latency_s)
         return math.inf if pan is None or tilt is None else max(abs(pan - pan_rad), abs(tilt - tilt_rad))
+
+    def _reading_at(self, point_runway_m: FloatArray) -> Aim | None:
+        """Return the readings at which the axis meets a point (3,); None if it cannot."""
+        aim = aim_at(self.geometry, point_runway_m)
+        if aim is None or self._axes is None:
+            return aim
+        pan_rad, tilt_rad = self._axes.readings(aim.pan_rad, aim.tilt_rad, *self._senses)
+        # the zero of a reading may be anywhere
+        return Aim(pan_rad=wrap_rad(pan_rad), tilt_rad=tilt_rad)
 
     def _here(self, now_s: float) -> FloatArray | None:
         """Return where the head (2,) will be when a command takes effect; None without a reading that is new enough."""

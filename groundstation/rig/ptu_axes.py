@@ -48,6 +48,19 @@ class PtuAxes:
         """Whether readings equal angles: all errors but the lean are zero."""
         return replace(self, lean_rad=0.0) == IDEAL_AXES
 
+    @property
+    def most_turn(self) -> float:
+        """The most that an angle changes by, over the change of its reading."""
+        periodic = math.hypot(self.pan_sine_rad, self.pan_cosine_rad)
+        return 1.0 + max(abs(self.pan_scale) + periodic, abs(self.tilt_scale) + abs(self.tilt_sag_rad))
+
+    def middle_angles(self, pan_rad: FloatArray, tilt_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return pan and tilt (…), rad, of readings (…), rad, in the middle of the gears' backlash."""
+        periodic = self.pan_sine_rad * np.sin(pan_rad) + self.pan_cosine_rad * (np.cos(pan_rad) - 1.0)
+        sag = self.tilt_sag_rad * (1.0 - np.cos(tilt_rad))
+        pan = pan_rad * (1.0 + self.pan_scale) + self.pan_zero_rad + periodic
+        return pan, tilt_rad * (1.0 + self.tilt_scale) + self.tilt_zero_rad + sag
+
     def angles(self, pan_rad: float, tilt_rad: float, pan_from: float, tilt_from: float) -> tuple[float, float]:
         """Return pan and tilt, rad, of two readings, rad; the senses are +1, −1 or between (0: not known)."""
         periodic = self.pan_sine_rad * math.sin(pan_rad) + self.pan_cosine_rad * (math.cos(pan_rad) - 1.0)

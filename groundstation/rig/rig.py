@@ -60,6 +60,13 @@ class ClockModel:
         """Map a stamp in s of the device's clock to s of the session's clock."""
         return t_device_s + self.offset_s + self.drift_ppm * 1e-6 * t_device_s
 
+    def device_from_session(self, t_session_s: float) -> float:
+        """Map s of the session's clock to the stamp in s of the device's clock."""
+        return (t_session_s - self.offset_s) / (1.0 + self.drift_ppm * 1e-6)
+
+
+EQUAL_CLOCKS = ClockModel()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Station:

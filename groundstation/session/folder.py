@@ -61,12 +61,14 @@ class GeoOrigin:
 class RecordingInfo:
     """The recording of a session: the file, the configuration of the run, and whether the file was closed.
 
-    ``path`` of the container; ``header`` describes the run; ``fault`` is a fault at the end of the file, if any.
+    ``path`` of the container; ``header`` describes the run; ``rig`` is the recorded one, by whose clocks and axes the
+    events are corrected; ``fault`` is a fault at the end of the file, if any.
     ``epochs`` and ``span_s`` (first and last) are None for a file that was not closed.
     """
 
     path: Path
     header: RecordingHeader
+    rig: Rig
     epochs: int | None
     span_s: tuple[float, float] | None
     fault: RecordingError | None

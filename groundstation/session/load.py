@@ -8,9 +8,9 @@ from pathlib import Path
 from groundstation.errors import SessionError
 from groundstation.files.text_file import AttachedFiles
 from groundstation.files.toml_table import shown
-from groundstation.recording.mcap_metadata import RIG, parse_header, parse_statistics
+from groundstation.recording.mcap_metadata import RIG, RecordingHeader, parse_header, parse_statistics
 from groundstation.recording.mcap_reader import McapContents, McapReader
-from groundstation.rig.rig import load_rig
+from groundstation.rig.rig import Rig, load_rig
 from groundstation.session.folder import RecordingInfo, Session, load_folder, read_session
 from groundstation.session.media import Medium, MediumKind
 
@@ -55,15 +55,22 @@ def _load_recording(path: Path, rig_path: Path | None) -> Session:
     folder = AttachedFiles(path.name, header.files)
     own = load_rig(folder / RIG)
     rig = own if rig_path is None else load_rig(rig_path)
-    left_out = frozenset((*header.left_out, *own.names)) - frozenset(rig.names)
-    medium = Medium(kind=MediumKind.RECORDING, path=path)
-    media = dict.fromkeys(rig.names, medium) if header.pictures else {}
+    session = _read_attached(folder, path, header, own, rig)
     end = parse_statistics(contents)
     recorded = RecordingInfo(
         path=path,
         header=header,
+        rig=session.rig if rig is own else _read_attached(folder, path, header, own, own).rig,
         epochs=None if end is None else end.epochs,
         span_s=None if end is None else (end.first_s, end.last_s),
         fault=contents.fault,
     )
-    return replace(read_session(folder, path.stem, rig, left_out, media), recorded=recorded)
+    return replace(session, recorded=recorded)
+
+
+def _read_attached(folder: AttachedFiles, path: Path, header: RecordingHeader, own: Rig, rig: Rig) -> Session:
+    """Read the attached files of a recording with ``rig`` for the recorded one, ``own``."""
+    left_out = frozenset((*header.left_out, *own.names)) - frozenset(rig.names)
+    medium = Medium(kind=MediumKind.RECORDING, path=path)
+    media = dict.fromkeys(rig.names, medium) if header.pictures else {}
+    return read_session(folder, path.stem, rig, left_out, media)

@@ -33,6 +33,7 @@ from groundstation.recording.mcap_reader import McapMessage, McapReader
 from groundstation.session import Session
 from groundstation.session.folder import RecordingInfo
 from groundstation.sources.asked_span import asked_span
+from groundstation.sources.recorrection import Recorrection
 
 # PTU readings from this long before the part asked for to this long after it, so that all angles are known
 LEAD_S = 1.0
@@ -100,6 +101,7 @@ class RecordingSource:
         self._from = -np.inf if from_s is None else from_s
         self._to = np.inf if to_s is None else to_s
         self._on_output = on_output
+        self._recorrection = Recorrection(recorded.rig, session.rig)
         self._sizes = {s.name: s.lens.image_size_px for s in session.rig.stations}
         self._open = ExitStack()
         self._reader: McapReader
@@ -137,8 +139,8 @@ class RecordingSource:
             raise fault
 
     def _asked(self, events: Iterator[Event]) -> Iterator[Event]:
-        """Yield the events in the requested time span."""
-        for event in events:
+        """Yield the events in the requested time span, by the clocks and axes of the session's rig."""
+        for event in self._recorrection.of(events) if self._recorrection.is_needed else events:
             lead = 0.0 if isinstance(event, Frame | PixelMeasurement | Epoch) else LEAD_S
             if self._from - lead <= event.t_s <= self._to + lead:
                 yield event
