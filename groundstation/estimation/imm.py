@@ -23,6 +23,8 @@ from groundstation.estimation.kalman_kernels import (
 
 # a mode that is given up could not come back
 LEAST_WEIGHT = 1e-6
+# a direction of a covariance with a smaller share of its largest variance is rounding
+_LEAST_SHARE = 1e-14
 
 
 class ImmState(NamedTuple):
@@ -148,22 +150,35 @@ class ImmFilter:
 
         With H (m, n): the mean moves by ``shift`` (m,), the covariance becomes ``covariance`` (m, m);
         x += K·shift, P += K (covariance − S) Kᵀ with K = P Hᵀ S⁻¹, S = H P Hᵀ. States that are not ``estimated`` (n,)
-        keep value, variance and correlations.
+        keep value and variance. Where the covariance gets smaller their correlations follow, as in a Schmidt-Kalman
+        filter: unchanged ones would be too large for what is left.
         """
         states, covariances = self.state.states.copy(), self.state.covariances.copy()
         for k, P in enumerate(self.state.covariances):
             PHt = P @ H.T
             S = H @ PHt
             K = np.linalg.solve(S, PHt.T).T
-            K[~estimated] = 0.0
-            states[k] += K @ shift
-            moved = P + K @ (covariance - S) @ K.T
+            K_estimated = np.where(estimated[:, None], K, 0.0)
+            grown, shrunk = _changes(S, covariance)
+            moved = P + K_estimated @ grown @ K_estimated.T - K @ shrunk @ K.T
+            moved[np.ix_(~estimated, ~estimated)] = P[np.ix_(~estimated, ~estimated)]
+            states[k] += K_estimated @ shift
             covariances[k] = 0.5 * (moved + moved.T)
         self.state = self.mixed(states, covariances, self.weights)
 
     def weights_after(self, dt_s: float) -> FloatArray:
         """Return the mode weights (r,) after a prediction over ``dt_s`` ≥ 0."""
         return _joint(self.weights, self.stay_s, dt_s).sum(axis=0)
+
+
+def _changes(S: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what a covariance (m, m) has more than S and what it has less, each positive, the latter at most S."""
+    variances, directions = np.linalg.eigh(0.5 * (S + S.T))
+    sigmas = np.sqrt(np.maximum(variances, _LEAST_SHARE * np.abs(variances).max()))
+    whitening = directions / sigmas
+    values, vectors = np.linalg.eigh(whitening.T @ (covariance - S) @ whitening)
+    axes = (directions * sigmas) @ vectors
+    return (axes * np.maximum(values, 0.0)) @ axes.T, (axes * np.clip(-values, 0.0, 1.0)) @ axes.T
 
 
 @njit(cache=True)
