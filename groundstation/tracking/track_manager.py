@@ -43,6 +43,8 @@ _FAR_NEARER = 0.5
 _FARTHER_CHANCE = 1e-3
 # pixels of two cameras so close in time confirm a target, though pairs lose frames
 _TOGETHER_S = 0.1
+# no epoch is processed so late: a stamp farther ahead of it is wrong, and would keep a track that has no pictures
+_MOST_DELAY_S = 2.0
 
 
 class TrackManager:
@@ -142,7 +144,7 @@ class TrackManager:
         self._accepted_s.update(dict.fromkeys(views.accepted, t_s))
         self._seen_s.update(dict.fromkeys(views.seen, t_s))
         proof = bool(views.views) and self._is_proved(t_s)
-        self._newest_epoch_s = max(self._newest_epoch_s, t_s, newest_s)
+        self._newest_epoch_s = max(self._newest_epoch_s, t_s, min(newest_s, t_s + _MOST_DELAY_S))
         if self._ekf.has_target:
             self._update_status(t_s, fixed, proof)
         if self._ekf.has_target:

@@ -219,6 +219,19 @@ def test_pairs_that_are_all_late_are_pairs(flight: list[Event]) -> None:
     assert {s.status for s in run.states if s.t_s > 3.0} == {TrackStatus.TRACKING}
 
 
+@pytest.mark.parametrize("kind", [PtuSample, PixelMeasurement])
+def test_one_stamp_of_the_future_does_not_keep_a_track(flight: list[Event], kind: type[Event]) -> None:
+    """Expected: coasting and then lost without pictures, as without the stamp; it was *tracking* for ever."""
+    seen = [e for e in until(flight, LOSS_S) if not isinstance(e, Heartbeat)]
+    k = next(k for k, e in enumerate(seen) if isinstance(e, kind) and e.t_s > LOSS_S - 1.0)
+    wrong = replace(seen[k], t_s=seen[k].t_s + 1e4)
+    run = Beaten().take([*seen[:k], wrong, *seen[k + 1 :]])
+    statuses = [run.beat(float(t_s)).status for t_s in np.arange(LOSS_S + 0.1, LOSS_S + 14.0, 0.1)]
+    assert TrackStatus.LOST in statuses
+    assert statuses[-1] is not TrackStatus.TRACKING
+    assert statuses[40] is not TrackStatus.TRACKING
+
+
 def test_delayed_log_lines_are_written_in_time(flight: list[Event]) -> None:
     """Expected: of the same kind one at once, the rest together after five seconds, pairs or not."""
     run = Beaten(**CERTAIN).take(until(flight, LOSS_S))
