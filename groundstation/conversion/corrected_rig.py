@@ -17,5 +17,6 @@ def corrected_rig(rig: Rig, data: bytes) -> tuple[bytes, tuple[str, ...]]:
     if not changed:
         return data, ()
     stations = tuple(replace(s, ptu_axes=replace(IDEAL_AXES, lean_rad=s.ptu_axes.lean_rad)) for s in rig.stations)
-    note = f"the angles of {', '.join(changed)} are corrected by ptu_axes, which rig.toml therefore lacks (operation needs it)"
+    note = f"the angles of {', '.join(changed)} are corrected by ptu_axes, which rig.toml therefore lacks"
+    note += "; operation needs it"
     return rig_to_toml(replace(rig, stations=stations)).encode(), (note,)
