@@ -18,7 +18,7 @@ from groundstation.errors import InputError
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.live.abandonable import abandonable
 from groundstation.live.core import live_config
-from groundstation.live.devices import check_against_rig
+from groundstation.live.devices import check_against_rig, drift_notes, of_one_host
 from groundstation.live.guarded_sink import GuardedSink
 from groundstation.live.head_manager import CLOSE_S, HeadManager
 from groundstation.live.keep_out_zones import sun_text, with_keep_out
@@ -226,8 +226,8 @@ def _unix_s(monotonic_s: float) -> float:
 def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -> _LiveStation:
     """Read and check the files of a station; raises `InputError` or `ConfigError`."""
     file = _file(request) if simulator is None else simulator.station_file(request.station, out)
-    rig = file.load_rig()
-    check_against_rig(file, rig)
+    check_against_rig(file, rig := file.load_rig())
+    rig = of_one_host(rig)
     # a panorama or stars that cannot be used are an error before any device is opened
     registered_heads(file, rig, request.stars, time.time())
     file = with_keep_out(file, rig, time.monotonic(), time.time())
@@ -328,7 +328,9 @@ class _Outputs:
 
 
 def _report_sun(file: StationFile, rig: Rig, operation: Operation, say: Callable[[str], None]) -> None:
-    """Report and log where the Sun is, where lenses are kept away from it."""
+    """Report and log where the Sun is, where lenses are kept away from it, and what of the rig is left out."""
+    for line in drift_notes(file.load_rig()):
+        operation.log("warning", line)
     known, text = sun_text(file, rig, time.time())
     if file.sun_angle_rad != 0.0:
         say(text)

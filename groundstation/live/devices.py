@@ -1,14 +1,14 @@
 """The devices of a station file, opened: cameras that deliver on their own threads."""
 
-import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 from groundstation.errors import ConfigError, RigError
 from groundstation.files.nearest_word import one_of
 from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile
-from groundstation.rig.rig import Rig
+from groundstation.rig.rig import ClockModel, Rig
 from groundstation.rig.stations_apart import require_one_sight
 from groundstation.sources.cameras.camera import (
     CameraError,
@@ -22,8 +22,8 @@ from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.sources.cameras.open_camera import open_camera
 from groundstation.tracking.config import config_from_mapping
 
-# beyond what a camera's or a PTU's answer takes
-_MOST_LAG_S = 1.0
+# beyond what a camera's or a PTU's answer takes; and beyond a calibration's error over a recording of minutes
+_MOST_LAG_S, _MOST_DRIFT_PPM = 1.0, 100.0
 
 T = TypeVar("T")
 Tell = Callable[[CameraEvent], None]
@@ -55,20 +55,49 @@ def check_against_rig(file: StationFile, rig: Rig) -> None:
 
 
 def _require_clocks_of_one_host(rig: Rig) -> None:
-    """Raise `RigError` for a clock that no device has whose stamps this host makes: these lag, and do not drift."""
+    """Raise `RigError` for a clock that is not of this host: of a device whose stamps the host makes it is a lag."""
+    for where, clock in _clocks(rig):
+        if abs(clock.drift_ppm) > _MOST_DRIFT_PPM:
+            wanted = f"at most {_MOST_DRIFT_PPM:g}: in operation all stamps are of this host's clock"
+            raise RigError(where, got=f"drift_ppm = {clock.drift_ppm:g}", wanted=wanted)
+        if abs(clock.offset_s) > _MOST_LAG_S:
+            wanted = f"at most {_MOST_LAG_S:g} s: in operation an offset is a device's lag, not another clock's zero"
+            raise RigError(where, got=f"offset_s = {clock.offset_s:g}", wanted=wanted)
+
+
+def of_one_host(rig: Rig) -> Rig:
+    """Return a rig whose clocks do not drift: in operation, stamps of one clock do not drift against each other.
+
+    What a calibration found of a drift is its error over one recording, and would grow with each hour of another.
+    """
+    if not drift_notes(rig):
+        return rig
+    stations = (
+        replace(
+            station,
+            ptu_clock=replace(station.ptu_clock, drift_ppm=0.0),
+            camera_clock=station.camera_clock and replace(station.camera_clock, drift_ppm=0.0),
+        )
+        for station in rig.stations
+    )
+    return replace(rig, stations=tuple(stations))
+
+
+def drift_notes(rig: Rig) -> list[str]:
+    """Return a line on each drift that is left out."""
+    return [
+        f"{where}: drift_ppm = {clock.drift_ppm:g} is left out: stamps in operation are of this host's clock"
+        for where, clock in _clocks(rig)
+        if clock.drift_ppm != 0.0
+    ]
+
+
+def _clocks(rig: Rig) -> Iterator[tuple[str, ClockModel]]:
+    """Yield the clocks that a rig states, each with its place."""
     for station in rig.stations:
         for name, clock in (("ptu_clock", station.ptu_clock), ("camera_clock", station.camera_clock)):
-            if clock is None:
-                continue
-            where = f"{rig.path}: station {station.name}: {name}"
-            if clock.drift_ppm != 0.0:
-                wanted = "0: in operation all stamps are of this host's clock, which does not drift against itself"
-                raise RigError(where, got=f"drift_ppm = {clock.drift_ppm:g}", wanted=wanted)
-            if abs(clock.offset_s) > _MOST_LAG_S:
-                wanted = (
-                    f"at most {_MOST_LAG_S:g} s: in operation an offset is a device's lag, not another clock's zero"
-                )
-                raise RigError(where, got=f"offset_s = {clock.offset_s:g}", wanted=wanted)
+            if clock is not None:
+                yield f"{rig.path}: station {station.name}: {name}", clock
 
 
 def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: float) -> LiveCamera:
@@ -76,7 +105,7 @@ def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: flo
     where = f"station {station.name}: camera_settings"
     settings = _part(CameraSettings, station.camera_settings, where)
     if settings.rate_hz is None and settings.trigger is None and not station.camera.startswith("file:"):
-        settings = dataclasses.replace(settings, rate_hz=rate_hz)
+        settings = replace(settings, rate_hz=rate_hz)
     timing = _part(CameraTiming, station.camera_settings, where)
     care = _part(CameraSupervision, station.camera_settings, where)
     try:
@@ -90,8 +119,8 @@ def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: flo
 
 def _part(kind: type[T], values: Mapping[str, Any], where: str) -> T:
     """Return those settings that one record holds; a key that none of them has is an error."""
-    own = {f.name for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    known = {f.name for k in (CameraSettings, CameraTiming, CameraSupervision) for f in dataclasses.fields(k)}
+    own = {f.name for f in fields(kind)}  # type: ignore[arg-type]
+    known = {f.name for k in (CameraSettings, CameraTiming, CameraSupervision) for f in fields(k)}
     for key in values:
         if key not in known:
             raise ConfigError(f"{where}: {key}", got="an unknown key", wanted=one_of(key, known))

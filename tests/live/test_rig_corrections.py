@@ -11,10 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from groundstation.errors import RigError
+from groundstation.files.text_file import AttachedFiles
 from groundstation.geometry.aim import aim_at
 from groundstation.live.core import LiveCore
-from groundstation.live.devices import check_against_rig
+from groundstation.live.devices import check_against_rig, drift_notes, of_one_host
 from groundstation.live.frame_pairing import FramePairer
+from groundstation.live.record import live_header
 from groundstation.live.station_file import load_station
 from groundstation.messages import PtuSample
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
@@ -24,6 +26,7 @@ from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.pointing.sun import SunOverPlace
 from groundstation.rig.ptu_axes import AxisCorrection, PtuAxes
 from groundstation.rig.rig import ClockModel, Rig, load_rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation.simulated_station_file import simulated_station_file
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
@@ -145,7 +148,7 @@ def test_no_reading_changes_a_clearance_by_more_than_it_changes(
 @pytest.mark.parametrize(
     ("clocks", "words"),
     [
-        ({"ptu_clock": ClockModel(drift_ppm=3.0)}, "left: ptu_clock: got drift_ppm = 3; wanted 0: in operation"),
+        ({"ptu_clock": ClockModel(drift_ppm=300.0)}, "left: ptu_clock: got drift_ppm = 300; wanted at most 100: in op"),
         ({"camera_clock": ClockModel(offset_s=-12.5)}, "left: camera_clock: got offset_s = -12.5; wanted at most 1 s"),
     ],
 )
@@ -155,6 +158,27 @@ def test_clocks_of_another_recorder_are_refused(tmp_path: Path, clocks: dict[str
     check_against_rig(file, replace(rig, stations=(replace(rig["left"], ptu_clock=LAG), *rig.stations[1:])))
     with pytest.raises(RigError, match=words.replace("(", r"\(")):
         check_against_rig(file, replace(rig, stations=(replace(rig["left"], **clocks), *rig.stations[1:])))
+
+
+def test_a_drift_that_a_calibration_found_is_left_out(tmp_path: Path) -> None:
+    """Expected: of the same host's stamps; the recording has the rig that was used, and a line names what it lacks."""
+    rig = make_rig()
+    drifting = replace(rig["left"], ptu_clock=replace(LAG, drift_ppm=3.0, sigma_s=0.002), camera_clock=LAG)
+    one = replace(rig, stations=(drifting, *rig.stations[1:]), path="rig.toml")
+    found = of_one_host(one)
+    assert found["left"].ptu_clock == replace(LAG, sigma_s=0.002)
+    assert found["left"].camera_clock == LAG
+    (line,) = drift_notes(one)
+    assert line == (
+        "rig.toml: station left: ptu_clock: drift_ppm = 3 is left out: stamps in operation are of this host's clock"
+    )
+    assert of_one_host(rig) is rig
+    file = load_station(written(tmp_path, WHOLE))
+    file.rig.write_text(rig_to_toml(one))
+    header = live_header(file, Config())
+    assert load_rig(AttachedFiles("test", header.files) / "rig.toml")["left"].ptu_clock == replace(LAG, sigma_s=0.002)
+    file.rig.write_text(rig_to_toml(rig))
+    assert live_header(file, Config()).files["rig.toml"] == file.rig.read_bytes()
 
 
 def test_a_simulated_station_has_a_rig_of_its_devices(tmp_path: Path) -> None:
