@@ -14,20 +14,24 @@ from groundstation.files.toml_table import quoted
 from groundstation.messages import Epoch, Event, PixelMeasurement
 from groundstation.session import Session
 from groundstation.session.folder import detections_table
+from groundstation.sources.row_times import RowTimes
 
 _SIGMAS = ("sigma_u_px", "sigma_v_px")
+# of a pixel: session time, u, v and the sigmas
+_COLUMNS = 5
 
 
 def read_detections(session: Session) -> tuple[dict[str, FloatArray], SessionError | None]:
     """Read detections.csv: by station an array (n, 5), and the fault that ended it, if any.
 
     Columns are session time, u, v and one sigma of u and of v, which are not numbers where the table has none. Stations
-    may come one after the other or mixed; each one's own times must grow.
+    may come one after the other or mixed; each one's own times must grow. Where one goes back because the one before is
+    far ahead, that one is left out, too.
     """
     table = detections_table(session)
     clocks = {s.name: session.camera_clock(s) for s in session.rig.stations}
     found = {n: array("d") for n in session.rig.names}
-    newest: dict[str, float] = {}
+    newest = {n: RowTimes() for n in session.rig.names}
     fault = None
     try:
         for row in table:
@@ -36,13 +40,16 @@ def read_detections(session: Session) -> tuple[dict[str, FloatArray], SessionErr
                 continue
             if name not in found:
                 raise table.fault(row.line, got=f"station {quoted(name)}", wanted="one of " + ", ".join(found))
-            t = table.advance(row, "t_s", newest.get(name))
+            t = table.number(row, "t_s")
+            if newest[name].is_ahead_of(t):
+                del found[name][-_COLUMNS:]
+            table.check_later(row, "t_s", t, newest[name].newest_s)
             u, v = table.number(row, "u_px"), table.number(row, "v_px")
-            newest[name] = t
+            newest[name].add(t)
             found[name].extend((clocks[name].session_from_device(t), u, v, *_sigma(table, row)))
     except SessionError as error:
         fault = error
-    return {n: np.array(rows, dtype=np.float64).reshape(-1, 5) for n, rows in found.items()}, fault
+    return {n: np.array(rows, dtype=np.float64).reshape(-1, _COLUMNS) for n, rows in found.items()}, fault
 
 
 def _sigma(table: CsvTable, row: Row) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from groundstation.files.csv_table import CsvTable, Row
 from groundstation.files.toml_table import quoted
 from groundstation.session import Session
 from groundstation.session.folder import frames_table
+from groundstation.sources.row_times import RowTimes
 
 _MAX_FRAMES = 50_000_000
 _MISSING = float("nan")
@@ -55,6 +56,8 @@ class FrameTable:
 def read_frames(session: Session) -> FrameTable:
     """Read frames.csv; a fault in it ends the reading and is returned with the rows before it.
 
+    Where a time goes back because the one before is far ahead, rows end before that one.
+
     Raises `SessionError` if the file or a column is missing.
     """
     names = session.rig.names
@@ -66,15 +69,16 @@ def read_frames(session: Session) -> FrameTable:
     numbers = {n: array("q") for n in names}
     numbered = [n for n in names if f"{n}_index" in table.columns]
     last = dict.fromkeys(names, -1)
-    newest: dict[str, float | None] = dict.fromkeys(names)
-    fault = None
+    newest = {n: RowTimes() for n in names}
+    usable, fault = None, None
     try:
         for row in table:
             number = _index(table, row, index[-1] if index else None)
             own = {n: table.optional_number(row, f"{n}_t_s") for n in names}
             for n, t in own.items():
                 if t is not None:
-                    table.check_later(row, f"{n}_t_s", t, newest[n])
+                    usable = newest[n].row if newest[n].is_ahead_of(t) else None
+                    table.check_later(row, f"{n}_t_s", t, newest[n].newest_s)
             of_row = dict.fromkeys(names, number)
             for n in numbered:
                 of_row[n] = -1
@@ -83,17 +87,19 @@ def read_frames(session: Session) -> FrameTable:
             for n in names:
                 numbers[n].append(of_row[n])
             for n, t in own.items():
-                newest[n] = t if t is not None else newest[n]
+                if t is not None:
+                    newest[n].add(t, len(index))
                 stamps[n].append(_MISSING if t is None else clocks[n].session_from_device(t))
             index.append(number)
             lines.append(row.line)
     except SessionError as error:
         fault = error
+    usable = len(index) if usable is None else usable
     return FrameTable(
-        index=np.array(index, dtype=np.int64),
-        line=np.array(lines, dtype=np.int64),
-        stamps_s={n: np.array(s, dtype=np.float64) for n, s in stamps.items()},
-        numbers={n: np.array(k, dtype=np.int64)[: len(index)] for n, k in numbers.items()},
+        index=np.array(index, dtype=np.int64)[:usable],
+        line=np.array(lines, dtype=np.int64)[:usable],
+        stamps_s={n: np.array(s, dtype=np.float64)[:usable] for n, s in stamps.items()},
+        numbers={n: np.array(k, dtype=np.int64)[:usable] for n, k in numbers.items()},
         fault=fault,
     )
 

@@ -14,6 +14,7 @@ from groundstation.session import Session
 from groundstation.session.folder import ptu_table
 from groundstation.session.time_units import picture_unit_hint, spacing_hint, unit_hint
 from groundstation.sources.reading_gaps import ReadingGaps, gap_notes
+from groundstation.sources.row_times import RowTimes
 
 # no head turns further; thousandths of degrees and encoder counts are beyond it
 _MOST_DEG = 3600.0
@@ -111,12 +112,13 @@ class PtuReadings:
         waiting: list[tuple[float, int, PtuSample]] = []
         cells = {name: (f"{name}_pan_deg", f"{name}_tilt_deg", AxisCorrection(a)) for name, a in self._axes.items()}
         number = 0
-        before: float | None = None
+        last_s = math.nan
         try:
-            for row in table:
-                last_s, before = before, table.advance(row, "t_s", before)
-                self._closest_s = self._closest_s if last_s is None else min(self._closest_s, before - last_s)
-                times = {name: clock.session_from_device(before) for name, clock in self._clocks.items()}
+            for row, row_s in _ordered_rows(table):
+                # the first row has none before it
+                self._closest_s = min(self._closest_s, row_s - last_s)
+                last_s = row_s
+                times = {name: clock.session_from_device(row_s) for name, clock in self._clocks.items()}
                 # stations' clocks may differ; no reading of a later row can be earlier than the earliest of this one
                 settled = min(times.values())
                 self._read_s = (min(self._read_s[0], settled), max(self._read_s[1], *times.values()))
@@ -133,6 +135,33 @@ class PtuReadings:
             self.fault = fault
         while waiting:
             yield heapq.heappop(waiting)[2]
+
+
+def _ordered_rows(table: CsvTable) -> Iterator[tuple[Row, float]]:
+    """Yield rows with their times, each once the next one is known to be later.
+
+    Raises `SessionError` for a time that is not later than that of the row before, which is not yielded where it is the
+    one out of order: readings would wait for its time, and the next row would never be read.
+    """
+    times = RowTimes()
+    held: tuple[Row, float] | None = None
+    fault: SessionError | None = None
+    try:
+        for row in table:
+            t_s = table.number(row, "t_s")
+            if times.is_ahead_of(t_s):
+                held = None
+            table.check_later(row, "t_s", t_s, times.newest_s)
+            times.add(t_s)
+            if held is not None:
+                yield held
+            held = row, t_s
+    except SessionError as error:
+        fault = error
+    if held is not None:
+        yield held
+    if fault is not None:
+        raise fault
 
 
 def _reading(

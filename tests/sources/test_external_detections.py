@@ -103,6 +103,18 @@ def test_a_bad_row_ends_the_reading_there(tmp_path: Path, row: str, message: str
     assert len(played.pixels) == 9
 
 
+def test_a_pixel_far_ahead_is_left_out(tmp_path: Path) -> None:
+    """Expected: neither the row ahead nor the one after it, which is at fault, is an epoch."""
+    folder = labelled(tmp_path)
+    edit_line(folder / "detections.csv", 10, "9999,north,1,1")
+    played = play(folder)
+    assert played.fault == (
+        "detections.csv: line 11: got t_s = 40.18, an earlier time than the row before; wanted later than 9999"
+    )
+    assert [p.t_s for p in played.pixels][-1] == pytest.approx(100.14)
+    assert len(played.epochs) == 8
+
+
 def test_rows_of_stations_that_the_rig_leaves_out_are_passed_over(tmp_path: Path) -> None:
     folder = labelled(tmp_path / "a")
     (tmp_path / "two.toml").write_text(rig_text(("east", "south"), ("east", "south")))

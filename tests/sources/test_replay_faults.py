@@ -79,6 +79,50 @@ def test_a_bad_row_of_angles_ends_the_flight_there(tmp_path: Path, row: str, mes
     assert played.readings[-1].t_s == pytest.approx(1.45)
 
 
+@pytest.mark.parametrize("far_s", [9999.0, 2.2])
+@pytest.mark.parametrize("to_s", [None, 1.62])
+def test_a_reading_far_ahead_ends_the_flight_at_the_next_row(tmp_path: Path, far_s: float, to_s: float | None) -> None:
+    """Expected: the fault names the row that is earlier, and the row ahead of it is not used, in or after the span."""
+    folder = Tiny(rows=12).write(tmp_path)
+    edit_line(folder / "ptu.csv", 17, f"{far_s:g},0,0,0,0")
+    played = play(folder, to_s=to_s)
+    assert played.fault == (
+        f"ptu.csv: line 18: got t_s = 1.5, an earlier time than the row before; wanted later than {far_s:g}"
+    )
+    assert [e.epoch for e in played.epochs] == list(range(5))
+    assert played.readings[-1].t_s == pytest.approx(1.4)
+
+
+def test_a_reading_far_ahead_after_the_requested_part_has_no_effect(tmp_path: Path) -> None:
+    folder = Tiny(rows=12).write(tmp_path)
+    edit_line(folder / "ptu.csv", 37, "9999,0,0,0,0")
+    assert not play(folder, to_s=1.25).fault
+
+
+def test_a_gap_in_the_readings_is_no_fault(tmp_path: Path) -> None:
+    folder = Tiny(rows=12).write(tmp_path)
+    rows = (folder / "ptu.csv").read_text().splitlines()
+    (folder / "ptu.csv").write_text("\n".join([*rows[:14], *rows[24:]]) + "\n")
+    played = play(folder)
+    assert not played.fault
+    assert len(played.epochs) == 12
+
+
+@pytest.mark.parametrize("line", [2, 8])
+def test_a_stamp_far_ahead_ends_the_flight_before_it(tmp_path: Path, line: int) -> None:
+    """Expected: also of a part that ends before the stamp, which would make the fault one of a later part."""
+    folder = Tiny(rows=12).write(tmp_path)
+    row = line - 2
+    edit_line(folder / "frames.csv", line, f"{row},{1.0 + 0.1 * row},9999")
+    for to_s in (None, 1.9):
+        played = play(folder, to_s=to_s)
+        assert played.fault == (
+            f"frames.csv: line {line + 1}: got right_t_s = {1.1 + 0.1 * row:g}, an earlier time than the row before; "
+            "wanted later than 9999"
+        )
+        assert [e.epoch for e in played.epochs] == list(range(row))
+
+
 def test_angles_that_have_no_time_in_common_with_the_frames(tmp_path: Path) -> None:
     folder = Tiny(rows=12, ptu_from_s=-9.0, ptu_to_s=-8.0).write(tmp_path)
     played = play(folder)
