@@ -50,6 +50,7 @@ class MissReason(StrEnum):
     LATE = "late"
     NOT_RECORDED = "not_recorded"
     NOT_SEARCHED = "not_searched"
+    DETECTION_FAILED = "detection_failed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

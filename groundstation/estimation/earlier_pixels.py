@@ -18,6 +18,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.config import InitiationConfig
 from groundstation.estimation.tentative_track import motion_over
+from groundstation.estimation.variance_check import sigma_of
 from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import INITIAL_PIXELS_S, InitialPixel, Kinematics
@@ -98,7 +99,7 @@ class EarlierPixels:
             noise_px2 = self._sigma_px(c) ** 2 + (c.angle_sigma_rad * focal_px) ** 2
             away = c.pixel - expected.pixel
             square, determinant = expected.distance(away, noise_px2)
-            likelihood = -0.5 * square - math.log(2.0 * math.pi * math.sqrt(determinant))
+            likelihood = -0.5 * square - math.log(2.0 * math.pi * sigma_of(determinant, "earlier pixel"))
             if square > _GATE or likelihood <= least:
                 continue
             score = likelihood + min(c.odds or 0.0, _SURE_ODDS)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.encoder_offset import NO_OFFSET, EncoderOffset
 from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.variance_check import sigma_of
 from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import PtuSample
 from groundstation.rig.rig import Station
@@ -155,7 +156,7 @@ class EncoderFeed:
     def sigma_rad(self, station: str) -> float:
         """Return one sigma of the filter's own angle, the larger of pan and tilt."""
         pan, P = self._ekf.layout.angles[station].start, self._ekf.covariance
-        return math.sqrt(max(P[pan, pan], P[pan + 1, pan + 1]))
+        return sigma_of(max(P[pan, pan], P[pan + 1, pan + 1]), f"angles of {station}")
 
     def _off(self, sample: PtuSample, ahead_s: float) -> float:
         """Return the distance of a reading from its prediction, ``ahead_s`` after the filter time."""

@@ -2,7 +2,6 @@
 initial state to the errors of the rig.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,6 +22,7 @@ from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import CLOCKS, clock_places
 from groundstation.estimation.state_model import StateLayout
 from groundstation.estimation.updates.pixel_model import PixelModel, PixelPrediction
+from groundstation.estimation.variance_check import sigma_of
 from groundstation.geometry.mahalanobis import mahalanobis_squared
 
 # the update is iterated until it changes by less than this many sigmas of the pixel noise, or this many times
@@ -203,7 +203,7 @@ class PixelLinearisation:
         head = camera + np.array([-1.0, 1.0]) * ptu
         for part, (mean, variance) in ((self._layout.position, camera), (self._layout.angles.get(station), head)):
             if part is not None:
-                Q = motion.process_noise(math.sqrt(mean**2 + variance))[part, part]
+                Q = motion.process_noise(sigma_of(mean**2 + variance, f"clocks of {station}"))[part, part]
                 noise += H[:, part] @ Q @ H[:, part].T
         return noise
 

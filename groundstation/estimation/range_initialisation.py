@@ -23,6 +23,7 @@ from groundstation.estimation.triangulation import midpoint
 from groundstation.estimation.updates.measurements import TargetPixel
 from groundstation.estimation.updates.pixel_model import PixelModel, PixelPrediction
 from groundstation.estimation.updates.update import PredictedState, TargetReset, Update
+from groundstation.estimation.variance_check import sigma_of
 from groundstation.geometry.chi_square import chi_square_quantile
 from groundstation.geometry.station import LensError, StationGeometry
 from groundstation.messages import Innovation
@@ -99,7 +100,7 @@ class RangeInitialiser:
             if prediction is None:
                 continue
             known = innovation_covariance(P, prediction.jacobian, _NO_NOISE)
-            spread = math.sqrt((known[0, 0] + known[1, 1]) / 2.0)
+            spread = sigma_of((known[0, 0] + known[1, 1]) / 2.0, f"predicted pixel of {name}")
             # the pixels of a camera that is alone have left the range as it was: it lies along that camera's ray
             straight = name == state.alone or self._bend(name, prediction, x, off, age_s) < _STRAIGHT_SIGMA * noise
             if spread < least and straight:

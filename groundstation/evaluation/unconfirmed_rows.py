@@ -30,7 +30,9 @@ from groundstation.messages import (
 
 Row = TypeVar("Row")
 
-_NOT_LOOKED_AT = frozenset((MissReason.LATE, MissReason.NO_PTU_ANGLE, MissReason.NOT_RECORDED))
+_NOT_LOOKED_AT = frozenset(
+    (MissReason.LATE, MissReason.NO_PTU_ANGLE, MissReason.NOT_RECORDED, MissReason.DETECTION_FAILED)
+)
 # chosen: a track has pixels as near in time, of frames that are searched by turns, where it is said to have been
 _NEAR_S = 0.3
 # frames of a camera by which its others are judged, at least; chosen

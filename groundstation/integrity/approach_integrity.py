@@ -35,6 +35,8 @@ from groundstation.rig.rig import Rig
 # pairs whose looks are kept until their estimate comes: some seconds at any frame rate
 _MOST_PAIRS = 256
 _WITHOUT_TARGET = (TrackStatus.SEARCHING, TrackStatus.ACQUIRING, TrackStatus.LOST)
+# the station sees nothing in such a frame, whatever is there
+_BLIND = (MissReason.NO_PTU_ANGLE, MissReason.LATE, MissReason.DETECTION_FAILED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,7 +179,7 @@ class ApproachIntegrity:
                 yield f"station {name}: no picture for {self._now_s - report.t_s:.1f} s"
             elif report.status is DetectionStatus.EXCLUDED:
                 yield f"station {name}: excluded"
-            elif isinstance(report.result, Miss) and report.result.reason in (MissReason.NO_PTU_ANGLE, MissReason.LATE):
+            elif isinstance(report.result, Miss) and report.result.reason in _BLIND:
                 yield f"station {name}: {report.result.reason.value.replace('_', ' ')}"
 
     def _advise(self) -> tuple[TrackEvent, ...]:

@@ -5,7 +5,7 @@ caller.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -21,6 +21,7 @@ from groundstation.detection.detector_callback import DetectorCallback
 from groundstation.detection.learned_detector import LearnedDetector
 from groundstation.detection.make_detector import make_detector, make_finder
 from groundstation.detection.roi import place_roi
+from groundstation.errors import printable
 from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.guided_search import GuidedPlace
 from groundstation.geometry.rotation import cross
@@ -95,10 +96,23 @@ class SpanModel:
 
 
 class CameraTracker:
-    """Detects the target in the frames of one camera; ``callback`` takes the place of the program's own detector."""
+    """Detects the target in the frames of one camera; ``callback`` takes the place of the program's own detector.
 
-    def __init__(self, station: Station, config: Config, callback: DetectorCallback | None = None) -> None:
+    ``log`` receives a session time in s and a line for each frame in which OpenCV fails: such a frame is a miss, but
+    for a callback's, whose errors are the caller's. ``search_fault`` is why the last `search` could not look, if so.
+    """
+
+    def __init__(
+        self,
+        station: Station,
+        config: Config,
+        callback: DetectorCallback | None = None,
+        log: Callable[[float, str], None] = lambda t_s, line: None,
+    ) -> None:
         self.station = station
+        self.search_fault: MissReason | None = None
+        self._log = log
+        self._failures = cv2.error if callback is None else ()
         self.geometry = station.geometry()
         self._config = config
         self._detector = make_detector(config.detection, station.lens.image_size_px, callback, station.name)
@@ -145,11 +159,18 @@ class CameraTracker:
 
         ``places`` are those that other cameras' candidates suggest.
         """
+        self.search_fault = None
         if not as_picture(frame.image).has_all:
+            self.search_fault = MissReason.NOT_RECORDED
             return []
         pose = self.geometry.camera_pose(pan_rad, tilt_rad)
         guided = tuple((place.pixel, place.width_px) for place in places)
-        found = self._finder.find(frame.image, frame.t_s, pose.runway_from_camera.T, guided)
+        try:
+            found = self._finder.find(frame.image, frame.t_s, pose.runway_from_camera.T, guided)
+        except self._failures as fault:
+            self.search_fault = self._failed(frame, fault).reason
+            self._finder.reset()
+            return []
         return [
             CameraCandidate(
                 t_s=frame.t_s,
@@ -184,20 +205,29 @@ class CameraTracker:
         recorded = _recorded(picture, roi, centre_px)
         if recorded is None:
             return _not_recorded(roi)
-        roi = recorded
+        roi, contrast = recorded, None
         try:
             result = self._detector.detect(frame.image, roi, hint)
+            if isinstance(result, Detection):
+                if self._detections % _CONTRAST_EVERY == 0 and len(result.contour_px) > 0:
+                    contrast = measure_channels(frame.image, roi, silhouette_mask(result, roi))
+                self._detections += 1
+        except self._failures as fault:
+            result = self._failed(frame, fault)
+            self._detector.reset()
         except PictureError:
             if picture.has_all:
                 raise
             # another window than that of the run that was recorded
             return _not_recorded(roi)
-        contrast = None
-        if isinstance(result, Detection):
-            if self._detections % _CONTRAST_EVERY == 0 and len(result.contour_px) > 0:
-                contrast = measure_channels(frame.image, roi, silhouette_mask(result, roi))
-            self._detections += 1
         return SearchResult(roi=roi, result=result, channel_contrast=contrast)
+
+    def _failed(self, frame: Frame, fault: Exception) -> Miss:
+        """Log that OpenCV failed in a frame; return the miss that the frame is."""
+        # after the place in OpenCV's own source
+        words = printable(str(fault).strip().rpartition("error: ")[2].partition("\n")[0])
+        self._log(frame.t_s, f"{frame.station}: the detection failed: {words}; the frame is a miss")
+        return Miss(reason=MissReason.DETECTION_FAILED, detail=words)
 
     def update_extent(self, detection: Detection) -> None:
         """Store the extent of the last silhouette, after the filter has accepted it."""

@@ -11,6 +11,7 @@ after the previous one enters with the exponent Δt/τ. Frames without a detecti
 import math
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.variance_check import require_definite
 
 _FIRST_DETECTION = 0.8
 _LEAST_DETECTION, _MOST_DETECTION = 0.3, 0.95
@@ -56,7 +57,11 @@ class ExistenceProbability:
     def hit(
         self, station: str, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray, width_px: float = 0.0
     ) -> None:
-        """Update with an accepted pixel: innovation (2,), its covariance (2, 2), and the width of the target."""
+        """Update with an accepted pixel: innovation (2,), its covariance (2, 2), and the width of the target.
+
+        Raises `LinAlgError` for a covariance that is not positive definite.
+        """
+        require_definite(covariance_px2, f"innovation of {station}")
         self._learn(station, t_s, 1.0, 1.0)
         P_D = self.detection_probability(station)
         a, b, c = float(covariance_px2[0, 0]), float(covariance_px2[1, 1]), float(covariance_px2[0, 1])

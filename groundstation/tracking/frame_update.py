@@ -21,6 +21,7 @@ from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.trajectory_curve import Knot
 from groundstation.estimation.triangulation import TriangulationView
 from groundstation.estimation.updates.pixel_model import PixelPrediction
+from groundstation.estimation.variance_check import require_definite
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.integrity.station_exclusion import StationVerdict
@@ -34,7 +35,6 @@ from groundstation.messages import (
     MissReason,
     PixelMeasurement,
 )
-from groundstation.picture import as_picture
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
 from groundstation.tracking.epoch_buffer import EpochBuffer, EpochView
@@ -142,9 +142,8 @@ class FrameUpdate:
         searches = not ready.revisited and self._track_manager.searches(record)
         found = self._search(record, angles) if searches else []
         if not self._ekf.has_target:
-            partial = searches and isinstance(record, Frame) and not as_picture(record.image).has_all
-            reason = MissReason.NOT_RECORDED if partial else MissReason.NOT_ACQUIRED
-            seen = _missed(reason, f"{len(found)} candidates")
+            unseen = self._cameras[record.station].search_fault if searches and isinstance(record, Frame) else None
+            seen = _missed(unseen or MissReason.NOT_ACQUIRED, f"{len(found)} candidates")
             return self._report(record, angles, seen, self._stopwatch() - started, found=found)
         prediction = self._ekf.predict_pixel(record.station)
         if prediction is None:
@@ -228,6 +227,7 @@ class FrameUpdate:
         """Detect the target near its predicted pixel; the result is a detection or a named miss."""
         camera, ekf = self._cameras[record.station], self._ekf
         spread = ekf.pixel_covariance(prediction)
+        require_definite(spread, f"predicted pixel of {record.station}")
         if isinstance(record, PixelMeasurement):
             found = labelled_detection(record, self._config.estimation.labelled_sigma_px)
             return _Outcome(DetectionStatus.MISS, found, prediction.pixel, spread)

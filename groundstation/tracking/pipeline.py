@@ -91,7 +91,9 @@ class Pipeline:
     def _set_up(self, initial: InitialState | None) -> None:
         """Create all components from the rig and the configuration."""
         rig, config, span_m = self._rig, self._config, self._span_m
-        self._cameras = {s.name: CameraTracker(s, config, self._callbacks.get(s.name)) for s in rig.stations}
+        self._throttle = LogThrottle(lambda t_s, text: self._track_manager.log(t_s, "warning", text))
+        callbacks, log = self._callbacks, self._throttle.take
+        self._cameras = {s.name: CameraTracker(s, config, callbacks.get(s.name), log) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
         prior = rig_prior(rig, self._reference_errors).with_span(span_prior_sigma(span_m))
@@ -100,7 +102,6 @@ class Pipeline:
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         span = SpanModel(span_m)
         self._track_manager = TrackManager(self._ekf, self._cameras, config, span=span, initial=initial)
-        self._throttle = LogThrottle(lambda t_s, text: self._track_manager.log(t_s, "warning", text))
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)
         self._late_buffer = LateMeasurementBuffer(
             self._ekf,
@@ -110,7 +111,7 @@ class Pipeline:
             horizon_s=config.estimation.late_horizon_s,
             max_entries=config.estimation.late_max_entries,
             max_gap_s=config.synchronise.max_gap_s,
-            log=self._throttle.take,
+            log=log,
         )
         self._fused_late = {"fused_late_ptu": 0, "fused_late_frames": 0}
         self._epochs = EpochBuffer(config.estimation.fix_window_s)

@@ -13,7 +13,6 @@ aircraft that lands or takes off flies, or rolls along the runway. It is held, s
 of another pair, and not reported; what moves and is recognised takes its place.
 """
 
-import math
 from collections import deque
 
 import numpy as np
@@ -21,6 +20,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.station_ekf import StationEkf
+from groundstation.estimation.variance_check import sigma_of
 
 # squared distance from the place of detection, five sigmas
 _MOVED_GATE = 25.0
@@ -167,6 +167,7 @@ def _is_moving(ekf: StationEkf, gate: float, least_m_s: float) -> bool:
 def _crosses_on_ground(ekf: StationEkf) -> bool:
     """Return whether a target may be on the ground, and moves more across the runway (x) than along it (y)."""
     position, velocity = ekf.layout.position, ekf.layout.velocity
-    height_m, sigma_m = ekf.state[position][2], math.sqrt(ekf.covariance[position, position][2, 2])
+    height_m = ekf.state[position][2]
+    sigma_m = sigma_of(ekf.covariance[position, position][2, 2], "height of the target")
     across_m_s, along_m_s, _ = np.abs(ekf.state[velocity])
     return bool(height_m - _HEIGHT_SIGMAS * sigma_m <= _ON_GROUND_M and across_m_s > along_m_s)

@@ -12,6 +12,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.detection.nose_hypotheses import likeliest, mean_square_about
+from groundstation.estimation.variance_check import require_definite
 from groundstation.geometry.mahalanobis import mahalanobis_squared
 from groundstation.messages import Detection
 
@@ -25,13 +26,14 @@ def weighed(
     """Return a detection at its likeliest point, given the predicted one (2,) and its covariance (2, 2).
 
     Where that is outside the picture (w, h), no picture shows it: the detection's own point stays, with the mean square
-    of all hypotheses about it.
+    of all hypotheses about it. Raises `LinAlgError` for a covariance that is not positive definite.
     """
     if not found.hypotheses:
         return found
     fits = []
     for each in found.hypotheses:
         S = covariance_px2 + each.covariance_px2
+        require_definite(S, "predicted pixel")
         square = float(mahalanobis_squared(each.pixel - predicted_px, S))
         fits.append(-0.5 * square - 0.5 * math.log(float(np.linalg.det(S))))
     best = max(fits)

@@ -1,7 +1,9 @@
 """One camera's part: the span it learns, the silhouette as a mask, the contrast of the paper's channel."""
 
 import math
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -107,6 +109,44 @@ def test_a_window_beyond_what_was_recorded_is_a_miss_with_that_reason(picture: n
     assert isinstance(look.result, Miss)
     assert look.result.reason is MissReason.NOT_RECORDED
     assert "recording kept" in (look.result.detail or "")
+
+
+def failing(*_: Any) -> Any:
+    """Fail as OpenCV does."""
+    return cv2.cvtColor(np.empty((0, 0, 3), np.uint8), cv2.COLOR_BGR2GRAY)
+
+
+def test_a_frame_in_which_opencv_fails_is_a_miss(picture: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: with its reason and a line, in a window as in a whole frame; the next frame is searched as before."""
+    lines: list[str] = []
+    tracker = CameraTracker(make_station("left", 0.0), Config(), log=lambda t_s, line: lines.append(line))
+    hint = hint_in_the_middle()
+    frame = Frame(t_s=0.0, station="left", epoch=0, image=BgrPicture(picture))
+    with monkeypatch.context() as patched:
+        patched.setattr(tracker._detector, "detect", failing)
+        patched.setattr(tracker._finder, "find", failing)
+        look = tracker.detect(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
+        assert not tracker.search(frame, 0.0, 0.0, 1e-4)
+        assert tracker.search_fault is MissReason.DETECTION_FAILED
+    words = "(-215:Assertion failed) !_src.empty() in function 'cvtColor'"
+    assert look is not None
+    assert look.result == Miss(reason=MissReason.DETECTION_FAILED, detail=words)
+    assert lines == [f"left: the detection failed: {words}; the frame is a miss"] * 2
+    tracker.search(frame, 0.0, 0.0, 1e-4)
+    assert tracker.search_fault is None
+    look = tracker.detect(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
+    assert look is not None
+    assert isinstance(look.result, Detection)
+
+
+def test_errors_of_a_detector_given_by_the_caller_are_the_callers(picture: np.ndarray) -> None:
+    tracker = CameraTracker(make_station("left", 0.0), Config(), failing)
+    hint = hint_in_the_middle()
+    frame = Frame(t_s=0.0, station="left", epoch=0, image=BgrPicture(picture))
+    with pytest.raises(cv2.error, match="cvtColor"):
+        tracker.detect(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
+    with pytest.raises(cv2.error, match="cvtColor"):
+        tracker.search(frame, 0.0, 0.0, 1e-4)
 
 
 @pytest.mark.parametrize(("speed_m_s", "hidden"), [((0.0, 40.0, 0.0), True), ((0.0, -40.0, 1.0), False)])
