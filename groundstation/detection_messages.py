@@ -51,6 +51,7 @@ class MissReason(StrEnum):
     NOT_RECORDED = "not_recorded"
     NOT_SEARCHED = "not_searched"
     DETECTION_FAILED = "detection_failed"
+    OTHER_PICTURE_SIZE = "other_picture_size"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

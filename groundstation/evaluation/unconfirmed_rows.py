@@ -31,7 +31,10 @@ from groundstation.messages import (
 Row = TypeVar("Row")
 
 _NOT_LOOKED_AT = frozenset(
-    (MissReason.LATE, MissReason.NO_PTU_ANGLE, MissReason.NOT_RECORDED, MissReason.DETECTION_FAILED)
+    (
+        *(MissReason.LATE, MissReason.NO_PTU_ANGLE, MissReason.NOT_RECORDED, MissReason.DETECTION_FAILED),
+        MissReason.OTHER_PICTURE_SIZE,
+    )
 )
 # chosen: a track has pixels as near in time, of frames that are searched by turns, where it is said to have been
 _NEAR_S = 0.3

@@ -36,7 +36,7 @@ from groundstation.rig.rig import Rig
 _MOST_PAIRS = 256
 _WITHOUT_TARGET = (TrackStatus.SEARCHING, TrackStatus.ACQUIRING, TrackStatus.LOST)
 # the station sees nothing in such a frame, whatever is there
-_BLIND = (MissReason.NO_PTU_ANGLE, MissReason.LATE, MissReason.DETECTION_FAILED)
+_BLIND = (MissReason.NO_PTU_ANGLE, MissReason.LATE, MissReason.DETECTION_FAILED, MissReason.OTHER_PICTURE_SIZE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ import numpy as np
 
 from groundstation.box import box_of_size, clip
 from groundstation.errors import RecordingError
+from groundstation.files.image_header import MAX_PICTURE_PX
 from groundstation.files.toml_table import quoted, shown
 from groundstation.messages import (
     Epoch,
@@ -225,15 +226,17 @@ class _EventFields:
 
     def _frame(self, t_s: float) -> FrameHeader:
         station, given, pattern = self._station(), self._values.get("size_px"), self._values.get("pattern")
-        if given != list(self._sizes[station]):
-            raise self._fault("size_px", given, f"{list(self._sizes[station])} as in the rig")
+        size_px = _size(given)
+        if size_px is None:
+            wanted = f"{list(self._sizes[station])} as in the rig, or another size of at most {MAX_PICTURE_PX} pixels"
+            raise self._fault("size_px", given, wanted)
         if pattern is not None and pattern not in [p.value for p in BayerPattern]:
             raise self._fault("pattern", pattern, "a Bayer pattern or null")
         return FrameHeader(
             t_s=t_s,
             station=station,
             epoch=self._whole("epoch"),
-            size_px=self._sizes[station],
+            size_px=size_px,
             pattern=None if pattern is None else BayerPattern(pattern),
         )
 
@@ -292,6 +295,14 @@ class _EventFields:
 
     def _fault(self, key: str, got: object, wanted: str) -> RecordingError:
         return RecordingError(f"{self._where}: {key}", got=quoted(got), wanted=wanted)
+
+
+def _size(given: object) -> tuple[int, int] | None:
+    """Return a picture's width and height, which a camera in operation may change; None for what is none."""
+    if not isinstance(given, list) or len(given) != 2 or not all(type(v) is int and v > 0 for v in given):
+        return None
+    w, h = given
+    return (w, h) if w * h <= MAX_PICTURE_PX else None
 
 
 def part_inside(part: PartNote, size_px: tuple[int, int]) -> bool:

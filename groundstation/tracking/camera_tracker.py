@@ -25,7 +25,7 @@ from groundstation.errors import printable
 from groundstation.estimation.camera_candidate import CameraCandidate
 from groundstation.estimation.guided_search import GuidedPlace
 from groundstation.geometry.rotation import cross
-from groundstation.messages import Detection, Frame, Miss, MissReason
+from groundstation.messages import Detection, Frame, Miss, MissReason, PixelMeasurement
 from groundstation.picture import Picture, PictureError, as_picture
 from groundstation.rig.rig import Station
 from groundstation.tracking.config import Config
@@ -98,8 +98,9 @@ class SpanModel:
 class CameraTracker:
     """Detects the target in the frames of one camera; ``callback`` takes the place of the program's own detector.
 
-    ``log`` receives a session time in s and a line for each frame in which OpenCV fails: such a frame is a miss, but
-    for a callback's, whose errors are the caller's. ``search_fault`` is why the last `search` could not look, if so.
+    ``log`` receives a session time in s and a line where pictures change their size, and for each frame in which OpenCV
+    fails: such a frame is a miss, but for a callback's, whose errors are the caller's. ``search_fault`` is why the last
+    `search` could not look, if so.
     """
 
     def __init__(
@@ -112,6 +113,8 @@ class CameraTracker:
         self.station = station
         self.search_fault: MissReason | None = None
         self._log = log
+        # of the newest picture
+        self._size_px = station.lens.image_size_px
         self._failures = cv2.error if callback is None else ()
         self.geometry = station.geometry()
         self._config = config
@@ -146,6 +149,19 @@ class CameraTracker:
         with self._detector.state_preserved():
             yield
         self._extent, self._px_per_m, self._detections = extent, scale, detections
+
+    def wrong_picture(self, record: Frame | PixelMeasurement) -> Miss | None:
+        """Return the miss of a frame whose picture is not of the rig's size, which no detector may see; else None."""
+        if not isinstance(record, Frame):
+            return None
+        size_px, wanted_px = as_picture(record.image).size_px, self.station.lens.image_size_px
+        (w, h), (wanted_w, wanted_h) = size_px, wanted_px
+        detail = f"got pictures of {w} × {h} px, wanted {wanted_w} × {wanted_h} as in the rig"
+        if size_px != self._size_px:
+            again = f"pictures are of {w} × {h} px again, as in the rig"
+            self._log(record.t_s, f"{record.station}: {again if size_px == wanted_px else detail}")
+            self._size_px = size_px
+        return None if size_px == wanted_px else Miss(reason=MissReason.OTHER_PICTURE_SIZE, detail=detail)
 
     def search(
         self,

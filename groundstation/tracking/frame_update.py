@@ -134,6 +134,8 @@ class FrameUpdate:
         record = ready.record
         if ready.late:
             return self._report(record, None, _missed(MissReason.LATE, "older than what was already used"))
+        if (wrong := self._cameras[record.station].wrong_picture(record)) is not None:
+            return self._report(record, None, _missed(wrong.reason, wrong.detail))
         angles = self._angles(ready)
         if angles is None:
             fault = ready.angles.value if isinstance(ready.angles, AngleFault) else "PTU readings do not change"

@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import cv2
+
 from groundstation.arrays import ImageArray
 from groundstation.detection.panorama import GroundPanorama, HeadRegistration, RegisteredAngles, RegistrationFault
 from groundstation.errors import RigError
@@ -15,6 +17,8 @@ from groundstation.rig.rig import Rig
 from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame
 
 NOT_RECORDED = "only parts of the picture"
+OTHER_SIZE = "a picture of another size than in the rig"
+OPENCV_FAILED = "OpenCV fails in the picture"
 BETWEEN_SEARCHES = "so poor an encoder wants a search, which is not done for each frame"
 BETWEEN_STARS = "stars are not looked for in each frame"
 _MOST_RECALLED = 1000
@@ -82,6 +86,7 @@ class RegisteredHeads:
                 wanted = f"some of {turning}, which turn" if turning else "none: no station of the rig turns"
                 raise RigError(where, got=f"one of station {name}", wanted=wanted)
         self._sigma_rad = {s.name: s.angle_sigma_rad for s in rig.stations}
+        self._sizes_px = {s.name: s.lens.image_size_px for s in rig.stations}
         self._heads: dict[str, tuple[_Way, ...]] = {}
         for name, panorama in panoramas.items():
             ground = HeadRegistration(rig[name], panorama)
@@ -187,8 +192,8 @@ class RegisteredHeads:
         self._frames[name] += 1
         # not counted as read: a recording keeps the parts that the detection reads
         picture = as_picture(frame.image)
-        if not picture.has_all:
-            self._failed[name][NOT_RECORDED] += 1
+        if not picture.has_all or picture.size_px != self._sizes_px[name]:
+            self._failed[name][NOT_RECORDED if picture.size_px == self._sizes_px[name] else OTHER_SIZE] += 1
             return None
         found: RegisteredAngles | None = None
         why = []
@@ -197,7 +202,11 @@ class RegisteredHeads:
                 why.append(way.between)
                 continue
             sigma = self._sigma_rad[name]
-            told = way.angles.register_at(picture.preview(), frame.t_s, angles.pan_rad, angles.tilt_rad, sigma)
+            try:
+                told = way.angles.register_at(picture.preview(), frame.t_s, angles.pan_rad, angles.tilt_rad, sigma)
+            except cv2.error:
+                why.append(OPENCV_FAILED)
+                continue
             if isinstance(told, RegisteredAngles):
                 found = told
                 break

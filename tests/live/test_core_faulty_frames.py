@@ -92,3 +92,21 @@ def test_a_frame_in_which_opencv_fails_is_a_miss(station: Station, monkeypatch: 
     assert lines[0] == (
         "left: the detection failed: (-215:Assertion failed) !_src.empty() in function 'cvtColor'; the frame is a miss"
     )
+
+
+@pytest.mark.parametrize("size_px", [(640, 480), (1920, 1440)])
+def test_a_picture_of_another_size_is_a_miss(station: Station, size_px: tuple[int, int]) -> None:
+    """Expected: as where a camera was opened again with its default size; a line at each change, the other sees on."""
+    station.pairs(3)
+    station.pairs(12, size_px)
+    station.pairs(3)
+    station.finish()
+    searched = [MissReason.NOT_ACQUIRED] * 3
+    assert station.reasons("left") == [*searched, *([MissReason.OTHER_PICTURE_SIZE] * 12), *searched]
+    assert station.reasons("right") == [MissReason.NOT_ACQUIRED] * 18
+    lines = [(line.t_s, line.text) for line in station.lines if "pictures" in line.text]
+    w, h = size_px
+    assert lines == [
+        (0.3, f"left: got pictures of {w} × {h} px, wanted 1280 × 960 as in the rig"),
+        (1.5, "left: pictures are of 1280 × 960 px again, as in the rig"),
+    ]

@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from groundstation.box import Box, box_of_size, contains
 from groundstation.errors import RecordingError
-from groundstation.messages import Epoch, Event, FilterReset, Heartbeat, PixelMeasurement, PtuSample
-from groundstation.picture import BayerPattern
+from groundstation.messages import Epoch, Event, FilterReset, Frame, Heartbeat, PixelMeasurement, PtuSample
+from groundstation.picture import BayerPattern, BgrPicture
 from groundstation.recording.event_codec import (
     DroppedNote,
+    FrameHeader,
     LostNote,
     NumberedEvent,
     PartNote,
@@ -74,6 +75,26 @@ windows = st.tuples(st.integers(0, 60), st.integers(0, 40), st.integers(1, 30), 
 @given(simple_events, whole)
 def test_events_are_read_back_bit_for_bit(event: Event, n: int) -> None:
     assert parse_line(line(event_values(n, event)), SIZES, "test") == NumberedEvent(n=n, event=event)
+
+
+def frame_line(size_px: object) -> bytes:
+    """The line of a frame of ``left``, of a size that is stated."""
+    picture = BgrPicture(np.zeros((48, 64, 3), np.uint8))
+    values = event_values(3, Frame(t_s=1.0, station="left", epoch=2, image=picture))
+    return line({**values, "size_px": size_px})
+
+
+@pytest.mark.parametrize("size_px", [(64, 48), (32, 24), (96, 72)])
+def test_a_frame_of_another_size_than_in_the_rig_is_read_back(size_px: tuple[int, int]) -> None:
+    """Expected: a camera in operation changed it, and the recording of that is replayed all the same."""
+    head = FrameHeader(t_s=1.0, station="left", epoch=2, size_px=size_px, pattern=None)
+    assert parse_line(frame_line(list(size_px)), SIZES, "test") == NumberedEvent(n=3, event=head)
+
+
+@pytest.mark.parametrize("size_px", [None, [64], [64, 48, 1], [64, 0], [-64, 48], [64.5, 48], [True, 48], [6000, 5000]])
+def test_a_size_that_no_picture_has_is_refused(size_px: object) -> None:
+    with pytest.raises(RecordingError, match=r"size_px: got .*; wanted \[64, 48\] as in the rig, or another size"):
+        parse_line(frame_line(size_px), SIZES, "test")
 
 
 @given(notes)
