@@ -59,10 +59,11 @@ class CameraWorker:
                 if frame is None or frame.repeated:
                     continue
                 self.frames += 1
-                self.newest_s = self._clock.session_from_device(frame.t_s + self._zero_s)
+                t_s = self._clock.session_from_device(frame.t_s + self._zero_s)
+                self.newest_s = t_s if math.isfinite(t_s) else self.newest_s
                 self._input_queue.put(
                     TimedPicture(
-                        t_s=self.newest_s,
+                        t_s=t_s,
                         arrived_s=frame.arrival_s + self._zero_s,
                         station=self.station,
                         picture=frame.picture,

@@ -6,12 +6,14 @@ run again, and a thousand bad days can be run in a test.
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.live.finite_values import refused
 from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.input_queue import DeviceLogLine, Item, TimedPicture
 from groundstation.messages import (
@@ -80,6 +82,8 @@ class LiveCore:
     heads : of the stations that turn.
     pattern : where to look while there is no target.
     rig : corrects readings by ``ptu_clock`` and ``ptu_axes``, the heads' in time alone; without, they are angles.
+
+    ``refused`` counts the items that are not used because a value is not finite, by kind.
     """
 
     def __init__(
@@ -92,6 +96,7 @@ class LiveCore:
     ) -> None:
         self.pipeline = pipeline
         self.status = TrackStatus.SEARCHING
+        self.refused: Counter[str] = Counter()
         self._pairing = pairing
         self._heads = heads
         self._pattern = pattern
@@ -103,14 +108,18 @@ class LiveCore:
         self._parking: Mapping[str, tuple[float, float]] | None = None
         self._ahead_s = 0.0
         self._lines: list[TrackEvent] = []
-        self._hold_throttle = LogThrottle(
+        self._throttle = LogThrottle(
             lambda t_s, text: self._lines.append(TrackEvent(t_s=t_s, level="warning", text=text))
         )
 
     def take(self, item: Item | PixelMeasurement, now_s: float, known_s: float | None = None) -> LiveStep:
         """Take one item at session time ``now_s``; ``known_s`` as in `pass_time`."""
         step = LiveStep()
-        if isinstance(item, DeviceLogLine):
+        refusal = refused(item)
+        if refusal is not None:
+            self.refused[refusal.kind] += 1
+            self._throttle.take(now_s, refusal.line)
+        elif isinstance(item, DeviceLogLine):
             line = TrackEvent(t_s=item.t_s, level=item.level, text=item.text)
             step.reports.append(StepReport(events=(line,)))
         elif isinstance(item, (TimedPicture, PixelMeasurement)):
@@ -155,7 +164,7 @@ class LiveCore:
         if self._pairing.overdue(beat_s):
             for epoch in self._pairing.flush():
                 self._step(epoch, step)
-        self._hold_throttle.pass_time(now_s)
+        self._throttle.pass_time(now_s)
         if beat_s >= self._answered_s + HEARTBEAT_EVERY_S:
             self._answered_s = beat_s
             self._step(Heartbeat(t_s=beat_s), step)
@@ -166,6 +175,10 @@ class LiveCore:
             except _FAILED as fault:
                 self._reset_filter(fault, now_s, step, in_vain=False)
                 step.commands += self._commands(now_s)
+        self._report_lines(step)
+
+    def _report_lines(self, step: LiveStep) -> None:
+        """Report the lines of the log that wait."""
         if self._lines:
             step.reports.append(StepReport(events=tuple(self._lines)))
             self._lines.clear()
@@ -216,9 +229,9 @@ class LiveCore:
             step.reports.append(report)
         # time is unknown after a reset
         t_s, notes = self.pipeline.time_s or t_s, self.pipeline.heads.notes()
-        if notes:
-            lines = (TrackEvent(t_s=t_s, level="info", text=text) for text in notes)
-            step.reports.append(StepReport(events=tuple(lines)))
+        self._throttle.finish()
+        self._lines += [TrackEvent(t_s=t_s, level="info", text=text) for text in notes]
+        self._report_lines(step)
         return step
 
     def _step(self, event: Event, step: LiveStep) -> None:
@@ -260,7 +273,7 @@ class LiveCore:
         commands = [self._command(name, head, now_s) for name, head in self._heads.items()]
         for name, head in self._heads.items():
             if head.keep_out is not None and head.keep_out.held:
-                self._hold_throttle.take(now_s, f"{name}: {head.keep_out.held}")
+                self._throttle.take(now_s, f"{name}: {head.keep_out.held}")
         return commands
 
     def _command(self, name: str, head: HeadController, now_s: float) -> PointingCommand:

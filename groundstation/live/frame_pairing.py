@@ -57,6 +57,9 @@ class FramePairer:
 
     def delivered(self, station: str, t_s: float) -> None:
         """Note that a station delivers: it has exposed a frame at ``t_s``, whether or not that is taken."""
+        if not math.isfinite(t_s):
+            # nothing would be newer
+            return
         self._newest[station] = max(self._newest.get(station, t_s), t_s)
         self._began_s = min(self._began_s, t_s)
 

@@ -224,7 +224,7 @@ class Operation:
             latency_p99_ms=self._board.latency_ms(99),
             tracking_p50_ms=self._board.latency_ms(50, tracking=True),
             tracking_p99_ms=self._board.latency_ms(99, tracking=True),
-            dropped=self._dropped(),
+            dropped=self._dropped(core),
             counts=core.pipeline.counts,
             busy_s=self._busy_s,
             approach=None if self._approach is None else self._approach.summary(),
@@ -306,14 +306,14 @@ class Operation:
             rate_hz = self._board.rate("DGPS", self._reference.fixes, now_s)
             contradicted = core.pipeline.counts["references_refused"]
             states.append(self._reference.state(now_s, rate_hz, contradicted))
-        dropped = self._dropped()
+        dropped = self._dropped(core)
         approach = () if self._approach is None else self._approach.lines(now_s)
         status = self._board.status(now_s, core.status, tuple(states), dropped, self._extra_status(), approach)
         for operator in self._operators:
             operator.update(status)
 
-    def _dropped(self) -> dict[str, int]:
-        dropped = {what: n for what, n in self.input_queue.dropped.items() if n}
+    def _dropped(self, core: LiveCore) -> dict[str, int]:
+        dropped = {what: n for what, n in self.input_queue.dropped.items() if n} | core.refused
         return dropped | ({"pairs, being behind": self._load_shedder.pairs} if self._load_shedder.pairs else {})
 
     def _camera_state(self, worker: CameraWorker, now_s: float) -> DeviceState:

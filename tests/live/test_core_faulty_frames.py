@@ -1,5 +1,6 @@
-"""Frames in operation that cannot be looked at: each is a counted miss with its reason, and operation goes on."""
+"""Frames, readings and pixels in operation that cannot be used: each is counted with its reason, others are used."""
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,8 +11,18 @@ import pytest
 from groundstation.detection.candidate_finder import CandidateFinder
 from groundstation.live.core import LiveCore, LiveStep, live_config
 from groundstation.live.frame_pairing import FramePairer
-from groundstation.live.input_queue import TimedPicture
-from groundstation.messages import CameraReport, Event, FilterReset, Miss, MissReason, PtuSample, TrackEvent
+from groundstation.live.input_queue import Item, TimedPicture
+from groundstation.messages import (
+    CameraReport,
+    Event,
+    FilterReset,
+    Miss,
+    MissReason,
+    PixelMeasurement,
+    PtuSample,
+    ReferenceFix,
+    TrackEvent,
+)
 from groundstation.picture import BgrPicture
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.tracking.config import Config
@@ -49,6 +60,9 @@ class Station:
                 shown = TimedPicture(t_s=t_s, arrived_s=t_s, station=name, picture=picture)
                 self._take(self.core.take(shown, t_s + 0.03))
             self._pair += 1
+
+    def take(self, item: Item | PixelMeasurement, now_s: float) -> None:
+        self._take(self.core.take(item, now_s))
 
     def finish(self) -> None:
         self._take(self.core.finish())
@@ -110,3 +124,64 @@ def test_a_picture_of_another_size_is_a_miss(station: Station, size_px: tuple[in
         (0.3, f"left: got pictures of {w} × {h} px, wanted 1280 × 960 as in the rig"),
         (1.5, "left: pictures are of 1280 × 960 px again, as in the rig"),
     ]
+
+
+BLACK = BgrPicture(np.zeros((960, 1280, 3), np.uint8))
+AT: dict[str, Any] = {"t_s": 0.29, "station": "left"}
+
+
+@pytest.mark.parametrize(
+    ("item", "kind", "line"),
+    [
+        (
+            PtuSample(**AT, pan_rad=math.nan, tilt_rad=math.inf),
+            "readings of left, not finite",
+            "left: got pan_rad = nan, tilt_rad = inf, wanted finite numbers: the reading is not used",
+        ),
+        (
+            PtuSample(t_s=-math.inf, station="left", pan_rad=0.0, tilt_rad=0.0),
+            "readings of left, not finite",
+            "left: got t_s = -inf, wanted finite numbers: the reading is not used",
+        ),
+        (
+            TimedPicture(t_s=math.nan, arrived_s=0.3, station="left", picture=BLACK),
+            "frames of left, not finite",
+            "left: got t_s = nan, wanted finite numbers: the frame is not used",
+        ),
+        (
+            PixelMeasurement(**AT, epoch=0, u_px=math.nan, v_px=3.0, sigma_px=(1.0, math.nan)),
+            "pixels of left, not finite",
+            "left: got u_px = nan, sigma_px = nan, wanted finite numbers: the pixel is not used",
+        ),
+        (
+            ReferenceFix(t_s=0.29, position_runway_m=np.array([1.0, np.nan, 3.0]), sigma_m=np.ones(3)),
+            "positions of DGPS, not finite",
+            "DGPS: got y_m = nan, wanted finite numbers: the position is not used",
+        ),
+    ],
+)
+def test_a_value_that_is_not_finite_is_refused(
+    station: Station, item: Item | PixelMeasurement, kind: str, line: str
+) -> None:
+    """Expected: the filter is not reset, one line says it and another counts the rest, and pairs go on."""
+    station.pairs(3)
+    for _ in range(3):
+        station.take(item, 0.3)
+    station.pairs(3)
+    station.finish()
+    assert station.core.refused == {kind: 3}
+    assert [event.text for event in station.lines if "finite" in event.text] == [
+        line,
+        f"{line} (2 like it since 0.3 s)",
+    ]
+    assert len(station.reasons("left")) == len(station.reasons("right")) == 6
+    assert all(math.isfinite(event.t_s) for event in station.consumed)
+
+
+@pytest.mark.parametrize("t_s", [math.nan, math.inf])
+def test_a_stamp_that_is_not_finite_does_not_make_pairs_wait(t_s: float) -> None:
+    """Expected: a camera whose only stamp is none has never delivered, and pairs are closed without it."""
+    pairing = FramePairer(("left", "right"), 1.0 / RATE_HZ)
+    pairing.delivered("right", t_s)
+    closed = [pairing.frame("left", 1.0 + k / RATE_HZ).closed_after for k in range(12)]
+    assert [len(epochs) for epochs in closed[-3:]] == [1, 1, 1]

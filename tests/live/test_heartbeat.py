@@ -1,6 +1,7 @@
 """A station whose cameras or source die: the operator's display, and that a replay of it is the same."""
 
 import math
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -165,6 +166,7 @@ class Canned(LiveCore):
 
     def __init__(self) -> None:
         self.status, self.beating, self.known = TrackStatus.TRACKING, True, list[float | None]()
+        self.refused = Counter()
 
     def pass_time(self, now_s: float, known_s: float | None = None) -> LiveStep:
         self.known.append(known_s)
