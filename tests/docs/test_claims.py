@@ -1,15 +1,18 @@
 """What the README and the results claim of the covariance: the figures that are kept, and never one test alone."""
 
+import inspect
 import json
 import re
 
 import pytest
 
+from groundstation.live.operation import Operation
 from tests.docs.pages import ROOT, text_of
 
 KEPT = json.loads((ROOT / "recordings" / "landing-1.figures.json").read_text())
 README = text_of(ROOT / "README.md")
 RESULTS = text_of(ROOT / "docs" / "results.md")
+LIVE = text_of(ROOT / "docs" / "live.md")
 
 
 def tables_and_paragraphs(text: str) -> list[str]:
@@ -81,3 +84,10 @@ def test_the_readme_s_recordings_not_trained_on_are_those_of_the_results() -> No
         reached = README.partition("## What it reaches")[2].partition("| RMSE against truth")[0]
         assert anees in reached
         assert nis in reached
+
+
+def test_how_many_frames_may_wait_is_that_of_operation() -> None:
+    """Expected: the bound grows with the stations, and the page has no number of its own for any rig."""
+    (bound,) = re.findall(r"^\| frames that wait for the pipeline \| ([^|]+) \|", LIVE, re.MULTILINE)
+    assert bound == "one more than there are stations, in all, when a pair begins: 3 of two"
+    assert "most=len(self._rig.names) + 1" in inspect.getsource(Operation._core)
