@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from groundstation.approach.approach_outputs import ApproachSummary
-from groundstation.errors import InputError
+from groundstation.errors import InputError, os_words
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, write_reference_tums, write_summary
@@ -173,8 +173,16 @@ class _ResultsFirst:
 
 
 def _view_of(request: ReplayRequest, session: Session) -> "RerunSink | None":
-    """Open the Rerun recording, if one is wanted: without it Rerun is not imported, which takes half a second."""
+    """Open the Rerun recording, if one is wanted: without it Rerun is not imported, which takes half a second.
+
+    That of an earlier run does not remain next to this run's track. Raises `InputError` where it cannot be removed.
+    """
     if not request.rerun:
+        try:
+            (request.out / "session.rrd").unlink(missing_ok=True)
+        except OSError as fault:
+            wanted = "a folder that can be written"
+            raise InputError(str(request.out / "session.rrd"), got=os_words(fault), wanted=wanted) from fault
         return None
     from groundstation.viewer.session_view import session_view
 

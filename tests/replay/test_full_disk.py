@@ -5,6 +5,7 @@ A limit on the size of files stands for the disk: session.rrd, which holds the v
 
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,22 @@ def test_a_recording_without_room_ends_and_the_replay_does_not(
     assert not recorded.exists()
     assert f"wrote {recorded}" not in printed.out
     assert len((out / "track.csv").read_text().splitlines()) == 1 + 15
+
+
+def test_a_replay_without_a_recording_removes_that_of_an_earlier_run(classic_tuning: Path, tmp_path: Path) -> None:
+    """Expected: `view` of the folder shows this run's tables, not the earlier run; other files stay."""
+    (tmp_path / "session.rrd").write_bytes(b"of an earlier run")
+    (tmp_path / "notes.txt").write_text("mine")
+    result = replay(replace(_request(tmp_path, classic_tuning), rerun=False))
+    assert result.fault is None
+    assert "session.rrd" not in _names(tmp_path)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_a_recording_that_cannot_be_removed_is_named(classic_tuning: Path, tmp_path: Path) -> None:
+    (tmp_path / "session.rrd" / "mine").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"session\.rrd: got Is a directory; wanted a folder that can be written"):
+        replay(replace(_request(tmp_path, classic_tuning), rerun=False))
 
 
 def test_an_interrupt_leaves_whole_lines_and_no_draft(classic_tuning: Path, tmp_path: Path) -> None:
