@@ -1,5 +1,6 @@
 """Conversion of a table of pan and tilt to ptu.csv, in the session's clock."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from groundstation.files.csv_table import CsvTable, Row
 from groundstation.files.toml_table import quoted
 from groundstation.rig.rig import Rig
 from groundstation.session.logs.gps_time import TimeScale, civil_from_unix, gps_from_civil, gps_from_text
-from groundstation.session.time_units import TIME_UNITS_S
+from groundstation.session.time_units import TIME_UNITS_S, spacing_hint
 
 _TIMES = ("t_s", "utc", "unix_s")
 _MAX_ROWS = 20_000_000
@@ -22,18 +23,25 @@ _MOST_QUARTERS = 56
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AngleTable:
-    """A table of angles as ``text`` of ptu.csv in the session's clock, with so many ``rows`` from first to last, s."""
+    """A table of angles as ``text`` of ptu.csv in the session's clock, with so many ``rows`` from first to last, s.
+
+    ``closest_s`` is the time between the two rows that are nearest to each other; infinite where times state their
+    unit, or there is one row.
+    """
 
     name: str
     text: str
     rows: int
     first_s: float
     last_s: float
+    closest_s: float
 
     def require_overlap(self, from_s: float, to_s: float) -> None:
         """Raise `InputError` unless some readings are of the time of the frames."""
         if self.first_s > to_s or self.last_s < from_s:
-            got = f"angles from {self.first_s:.2f} to {self.last_s:.2f} s{_zone_hint(self, from_s, to_s)}"
+            unit = spacing_hint(self.closest_s)
+            hint = f", {unit}" if unit else _zone_hint(self, from_s, to_s)
+            got = f"angles from {self.first_s:.2f} to {self.last_s:.2f} s{hint}"
             raise InputError(self.name, got=got, wanted=f"some while the cameras ran, {from_s:.2f} to {to_s:.2f} s")
 
 
@@ -50,10 +58,14 @@ def read_angle_table(path: Path, rig: Rig, clock: ImportClock) -> AngleTable:
         raise InputError(path.name, got="times in UTC", wanted="--epoch, or the videos' starts in UTC")
     lines = [",".join(["t_s", *columns])]
     first = before = None
+    closest = math.inf
     for row in table:
         t = _time(table, row, kind, clock)
         table.check_later(row, kind, t, before)
         first = t if first is None else first
+        if kind == "t_s" and before is not None:
+            # the other kinds of times have a unit
+            closest = min(closest, t - before)
         before = t
         cells = []
         for column in columns:
@@ -66,7 +78,14 @@ def read_angle_table(path: Path, rig: Rig, clock: ImportClock) -> AngleTable:
             raise table.fault(row.line, got="more rows", wanted=f"at most {_MAX_ROWS}")
     if first is None or before is None:
         raise InputError(path.name, got="no rows", wanted="readings while the cameras ran")
-    return AngleTable(name=path.name, text="\n".join(lines) + "\n", rows=len(lines) - 1, first_s=first, last_s=before)
+    return AngleTable(
+        name=path.name,
+        text="\n".join(lines) + "\n",
+        rows=len(lines) - 1,
+        first_s=first,
+        last_s=before,
+        closest_s=closest,
+    )
 
 
 def _zone_hint(table: AngleTable, from_s: float, to_s: float) -> str:

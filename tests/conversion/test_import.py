@@ -388,3 +388,17 @@ def test_what_a_table_in_the_sessions_frame_has_no_use_for_is_told(
     notes: list[str] = []
     load_dgps(load_session(parts / "session"), on_note=notes.append)
     assert [note.partition(" is not used")[0] for note in notes] == ["dgps.csv: height in [dgps], or --height,"]
+
+
+def test_angles_whose_times_are_in_milliseconds_are_named(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: the spacing of the rows states the unit, and no quarter of an hour is offered for a time zone's."""
+    header, *rows = (parts / "angles.csv").read_text().split()
+    times, cells = zip(*(row.split(",", 1) for row in rows), strict=True)
+    later = [f"{1000.0 * float(t) + 902.0:.0f},{rest}" for t, rest in zip(times, cells, strict=True)]
+    (parts / "angles.csv").write_text("\n".join([header, *later]) + "\n")
+    assert run(parts) == 1
+    printed = capsys.readouterr().err
+    assert (
+        "s, 50 s apart and more, 0.05 s if its times are in milliseconds; wanted some while the cameras ran" in printed
+    )
+    assert "local time" not in printed
