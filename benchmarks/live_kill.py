@@ -48,6 +48,7 @@ from groundstation.simulation.simulated_station_file import simulated_station_fi
 from groundstation.simulation.standard_cases import standard_rig
 from groundstation.sources.cameras.camera import CameraDevice, GrabbedFrame, SettingsReadBack
 from groundstation.sources.session_source import session_source
+from ptu_drivers.deferred_termination import GRACE_S
 from ptu_drivers.messages import Axis
 from ptu_drivers.simulated.axis import SimulatedAxis
 from ptu_drivers.simulated.flir import FlirModel
@@ -356,8 +357,11 @@ def recovered(run: Run, units: Units, who: str, deed: str) -> Moment:
         return Moment(who, deed, note="there is none")
     if run.process.poll() is not None:
         return Moment(who, deed, note="the station has ended before")
-    began_s = time.monotonic()
     do(deed, pid)
+    if deed == "TERM" and who in MOVERS:
+        # until it knows that the station is not ending as well, it works on
+        time.sleep(GRACE_S)
+    began_s = time.monotonic()
     time.sleep(LOOKED_S)
     now_s = time.monotonic()
     stood = max(units.stood(began_s, now_s).values()) - began_s
@@ -416,9 +420,9 @@ def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
     time.sleep(1.5)
     now_s = time.monotonic()
     # SIGTERM asks the pipeline to end as Ctrl-C does: heads are parked, and stand when they are; so it is after Ctrl-C
-    # where a process had allocated all its memory before
+    # where a process had allocated all its memory before, or hears of the end before it has left by SIGTERM
     well = run.has_status_since(asked_s - STATUS_S) and run.unready(began_s) > asked_s
-    parks = (who == "pipeline" and deed == "TERM") or (deed == "memory" and well)
+    parks = deed == "TERM" or (deed == "memory" and well)
     stood = math.nan if parks else max(units.stood(began_s, now_s).values()) - began_s
     still = max(units.turned(now_s - 0.4, now_s).values())
     # the session's clock at the moment, from the last status before it

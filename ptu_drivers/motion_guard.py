@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
+from ptu_drivers.deferred_termination import ENDING, DeferredTermination
 from ptu_drivers.emergency_halt import HaltLine, halt_once, prepared
 from ptu_drivers.errors import PtuError
 
@@ -223,8 +224,18 @@ class ExpiredLeases:
 def serve_guard(lines: Mapping[str, HaltLine], leases: MotionLeases, pipe: Connection) -> None:
     """Guard units until a stop message; after the pipe has closed, until each unit is halted or released.
 
-    Messages in: "halt" for all units, "stop". Messages out: `GuardReport`.
+    Messages in: "halt" for all units, "stop", `ENDING`. Messages out: `GuardReport`. A SIGTERM ends it only while the
+    pipe is open, and where no `ENDING` comes (`DeferredTermination`).
     """
+    termination = DeferredTermination()
+    with termination.deferred():
+        termination.install()
+        _guard(lines, leases, pipe, termination)
+
+
+def _guard(
+    lines: Mapping[str, HaltLine], leases: MotionLeases, pipe: Connection, termination: DeferredTermination
+) -> None:
     # it sleeps nearly always, and must not wait for a core when needed; only some users may request that
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
@@ -254,7 +265,13 @@ def serve_guard(lines: Mapping[str, HaltLine], leases: MotionLeases, pipe: Conne
                 word = pipe.recv()
                 if word == "stop":
                     return
+                if word == ENDING:
+                    termination.note_parent_ends()
+                    continue
                 for each in halting.values():
                     each.request()
+            elif termination.is_due():
+                # not before the pipe is empty: the announcement may wait in it where this process was late
+                termination.leave()
         except (EOFError, OSError):
             orphaned_s = now_s

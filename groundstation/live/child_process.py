@@ -1,4 +1,4 @@
-"""Child processes of a live station, shielded from the terminal's signals to the process group."""
+"""Child processes of a live station, shielded from signals that the terminal and SIGTERM's senders give the group."""
 
 import multiprocessing as mp
 import os
@@ -35,6 +35,20 @@ def terminal_signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+@contextmanager
+def group_signals_blocked() -> Iterator[None]:
+    """Start processes with the terminal's signals blocked, and SIGTERM until the process itself unblocks it.
+
+    While it reads its modules it could only die by it, which ends a station that is to end in order.
+    """
+    with terminal_signals_blocked():
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _start_tracker() -> None:
     """Start the process that gives back shared memory after a forced end, unless it runs; it does so quietly."""
     sys.warnoptions.append(_TRACKER_QUIET)
@@ -47,7 +61,8 @@ def _start_tracker() -> None:
 class ChildProcess:
     """A process of the station with a pipe to it, which it gets as its last argument.
 
-    It is a daemon, hears nothing of the terminal, and sees the pipe's end when this process is gone.
+    It is a daemon, hears nothing of the terminal, and sees the pipe's end when this process is gone. SIGTERM waits
+    until the target handles it (`DeferredTermination`).
     """
 
     def __init__(self, name: str, target: Callable[..., None], *given: Any) -> None:
@@ -59,7 +74,7 @@ class ChildProcess:
         self._process: BaseProcess = context.Process(
             target=_named, args=(name, target, *given, other), name=name, daemon=True
         )
-        with terminal_signals_blocked():
+        with group_signals_blocked():
             self._process.start()
         other.close()
 
@@ -87,7 +102,11 @@ class ChildProcess:
         return True
 
     def end(self, ask: object, ask_s: float, terminate_s: float) -> bool:
-        """Ask it to end, then terminate it, then kill it; returns whether it ended by itself before it was killed."""
+        """Ask it to end, then terminate it, then kill it; returns whether it ended by itself before it was killed.
+
+        A target that defers SIGTERM (`DeferredTermination`) handles requests meanwhile; one that opens its devices or
+        has been asked, and is not done, leaves by it.
+        """
         self.send(ask)
         self._process.join(ask_s)
         if self._process.is_alive():

@@ -143,6 +143,7 @@ def _live(
         # they are opened while this process compiles
         heads = HeadManager({s.name: s.head for s in file.stations if s.head is not None}, start_s)
         opened.callback(heads.close)
+        shutdown.on_begin(heads.announce_end)
         heads.begin()
         abandonable(partial(warm_up, station.config.detection.detector), stop)
         outputs = _Outputs(out, opened, tell, simulator, station.approach(request.approach, start_s))

@@ -17,6 +17,7 @@ from groundstation.live.keep_out_zones import open_station_head
 from groundstation.live.motion_guard_process import halt_lines
 from groundstation.rig.rig import Rig
 from groundstation.session.folder import GeoOrigin
+from ptu_drivers.deferred_termination import ENDING
 from ptu_drivers.errors import LimitError, PtuError
 from ptu_drivers.messages import Axis, Capability, Reading
 from ptu_drivers.monitor import MoveResult, first_reading, halted, move
@@ -128,6 +129,8 @@ class GuardedHead:
             time.sleep(0.02)
 
     def _close(self) -> None:
+        # a SIGTERM to the group is not to end the guard before the halt
+        self._guard.send(ENDING)
         self._unit.close()
         if not self._release_if_halted() and self._guard.send("halt"):
             # over a connection of its own; what came of it makes no difference here

@@ -23,6 +23,7 @@ from groundstation.live.motion_guard_process import GuardProcess
 from groundstation.live.restart_delay import RestartDelay
 from groundstation.messages import PointingCommand, PtuSample
 from groundstation.pointing.head_limits import HeadLimits
+from ptu_drivers.deferred_termination import ENDING
 from ptu_drivers.messages import UnitDescription
 from ptu_drivers.motion_guard import HALTING_S, LEASE_S, GuardReport, MotionLeases
 
@@ -78,7 +79,7 @@ class HeadManager:
         self._phase = ProcessPhase.CLOSED
         self._delay = RestartDelay()
         self._unknown: frozenset[str] = frozenset()
-        self._leaving = self._silent = False
+        self._leaving = self._silent = self._ending = False
         self._hang_detector = HangDetector()
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
@@ -136,6 +137,9 @@ class HeadManager:
                 raise DeviceError(answer)
         except EOFError as fault:
             self.close()
+            # a signal to the group ends a process that opens
+            if stop():
+                raise KeyboardInterrupt from fault
             raise DeviceError("PTUs: their process ended while opening them") from fault
         except (DeviceError, KeyboardInterrupt):
             self.close()
@@ -156,6 +160,16 @@ class HeadManager:
         """Send a command; does not block. Commands are dropped while the process has no current heartbeat."""
         if self._phase is ProcessPhase.RUNNING and self._clock() - self._leases.driver_heartbeat_s < LEASE_S:
             self._send(command)
+
+    def announce_end(self) -> None:
+        """Announce to both processes that this one is ending: a SIGTERM to the group is not for them; from any thread.
+
+        They continue until they are asked to end, or this process is gone. Once is enough, more often does no harm.
+        """
+        # before the child is looked at: one that is begun meanwhile gets it from `_begin_process`
+        self._ending = True
+        self._guard.announce_end()
+        self._send(ENDING)
 
     def close(self, within_s: float = CLOSE_S) -> None:
         """Halt the heads and end both processes, by force where they do not end, within about ``within_s``."""
@@ -308,6 +322,8 @@ class HeadManager:
         self._leaving = self._silent = False
         self._begun_s = self._clock()
         self._child = self._make("ptus", serve_heads, self._heads, self._start_s, self._leases)
+        if self._ending:
+            self._send(ENDING)
         self._phase = ProcessPhase.OPENING
 
     def _on_opened(self, found: dict[str, tuple[UnitDescription, HeadLimits]]) -> None:

@@ -20,6 +20,7 @@ from groundstation.live.head_worker import HeadWorker, head_limits
 from groundstation.live.input_queue import Item
 from groundstation.messages import PointingCommand
 from groundstation.thread_scheduling import short_gil_switch_interval
+from ptu_drivers.deferred_termination import ENDING, DeferredTermination
 from ptu_drivers.motion_guard import LEASE_S, MotionLeases
 
 _HEALTH_EVERY_S = 0.25
@@ -59,9 +60,13 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, leases: MotionL
     """Open the heads, report them, then read and move them until a stop is requested or the parent has ended.
 
     A ``MemoryError`` ends it as any other way out does: halted first. So does a head whose thread has ended or hangs,
-    with exit code 1: the supervisor begins all of it again.
+    with exit code 1: the supervisor begins all of it again. A SIGTERM interrupts the opening and the end at once; in
+    between it ends the process only where the parent is not ending as well (`DeferredTermination`).
     """
     lost = False
+    # before a unit is opened, whose driver sets a handler where there is none
+    termination = DeferredTermination()
+    termination.install()
     with contextlib.ExitStack() as stack:
         try:
             units = {name: stack.enter_context(open_head(name, h, time.monotonic)) for name, h in heads.items()}
@@ -90,8 +95,8 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, leases: MotionL
         stack.enter_context(short_gil_switch_interval())
         # the process sends no sign of life while it ends: announced ahead for so long
         stack.callback(lambda: leases.set_driver_heartbeat(time.monotonic() + _LEAVE_S))
-        with contextlib.suppress(MemoryError):
-            lost = _serve(pipe, workers, pipe_sink, leases)
+        with contextlib.suppress(MemoryError), termination.deferred():
+            lost = _serve(pipe, workers, pipe_sink, leases, termination)
     if lost:
         raise SystemExit(1)
 
@@ -105,12 +110,19 @@ def stop_and_release(name: str, worker: HeadWorker, leases: MotionLeases) -> Non
         leases.release(name)
 
 
-def _serve(pipe: Connection, workers: Mapping[str, HeadWorker], pipe_sink: _PipeSink, leases: MotionLeases) -> bool:
+def _serve(
+    pipe: Connection,
+    workers: Mapping[str, HeadWorker],
+    pipe_sink: _PipeSink,
+    leases: MotionLeases,
+    termination: DeferredTermination | None = None,
+) -> bool:
     """Pass commands on until the other side stops or is gone; renew the leases, and report now and then.
 
-    Returns whether it ended because a head's thread has ended or hangs.
+    Returns whether it ended because a head's thread has ended or hangs; raises SystemExit for a SIGTERM that is due.
     """
     reported_s = -math.inf
+    termination = termination or DeferredTermination()
     with contextlib.suppress(EOFError, OSError):
         while True:
             renew_leases(workers, leases, time.monotonic())
@@ -125,8 +137,13 @@ def _serve(pipe: Connection, workers: Mapping[str, HeadWorker], pipe_sink: _Pipe
                 if what == "start":
                     for worker in workers.values():
                         worker.start()
+                elif what == ENDING:
+                    termination.note_parent_ends()
                 elif isinstance(what, PointingCommand) and what.station in workers:
                     workers[what.station].set_command(what)
+            # the announcement may wait in the pipe where this process was late
+            if termination.is_due() and not pipe.poll(0):
+                termination.leave()
             now_s = time.monotonic()
             if now_s - reported_s >= _HEALTH_EVERY_S:
                 reported_s = now_s

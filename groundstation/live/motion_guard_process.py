@@ -7,6 +7,7 @@ from groundstation.live.child_process import ChildProcess
 from groundstation.live.hang_detector import HangDetector
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.restart_delay import RestartDelay
+from ptu_drivers.deferred_termination import ENDING
 from ptu_drivers.emergency_halt import HaltLine
 from ptu_drivers.motion_guard import LEASE_S, GuardReport, MotionLeases, serve_guard
 
@@ -52,6 +53,7 @@ class GuardProcess:
         self._due_s = self._begun_s = 0.0
         self._requested_s: float | None = None
         self._reports: dict[str, GuardReport] = {}
+        self._ending = False
 
     def begin(self) -> None:
         """Start the process."""
@@ -60,6 +62,8 @@ class GuardProcess:
         self._begun_s = self._clock()
         self._child = self._make("ptu-guard", serve_guard, self._lines, self._leases)
         self._delay.began(self._begun_s)
+        if self._ending:
+            self._child.send(ENDING)
         if self._requested_s is not None:
             self._child.send("halt")
 
@@ -105,6 +109,14 @@ class GuardProcess:
             self._child = None
             self._due_s = self._delay.lost(now_s)
             self._lose(why)
+
+    def announce_end(self) -> None:
+        """Announce that this process is ending: a SIGTERM to the group is not for the guard; from any thread."""
+        # before the child is looked at: one that is begun meanwhile gets it from `begin`
+        self._ending = True
+        child = self._child
+        if child is not None:
+            child.send(ENDING)
 
     def request_halt(self) -> None:
         """Request a halt of all heads; see `results` for the outcome."""

@@ -49,6 +49,11 @@ class Shutdown:
         self._newest = -1
         self._moved_s = -math.inf
         self._done = threading.Event()
+        self._begun = threading.Event()
+
+    def on_begin(self, listener: Callable[[], None]) -> None:
+        """Call ``listener`` when the shutdown begins, at once if it has, in a thread of its own: it may hang, too."""
+        threading.Thread(target=self._notify, args=(listener,), name="ending-notice", daemon=True).start()
 
     def requested(self) -> bool:
         """Return whether a stop is requested; the time budget starts with the first such call."""
@@ -60,6 +65,7 @@ class Shutdown:
         """Let the time run from now on, if it does not yet."""
         if self._begun_s is None:
             self._begun_s = self._clock()
+            self._begun.set()
 
     def may_park(self) -> bool:
         """Return whether heads may still be on their way to where they are parked."""
@@ -83,6 +89,7 @@ class Shutdown:
     def done(self) -> None:
         """Stop monitoring: the shutdown is complete."""
         self._done.set()
+        self._begun.set()
 
     def overdue(self) -> bool:
         """Return whether the deadline has passed and the recorder has stopped writing."""
@@ -92,6 +99,11 @@ class Shutdown:
         if not self.requested() or self._begun_s is None or now_s < self._begun_s + self.bound_s:
             return False
         return written == 0 or now_s - self._moved_s > _STALLED_S
+
+    def _notify(self, listener: Callable[[], None]) -> None:
+        self._begun.wait()
+        if not self._done.is_set():
+            listener()
 
     def _watch(self) -> None:
         while not self._done.wait(_LOOK_S):

@@ -25,7 +25,7 @@ import numpy as np
 from groundstation.arrays import ImageArray
 from groundstation.box import Box
 from groundstation.compilation import compilation_sent, reported
-from groundstation.live.child_process import terminal_signals_blocked
+from groundstation.live.child_process import group_signals_blocked, terminal_signals_blocked
 from groundstation.live.simulated_latency import DelayLine
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.delayed_trajectory import DelayedTrajectory
@@ -128,7 +128,7 @@ class DeviceSimulator:
         self._control, other = context.Pipe()
         blocks = {name: memory.name for name, memory in self._memory.items()}
         process = context.Process(target=serve_devices, args=(self._config, blocks, ends, other), daemon=True)
-        with terminal_signals_blocked():
+        with group_signals_blocked():  # SIGTERM for good: heads are parked on its units
             process.start()
         self._process = process
         for end in (*ends.values(), other):
