@@ -228,13 +228,12 @@ def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -
     """Read and check the files of a station; raises `InputError` or `ConfigError`."""
     file = _file(request) if simulator is None else simulator.station_file(request.station, out)
     check_against_rig(file, rig := file.load_rig())
-    rig = of_one_host(rig)
     # a panorama or stars that cannot be used are an error before any device is opened
     registered_heads(file, rig, request.stars, time.time())
     file = with_keep_out(file, rig, time.monotonic(), time.time())
     if simulator is not None:
         simulator.check(rig)
-    return _described(file, rig, request)
+    return _described(file, of_one_host(rig), request)
 
 
 def _described(file: StationFile, rig: Rig, request: LiveRequest) -> _LiveStation:
