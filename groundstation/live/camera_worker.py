@@ -4,7 +4,6 @@ import math
 import threading
 
 from groundstation.live.input_queue import DeviceLogLine, InputQueue, TimedPicture
-from groundstation.rig.rig import EQUAL_CLOCKS, ClockModel
 from groundstation.sources.cameras.camera import CameraEvent, CameraEventKind
 from groundstation.sources.cameras.live_camera import LiveCamera
 
@@ -20,16 +19,9 @@ def reported(event: CameraEvent, session_from_host_s: float) -> DeviceLogLine:
 
 
 class CameraWorker:
-    """Hands one camera's frames on; ``clock`` makes session time of its stamps, which the host's zero is added to."""
+    """Hands one camera's frames on."""
 
-    def __init__(
-        self,
-        station: str,
-        camera: LiveCamera,
-        input_queue: InputQueue,
-        session_from_host_s: float,
-        clock: ClockModel = EQUAL_CLOCKS,
-    ) -> None:
+    def __init__(self, station: str, camera: LiveCamera, input_queue: InputQueue, session_from_host_s: float) -> None:
         self.station = station
         self.camera = camera
         self.frames = 0
@@ -37,7 +29,7 @@ class CameraWorker:
         self.counts_before = camera.counts
         """What the camera had counted when its frames began to be taken."""
         self._input_queue = input_queue
-        self._zero_s, self._clock = session_from_host_s, clock
+        self._zero_s = session_from_host_s
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name=f"frames-{station}", daemon=True)
 
@@ -59,7 +51,7 @@ class CameraWorker:
                 if frame is None or frame.repeated:
                     continue
                 self.frames += 1
-                t_s = self._clock.session_from_device(frame.t_s + self._zero_s)
+                t_s = frame.t_s + self._zero_s
                 self.newest_s = t_s if math.isfinite(t_s) else self.newest_s
                 self._input_queue.put(
                     TimedPicture(

@@ -239,7 +239,7 @@ def _load(request: LiveRequest, out: Path, simulator: StationSimulator | None) -
 def _described(file: StationFile, rig: Rig, request: LiveRequest) -> _LiveStation:
     """Return what follows from the files of a station, and from the rate at which its pictures come."""
     tuning = with_weights(load_config(file.config), request.weights)
-    config = live_config(reference_tuning(tuning, file.reference), file.rate_hz)
+    config = live_config(reference_tuning(tuning, file.reference), file.rate_hz, rig)
     header = live_header(file, config)
     return _LiveStation(file=file, rig=rig, config=config, header=header, reference=live_reference(header, rig, config))
 

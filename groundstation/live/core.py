@@ -7,7 +7,7 @@ run again, and a thousand bad days can be run in a test.
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from groundstation.live.finite_values import refused
 from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.input_queue import DeviceLogLine, Item, TimedPicture
 from groundstation.messages import (
+    Epoch,
     Event,
     FilterReset,
     Frame,
@@ -32,7 +33,7 @@ from groundstation.messages import (
 from groundstation.pointing.pointing_law import HeadController
 from groundstation.pointing.search_pattern import SearchPattern
 from groundstation.rig.ptu_axes import AxisCorrection
-from groundstation.rig.rig import Rig
+from groundstation.rig.rig import EQUAL_CLOCKS, Rig
 from groundstation.tracking.config import Config
 from groundstation.tracking.log_throttle import LogThrottle
 from groundstation.tracking.pipeline import Pipeline
@@ -51,16 +52,25 @@ _SILENT_S = 1.0
 _FURTHEST_AHEAD_S = 1.0
 
 
-def live_config(config: Config, rate_hz: float) -> Config:
-    """Return the tuning with what is known of cameras that run at a rate.
+def live_config(config: Config, rate_hz: float, rig: Rig | None = None) -> Config:
+    """Return the tuning with what is known of cameras that run at a rate, and of the lags that a rig states.
 
-    No frame comes half a period early, and from pair to pair a track does not coast.
+    No frame comes half a period early, from pair to pair a track does not coast, and records wait for those that lag.
     """
+    config = replace(config, synchronise=replace(config.synchronise, hold_s=config.synchronise.hold_s + _apart_s(rig)))
     coast_s = max(config.estimation.coast_after_s, _COAST_PERIODS / rate_hz)
     config = replace(config, estimation=replace(config.estimation, coast_after_s=coast_s))
     if config.synchronise.camera_gap_s > 0.0:
         return config
     return replace(config, synchronise=replace(config.synchronise, camera_gap_s=0.5 / rate_hz))
+
+
+def _apart_s(rig: Rig | None) -> float:
+    """Return by how much a rig's slowest device lags behind its fastest, s."""
+    stations = () if rig is None else rig.stations
+    clocks = [c for s in stations for c in (s.camera_clock or EQUAL_CLOCKS, None if s.fixed else s.ptu_clock) if c]
+    offsets = [clock.offset_s for clock in clocks]
+    return max(offsets) - min(offsets) if offsets else 0.0
 
 
 @dataclass(slots=True)
@@ -81,7 +91,8 @@ class LiveCore:
     pairing : of its cameras.
     heads : of the stations that turn.
     pattern : where to look while there is no target.
-    rig : corrects readings by ``ptu_clock`` and ``ptu_axes``, the heads' in time alone; without, they are angles.
+    rig : corrects readings by ``ptu_clock`` and ``ptu_axes``, the heads' in time alone, and frames by ``camera_clock``;
+        without, they are angles at session times. Frames are paired by their stamps as they come.
 
     ``refused`` counts the items that are not used because a value is not finite, by kind.
     """
@@ -101,6 +112,7 @@ class LiveCore:
         self._heads = heads
         self._pattern = pattern
         stations = () if rig is None else rig.stations
+        self._cameras = {s.name: s.camera_clock or EQUAL_CLOCKS for s in stations}
         self._corrections = {s.name: (s.ptu_clock, AxisCorrection(s.ptu_axes)) for s in stations}
         self._commanded_s = -math.inf
         # the newest pair or heartbeat
@@ -124,17 +136,30 @@ class LiveCore:
             step.reports.append(StepReport(events=(line,)))
         elif isinstance(item, (TimedPicture, PixelMeasurement)):
             paired = self._pairing.frame(item.station, item.t_s, now_s)
-            for epoch in paired.closed_before:
-                self._step(epoch, step)
-            self._step(_numbered(item, paired.epoch), step)
-            for epoch in paired.closed_after:
-                self._step(epoch, step)
+            self._close(paired.closed_before, step)
+            self._step(self._numbered(item, paired.epoch), step)
+            self._close(paired.closed_after, step)
         elif isinstance(item, PtuSample):
             self._take_reading(item, step)
         else:
             self._step(item, step)
         self._pass_time(now_s, now_s if known_s is None else known_s, step)
         return step
+
+    def _numbered(self, item: TimedPicture | PixelMeasurement, epoch: int) -> Frame | PixelMeasurement:
+        """Return a frame of a pair, at the session time of its exposure."""
+        t_s = self._cameras.get(item.station, EQUAL_CLOCKS).session_from_device(item.t_s)
+        if isinstance(item, TimedPicture):
+            return Frame(t_s=t_s, station=item.station, epoch=epoch, image=item.picture)
+        return replace(item, t_s=t_s, epoch=epoch)
+
+    def _close(self, epochs: Iterable[Epoch], step: LiveStep) -> None:
+        """Close pairs, each at the mean of its frames' session times."""
+        for epoch in epochs:
+            later = [
+                self._cameras.get(n, EQUAL_CLOCKS).session_from_device(epoch.t_s) - epoch.t_s for n in epoch.stations
+            ]
+            self._step(replace(epoch, t_s=epoch.t_s + sum(later) / max(len(later), 1)), step)
 
     def _take_reading(self, reading: PtuSample, step: LiveStep) -> None:
         """Give the head its reading and the pipeline the angles, both at the session time of the motion."""
@@ -162,8 +187,7 @@ class LiveCore:
     def _pass_time(self, now_s: float, known_s: float, step: LiveStep) -> None:
         beat_s = min(now_s, known_s)
         if self._pairing.overdue(beat_s):
-            for epoch in self._pairing.flush():
-                self._step(epoch, step)
+            self._close(self._pairing.flush(), step)
         self._throttle.pass_time(now_s)
         if beat_s >= self._answered_s + HEARTBEAT_EVERY_S:
             self._answered_s = beat_s
@@ -215,8 +239,7 @@ class LiveCore:
     def finish(self) -> LiveStep:
         """Flush the pairs that are still open and finish the pipeline."""
         step = LiveStep()
-        for epoch in self._pairing.flush():
-            self._step(epoch, step)
+        self._close(self._pairing.flush(), step)
         t_s = self.pipeline.time_s or 0.0
         try:
             report = self.pipeline.finish()
@@ -298,9 +321,3 @@ class LiveCore:
             return None
         kinematics = self.pipeline.estimate_at(t_s)
         return None if kinematics is None else kinematics.position_runway_m
-
-
-def _numbered(item: TimedPicture | PixelMeasurement, epoch: int) -> Frame | PixelMeasurement:
-    if isinstance(item, TimedPicture):
-        return Frame(t_s=item.t_s, station=item.station, epoch=epoch, image=item.picture)
-    return replace(item, epoch=epoch)

@@ -6,9 +6,12 @@ from typing import Any, TypeVar
 
 from groundstation.errors import ConfigError, RigError
 from groundstation.files.nearest_word import one_of
+from groundstation.files.text_file import AttachedFiles
 from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile
-from groundstation.rig.rig import ClockModel, Rig
+from groundstation.recording.mcap_metadata import RIG
+from groundstation.rig.rig import ClockModel, Rig, load_rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.rig.stations_apart import require_one_sight
 from groundstation.sources.cameras.camera import (
     CameraError,
@@ -22,8 +25,10 @@ from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.sources.cameras.open_camera import open_camera
 from groundstation.tracking.config import config_from_mapping
 
-# beyond what a camera's or a PTU's answer takes; and beyond a calibration's error over a recording of minutes
-_MOST_LAG_S, _MOST_DRIFT_PPM = 1.0, 100.0
+# beyond what a camera's or a PTU's answer takes: a head whose angles are known so late cannot be pointed, a frame so
+# late cannot be fused; and beyond a calibration's error over a recording of minutes
+_MOST_LAG_S = {"ptu_clock": 0.3, "camera_clock": 0.4}
+_MOST_DRIFT_PPM = 100.0
 
 T = TypeVar("T")
 Tell = Callable[[CameraEvent], None]
@@ -56,12 +61,13 @@ def check_against_rig(file: StationFile, rig: Rig) -> None:
 
 def _require_clocks_of_one_host(rig: Rig) -> None:
     """Raise `RigError` for a clock that is not of this host: of a device whose stamps the host makes it is a lag."""
-    for where, clock in _clocks(rig):
+    for where, name, clock in _clocks(rig):
         if abs(clock.drift_ppm) > _MOST_DRIFT_PPM:
             wanted = f"at most {_MOST_DRIFT_PPM:g}: in operation all stamps are of this host's clock"
             raise RigError(where, got=f"drift_ppm = {clock.drift_ppm:g}", wanted=wanted)
-        if abs(clock.offset_s) > _MOST_LAG_S:
-            wanted = f"at most {_MOST_LAG_S:g} s: in operation an offset is a device's lag, not another clock's zero"
+        most_s = _MOST_LAG_S[name]
+        if abs(clock.offset_s) > most_s:
+            wanted = f"at most {most_s:g} s: in operation an offset is a device's lag, not another clock's zero"
             raise RigError(where, got=f"offset_s = {clock.offset_s:g}", wanted=wanted)
 
 
@@ -70,8 +76,15 @@ def of_one_host(rig: Rig) -> Rig:
 
     What a calibration found of a drift is its error over one recording, and would grow with each hour of another.
     """
+    text = text_of_one_host(rig)
+    # as a replay reads it from the recording: written and read, angles may differ in the last bit
+    return rig if text is None else replace(load_rig(AttachedFiles("", {RIG: text.encode()}) / RIG), path=rig.path)
+
+
+def text_of_one_host(rig: Rig) -> str | None:
+    """Return the text of the rig file of `of_one_host`; None where it is the rig's own."""
     if not drift_notes(rig):
-        return rig
+        return None
     stations = (
         replace(
             station,
@@ -80,24 +93,24 @@ def of_one_host(rig: Rig) -> Rig:
         )
         for station in rig.stations
     )
-    return replace(rig, stations=tuple(stations))
+    return rig_to_toml(replace(rig, stations=tuple(stations)))
 
 
 def drift_notes(rig: Rig) -> list[str]:
     """Return a line on each drift that is left out."""
     return [
         f"{where}: drift_ppm = {clock.drift_ppm:g} is left out: stamps in operation are of this host's clock"
-        for where, clock in _clocks(rig)
+        for where, _, clock in _clocks(rig)
         if clock.drift_ppm != 0.0
     ]
 
 
-def _clocks(rig: Rig) -> Iterator[tuple[str, ClockModel]]:
-    """Yield the clocks that a rig states, each with its place."""
+def _clocks(rig: Rig) -> Iterator[tuple[str, str, ClockModel]]:
+    """Yield the clocks that a rig states, each with its place and its name."""
     for station in rig.stations:
         for name, clock in (("ptu_clock", station.ptu_clock), ("camera_clock", station.camera_clock)):
             if clock is not None:
-                yield f"{rig.path}: station {station.name}: {name}", clock
+                yield f"{rig.path}: station {station.name}: {name}", name, clock
 
 
 def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: float) -> LiveCamera:

@@ -30,7 +30,7 @@ from groundstation.live.station_file import StationFile
 from groundstation.live.status_board import DeviceState, LiveStatus, StatusBoard
 from groundstation.messages import Event, Frame, Kinematics, PtuSample, StepReport, TrackEvent, TrackStatus
 from groundstation.pointing.search_pattern import SearchPattern
-from groundstation.rig.rig import EQUAL_CLOCKS, Rig
+from groundstation.rig.rig import Rig
 from groundstation.sinks.sink import Sink
 from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.thread_scheduling import short_gil_switch_interval
@@ -184,8 +184,7 @@ class Operation:
         The devices are already open, and the caller closes them; ``reference`` opens its line itself.
         """
         warm_up(self._config.detection.detector)
-        clocks = {s.name: s.camera_clock or EQUAL_CLOCKS for s in self._rig.stations}
-        workers = [CameraWorker(n, c, self.input_queue, -self.start_s, clocks[n]) for n, c in cameras.items()]
+        workers = [CameraWorker(n, c, self.input_queue, -self.start_s) for n, c in cameras.items()]
         core = self._core(heads)
         with ExitStack() as stack:
             if self._open_approach is not None:

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from groundstation.files.text_file import AttachedFiles
-from groundstation.live.devices import of_one_host
+from groundstation.live.devices import text_of_one_host
 from groundstation.live.recent_rate import RecentRate
 from groundstation.live.station_file import StationFile
 from groundstation.recording.mcap_metadata import CONFIG, RIG, SESSION, RecordingHeader
 from groundstation.recording.recorder import Recorder, RecorderConfig
 from groundstation.replay.reference_prior import ReferencePrior, reference_prior
 from groundstation.rig.rig import Rig
-from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session.folder import read_session
 from groundstation.tracking.config import Config, config_to_mapping, config_to_toml
 
@@ -83,12 +82,11 @@ def live_header(file: StationFile, config: Config) -> RecordingHeader:
         session["origin"] = dataclasses.asdict(file.origin)
     if file.air.keys():
         session["air"] = file.air.keys()
-    rig = file.load_rig()
-    of_host = of_one_host(rig)
+    of_host = text_of_one_host(file.load_rig())
     files = {
         SESSION: config_to_toml(session).encode() + b"\n",
         # unchanged: rewritten, angles in degrees might read back different in the last bit
-        RIG: file.rig.read_bytes() if of_host is rig else rig_to_toml(of_host).encode(),
+        RIG: file.rig.read_bytes() if of_host is None else of_host.encode(),
         CONFIG: config_to_toml(config_to_mapping(config)).encode() + b"\n",
     }
     learns_from_reference = file.reference is not None and file.reference.learn

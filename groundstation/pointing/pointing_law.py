@@ -132,6 +132,16 @@ class AxisController:
         margin = math.radians(self._config.margin_deg)
         return min(max(angle_rad, self._limits.low_rad + margin), self._limits.high_rad - margin)
 
+    def nearest_turn(self, angle_rad: float) -> float:
+        """Return an angle with the whole turns that the axis can reach, the nearest to where it is.
+
+        The zero of a unit's readings may be anywhere, and its range more or less than a turn.
+        """
+        turns = [angle_rad + k * math.tau for k in (-2, -1, 0, 1, 2)]
+        inside = [turn for turn in turns if self._limits.low_rad <= turn <= self._limits.high_rad]
+        here = 0.0 if self._reading is None else self._reading[1]
+        return min(inside, key=lambda turn: abs(turn - here)) if inside else wrap_rad(angle_rad)
+
     def stopped(self, now_s: float) -> None:
         """Note that the axis was halted."""
         self._command_rate(now_s, 0.0)
@@ -262,8 +272,7 @@ class HeadController:
         if aim is None or self._axes is None:
             return aim
         pan_rad, tilt_rad = self._axes.readings(aim.pan_rad, aim.tilt_rad, *self._senses)
-        # the zero of a reading may be anywhere
-        return Aim(pan_rad=wrap_rad(pan_rad), tilt_rad=tilt_rad)
+        return Aim(pan_rad=self._pan.nearest_turn(pan_rad), tilt_rad=tilt_rad)
 
     def _here(self, now_s: float) -> FloatArray | None:
         """Return where the head (2,) will be when a command takes effect; None without a reading that is new enough."""

@@ -23,6 +23,8 @@ SESSION, RIG, CONFIG = "session.toml", "rig.toml", "config.toml"
 REFERENCES = ("dgps.csv", "truth.csv")
 EVENTS_TOPIC, TRACK_TOPIC, CAMERAS_TOPIC = "/groundstation/events", "/groundstation/track", "/groundstation/cameras"
 STATES_TOPIC = "/groundstation/states"
+# of the note in the session.toml of a recording of operation
+_IN_OPERATION = b"recorded in operation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,6 +39,7 @@ class RecordingHeader:
     initial : the initial state of the pipeline, if it had one.
     learns_from_reference : whether reference positions update the filter.
     left_out : stations that session.toml may name and the rig does not have.
+    corrected : whether stamps and readings are corrected by the rig; those of early recordings of operation are not.
     """
 
     name: str
@@ -45,6 +48,7 @@ class RecordingHeader:
     initial: InitialState | None = None
     learns_from_reference: bool = False
     left_out: tuple[str, ...] = ()
+    corrected: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +69,7 @@ def header_values(header: RecordingHeader) -> dict[str, str]:
         "pictures": json.dumps(header.pictures),
         "taught": json.dumps(header.learns_from_reference),
         "left_out": json.dumps(list(header.left_out)),
+        "corrected": json.dumps(header.corrected),
         "initial": json.dumps(None if header.initial is None else _initial_values(header.initial)),
         "version": __version__,
         "python": platform.python_version(),
@@ -94,6 +99,7 @@ def parse_header(contents: McapContents, where: str) -> RecordingHeader:
         initial=None if initial is None else _initial(TomlTable(initial, f"{where}: initial", RecordingError)),
         learns_from_reference=_json(about, "taught", where) is True,
         left_out=tuple(left_out),
+        corrected=about.get("corrected") == "true" or _IN_OPERATION not in contents.attachments[SESSION],
     )
 
 

@@ -10,7 +10,8 @@ from groundstation.files.text_file import AttachedFiles
 from groundstation.files.toml_table import shown
 from groundstation.recording.mcap_metadata import RIG, RecordingHeader, parse_header, parse_statistics
 from groundstation.recording.mcap_reader import McapContents, McapReader
-from groundstation.rig.rig import Rig, load_rig
+from groundstation.rig.ptu_axes import PtuAxes
+from groundstation.rig.rig import EQUAL_CLOCKS, Rig, load_rig
 from groundstation.session.folder import RecordingInfo, Session, load_folder, read_session
 from groundstation.session.media import Medium, MediumKind
 
@@ -60,7 +61,7 @@ def _load_recording(path: Path, rig_path: Path | None) -> Session:
     recorded = RecordingInfo(
         path=path,
         header=header,
-        rig=session.rig if rig is own else _read_attached(folder, path, header, own, own).rig,
+        rig=session.rig if rig is own else _correcting_rig(_read_attached(folder, path, header, own, own).rig, header),
         epochs=None if end is None else end.epochs,
         span_s=None if end is None else (end.first_s, end.last_s),
         fault=contents.fault,
@@ -74,3 +75,14 @@ def _read_attached(folder: AttachedFiles, path: Path, header: RecordingHeader, o
     medium = Medium(kind=MediumKind.RECORDING, path=path)
     media = dict.fromkeys(rig.names, medium) if header.pictures else {}
     return read_session(folder, path.stem, rig, left_out, media)
+
+
+def _correcting_rig(own: Rig, header: RecordingHeader) -> Rig:
+    """Return the rig by which the events of a recording are corrected: the recorded one, or one of ideal devices."""
+    if header.corrected:
+        return own
+    stations = (
+        replace(s, ptu_clock=EQUAL_CLOCKS, camera_clock=None, ptu_axes=PtuAxes(lean_rad=s.ptu_axes.lean_rad))
+        for s in own.stations
+    )
+    return replace(own, stations=tuple(stations))

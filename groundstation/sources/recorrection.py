@@ -18,6 +18,7 @@ Clock = Callable[[float], float]
 class Recorrection:
     """Maps events, in their order, from one rig to another; events of stations that one of them lacks stay.
 
+    A rig without axes is that of the angles, as `convert` writes it: they stay.
     Raises `RigError` where the readings are not known any more: of a head whose backlash was corrected by other axes.
     """
 
@@ -58,7 +59,8 @@ class Recorrection:
 
     def _add_head(self, own: Station, station: Station, path: str) -> None:
         clocks, axes = _differ(own.ptu_clock, station.ptu_clock), own.ptu_axes
-        unchanged = replace(axes, lean_rad=0.0) == replace(station.ptu_axes, lean_rad=0.0)
+        same = replace(axes, lean_rad=0.0) == replace(station.ptu_axes, lean_rad=0.0)
+        unchanged = same or station.ptu_axes.is_ideal_apart_from_lean
         if not clocks and unchanged:
             return
         if not unchanged and (axes.pan_backlash_rad or axes.tilt_backlash_rad):

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from groundstation.errors import RigError
 from groundstation.files.text_file import AttachedFiles
 from groundstation.geometry.aim import aim_at
-from groundstation.live.core import LiveCore
+from groundstation.live.core import LiveCore, live_config
 from groundstation.live.devices import check_against_rig, drift_notes, of_one_host
 from groundstation.live.frame_pairing import FramePairer
 from groundstation.live.record import live_header
 from groundstation.live.station_file import load_station
-from groundstation.messages import PtuSample
+from groundstation.messages import Epoch, Event, PixelMeasurement, PtuSample
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
 from groundstation.pointing.keep_out import KeepOut, LensAxis, SunZone
 from groundstation.pointing.pointing_law import HeadController, PointingConfig
@@ -77,6 +77,54 @@ def test_readings_reach_the_filter_as_angles_at_the_time_of_the_motion() -> None
                 continue
             assert found.t_s == pytest.approx(t_s - 0.037)
             assert (found.pan_rad, found.tilt_rad) == correction.angles(pan, tilt)
+
+
+@pytest.mark.parametrize("lags_s", [(0.0, 0.0), (-0.06, -0.02), (-0.2, -0.05)])
+def test_frames_are_paired_as_they_come_and_used_at_their_exposures(lags_s: tuple[float, float]) -> None:
+    """Expected: as many pairs of two whatever the lags; stamps earlier by them, and a pair's by their mean."""
+    rig = make_rig()
+    cameras = [replace(s, camera_clock=ClockModel(offset_s=lag)) for s, lag in zip(rig.stations, lags_s, strict=True)]
+    core, found = core_of(replace(rig, stations=tuple(cameras))), list[Event]()
+    for k in range(12):
+        for name in rig.names:
+            t_s = 1.0 + k / 30.0
+            item = PixelMeasurement(t_s=t_s, station=name, epoch=0, u_px=600.0, v_px=400.0)
+            found += core.take(item, t_s).consumed
+    found += core.finish().consumed
+    pairs = [event for event in found if isinstance(event, Epoch)]
+    assert [pair.stations for pair in pairs] == [rig.names] * 12
+    for k, pair in enumerate(pairs):
+        assert pair.t_s == pytest.approx(1.0 + k / 30.0 + sum(lags_s) / 2.0, abs=0.0 if lags_s == (0.0, 0.0) else 1e-12)
+    frames = [event for event in found if isinstance(event, PixelMeasurement)]
+    assert [f.t_s for f in frames[:2]] == pytest.approx([1.0 + lag for lag in lags_s])
+    waits_s = live_config(Config(), 30.0, replace(rig, stations=tuple(cameras))).synchronise.hold_s
+    assert waits_s == pytest.approx(Config().synchronise.hold_s + max(0.0, *lags_s, 0.0) - min(lags_s))
+
+
+@pytest.mark.parametrize(
+    ("zero_deg", "low_deg", "high_deg"), [(-180, 0, 360), (180, -360, 0), (180, -270, 270), (90, -170, 170)]
+)
+def test_a_zero_of_a_unit_may_be_anywhere(zero_deg: float, low_deg: float, high_deg: float) -> None:
+    """Expected: targets either side of straight ahead, each with its axis on it, without a turn round the back."""
+    axes = PtuAxes(pan_zero_rad=zero_deg * DEG)
+    limits = replace(LIMITS, low_rad=low_deg * DEG, high_rad=high_deg * DEG)
+    geometry = make_rig()["left"].geometry()
+    controller = HeadController(geometry, HeadLimits(pan=limits, tilt=LIMITS), PointingConfig(latency_s=0.0), axes=axes)
+    begin = aim_at(geometry, np.array([0.0, 300.0, 20.0]))
+    assert begin is not None
+    reading = np.array([controller._pan.nearest_turn(begin.pan_rad - zero_deg * DEG), begin.tilt_rad])
+    most = 0.0
+    for k in range(400):
+        t_s = 0.02 * k
+        point = np.array([60.0 * math.sin(0.8 * t_s), 300.0, 20.0])
+        controller.read(PtuSample(t_s=t_s, station="left", pan_rad=reading[0], tilt_rad=reading[1]))
+        command = controller.follow(t_s, lambda _, point=point: point)
+        reading = reading + 0.02 * np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s])
+        aim = aim_at(geometry, point)
+        assert aim is not None
+        off = (reading[0] + zero_deg * DEG - aim.pan_rad + math.pi) % math.tau - math.pi
+        most = max(most, abs(off)) if t_s > 2.0 else most
+    assert most < 5.0 * DEG
 
 
 def test_a_head_is_parked_at_readings() -> None:
@@ -149,7 +197,11 @@ def test_no_reading_changes_a_clearance_by_more_than_it_changes(
     ("clocks", "words"),
     [
         ({"ptu_clock": ClockModel(drift_ppm=300.0)}, "left: ptu_clock: got drift_ppm = 300; wanted at most 100: in op"),
-        ({"camera_clock": ClockModel(offset_s=-12.5)}, "left: camera_clock: got offset_s = -12.5; wanted at most 1 s"),
+        ({"ptu_clock": ClockModel(offset_s=-0.35)}, "left: ptu_clock: got offset_s = -0.35; wanted at most 0.3 s"),
+        (
+            {"camera_clock": ClockModel(offset_s=-12.5)},
+            "left: camera_clock: got offset_s = -12.5; wanted at most 0.4 s",
+        ),
     ],
 )
 def test_clocks_of_another_recorder_are_refused(tmp_path: Path, clocks: dict[str, ClockModel], words: str) -> None:
@@ -177,6 +229,9 @@ def test_a_drift_that_a_calibration_found_is_left_out(tmp_path: Path) -> None:
     file.rig.write_text(rig_to_toml(one))
     header = live_header(file, Config())
     assert load_rig(AttachedFiles("test", header.files) / "rig.toml")["left"].ptu_clock == replace(LAG, sigma_s=0.002)
+    recorded, used = load_rig(AttachedFiles("test", header.files) / "rig.toml"), of_one_host(load_rig(file.rig))
+    for station in recorded.stations:
+        np.testing.assert_array_equal(station.geometry().packed, used[station.name].geometry().packed)
     file.rig.write_text(rig_to_toml(rig))
     assert live_header(file, Config()).files["rig.toml"] == file.rig.read_bytes()
 

@@ -57,11 +57,13 @@ def session_events(rig: Rig) -> list[Event]:
     return found
 
 
-def recorded(folder: Path, rig: Rig) -> Path:
-    files = {**FILES, "session.toml": SESSION.encode(), "rig.toml": rig_to_toml(rig).encode()}
+def recorded(folder: Path, rig: Rig, events: list[Event] | None = None, *, corrected: bool = True) -> Path:
+    note = "" if corrected else "# recorded in operation\n"
+    files = {**FILES, "session.toml": (note + SESSION).encode(), "rig.toml": rig_to_toml(rig).encode()}
     path = folder / "flight.mcap"
-    with Recorder(path, rig, RecordingHeader(name="tiny", files=files, pictures=False)) as recorder:
-        for event in session_events(rig):
+    header = RecordingHeader(name="tiny", files=files, pictures=False, corrected=corrected)
+    with Recorder(path, rig, header) as recorder:
+        for event in session_events(rig) if events is None else events:
             recorder.take(event)
     return path
 
@@ -102,6 +104,25 @@ def test_a_backlash_that_was_taken_out_is_not_known_any_more() -> None:
     ):
         Recorrection(own, replace(other, path="other.toml"))
     assert not Recorrection(own, own).is_needed
+
+
+def test_an_early_recording_of_operation_has_readings(tmp_path: Path) -> None:
+    """Expected: replayed as it was flown, and with the same rig as --rig corrected for the first time."""
+    rig = rig_with(AXES, -0.037, 0.012)
+    readings = session_events(small_rig())
+    path = recorded(tmp_path, rig, readings, corrected=False)
+    (tmp_path / "same.toml").write_text(rig_to_toml(rig))
+    assert replayed(path) == readings
+    for one, two in zip(replayed(path, tmp_path / "same.toml"), session_events(rig), strict=True):
+        assert one.t_s == pytest.approx(two.t_s, abs=1e-9)
+        if isinstance(one, PtuSample):
+            assert isinstance(two, PtuSample)
+            assert (one.pan_rad, one.tilt_rad) == pytest.approx((two.pan_rad, two.tilt_rad), abs=1e-9)
+
+
+def test_a_rig_without_axes_is_that_of_the_angles() -> None:
+    """Expected: what `convert` writes next to corrected angles, laid over the recording, moves none."""
+    assert not Recorrection(rig_with(OTHER_AXES, 0.0, 0.0), rig_with(PtuAxes(), 0.0, 0.0)).is_needed
 
 
 def test_angles_of_pictures_and_stations_without_a_difference_stay() -> None:
