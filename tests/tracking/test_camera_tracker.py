@@ -1,6 +1,7 @@
 """One camera's part: the span it learns, the silhouette as a mask, the contrast of the paper's channel."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from groundstation.box import Box
+from groundstation.detection.config import DetectorKind, TargetPoint
 from groundstation.detection.detector import DetectionHint
 from groundstation.messages import Detection, Frame, Miss, MissReason
 from groundstation.picture import BgrPicture, PartialPicture, PicturePart
@@ -158,3 +160,15 @@ def test_a_heading_away_from_the_camera_says_nothing_about_a_nose_that_is_hidden
     heading = np.array(speed_m_s) / np.linalg.norm(speed_m_s)
     assert hides_nose(heading, jacobian) == hidden
     assert not hides_nose(None, jacobian)
+
+
+def test_only_the_learned_channel_infers_a_hidden_nose() -> None:
+    """Expected: neither the classic detector, nor one of the user's own, nor the silhouette's centroid has a lead."""
+    station = make_station("left", 0.0)
+    own = Config().detection
+    classic = replace(Config(), detection=replace(own, detector=DetectorKind.CLASSIC))
+    centroid = replace(Config(), detection=replace(own, target_point=TargetPoint.CENTROID))
+    assert CameraTracker(station, Config()).infers_hidden_nose
+    assert not CameraTracker(station, classic).infers_hidden_nose
+    assert not CameraTracker(station, centroid).infers_hidden_nose
+    assert not CameraTracker(station, Config(), lambda picture, roi, hint: []).infers_hidden_nose
