@@ -49,9 +49,13 @@ class TargetPointError:
         """Return the estimate of the detected point as one of the target point, for an aircraft with a span in m."""
         hidden = self._hidden_share(kinematics)
         sigma_m = span_m * np.sqrt(self.sigma_spans**2 + hidden * self.hidden_spans**2)
-        ahead_m = span_m * hidden * self.hidden_lead_spans * _expected_direction(kinematics)
-        moved = replace(kinematics, position_runway_m=kinematics.position_runway_m + ahead_m)
-        return with_point_error(moved, sigma_m)
+        position_m = kinematics.position_runway_m + self.lead_m(kinematics, span_m)
+        return with_point_error(replace(kinematics, position_runway_m=position_m), sigma_m)
+
+    def lead_m(self, kinematics: Kinematics, span_m: float) -> FloatArray:
+        """Return how far (3,) the target point is ahead of the detected one in the mean, runway frame, m."""
+        hidden = self._hidden_share(kinematics)
+        return span_m * hidden * self.hidden_lead_spans * _expected_direction(kinematics)
 
     def _hidden_share(self, kinematics: Kinematics) -> float:
         """Return the mean of the squared cosines between path and lines of sight: 1 straight from behind, 0 towards."""

@@ -60,7 +60,11 @@ class ReferenceUpdate:
             return False
         covariance = np.diag(fix.sigma_m**2)
         seen = self._track_manager.state_machine.seen_by_two(fix.t_s)
-        reference = ReferencePosition(fix.position_runway_m, covariance, ahead_s, may_replace=not seen)
+        # the state is of the detected point, behind the one that the receiver's position leads to
+        lead_m = self._track_manager.detected_point.lead_m(
+            self._ekf.kinematics_of(self._ekf.state, self._ekf.covariance)
+        )
+        reference = ReferencePosition(fix.position_runway_m - lead_m, covariance, ahead_s, may_replace=not seen)
         nose = self._ekf.nose_of(reference)
         contradicted = self._cross_check.contradicts(fix.t_s, nose)
         if contradicted:

@@ -14,7 +14,6 @@ from groundstation.estimation.earlier_pixels import EarlierPixels
 from groundstation.estimation.guided_search import GuidedPlace, GuidedSearch
 from groundstation.estimation.initialise import TrackInitiator
 from groundstation.estimation.station_ekf import StationEkf
-from groundstation.estimation.target_point import TargetPointError
 from groundstation.estimation.tentative_track import InitiatedTarget
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.geometry.chi_square import chi_square_limit
@@ -32,6 +31,7 @@ from groundstation.messages import (
 from groundstation.tracking.alternative_track import AlternativeTrack
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
+from groundstation.tracking.detected_point import DetectedPoint
 from groundstation.tracking.epoch_buffer import EpochViews
 from groundstation.tracking.search_schedule import SearchSchedule
 from groundstation.tracking.track_changes import TrackChanges
@@ -77,9 +77,7 @@ class TrackManager:
         self._initiator = TrackInitiator(geometries, config.initiation, span.span_m)
         self._guided = GuidedSearch(geometries, config.initiation, span.span_m)
         self._earlier = EarlierPixels(geometries, config.initiation)
-        self._span, self._usual_span_m = span, config.initiation.usual_span_m
-        inferred = any(camera.infers_hidden_nose for camera in cameras.values())
-        self._point_error = TargetPointError.by(config.estimation, self._eyes_m, inferred=inferred)
+        self.detected_point = DetectedPoint(config, cameras, span, self._eyes_m)
         self._alternative = AlternativeTrack(geometries, config.initiation, span.span_m)
         self._initial = initial
         self._schedule = SearchSchedule()
@@ -174,10 +172,7 @@ class TrackManager:
 
     def reported(self, kinematics: Kinematics) -> Kinematics:
         """Return an estimate of the filter as one of the target point, if a detector has found it."""
-        if not any(camera.has_detected for camera in self._cameras.values()):
-            return kinematics
-        span_m = self._usual_span_m if self._span.span_m is None else self._span.span_m
-        return self._point_error.corrected(kinematics, span_m)
+        return self.detected_point.as_target_point(kinematics)
 
     def is_quiet(self, t_s: float) -> bool:
         """Return whether the last epoch is so old that the status depends on time only."""
