@@ -178,7 +178,7 @@ class EstimationConfig:
             raise ValueError(f"detection_lasting_share {self.detection_lasting_share} outside 0 … 1")
         if min(self.target_point_sigma_spans) < 0:
             raise ValueError(f"target_point_sigma_spans {self.target_point_sigma_spans} < 0")
-        for name in unsigned[3:]:
+        for name in ("target_point_behind_lead_spans", "target_point_behind_spans", "target_point_behind_up_spans"):
             if (behind := getattr(self, name)) < 0:
                 raise ValueError(f"{name} {behind} < 0")
         if self.late_horizon_s < 0:

@@ -152,7 +152,7 @@ def _live(
             shutdown.watch_recorder(lambda: recorder.status.written_bytes)
         outputs.open_screen(request, station, shutdown, say)
         operation = station.operation(request, outputs.of_operation(), start_s)
-        _report_sun(file, rig, operation, say)
+        _report_set_up(file, rig, operation, say)
         reference = ReferenceReceiver(
             file, station.reference, operation.input_queue, start_s=start_s, folder=out, faults=outputs.faults
         )
@@ -327,7 +327,7 @@ class _Outputs:
         return ", ".join(w for w in (recording, self._screen_status(), *self.faults) if w)
 
 
-def _report_sun(file: StationFile, rig: Rig, operation: Operation, say: Callable[[str], None]) -> None:
+def _report_set_up(file: StationFile, rig: Rig, operation: Operation, say: Callable[[str], None]) -> None:
     """Report and log where the Sun is, where lenses are kept away from it, and what of the rig is left out."""
     for line in drift_notes(file.load_rig()):
         operation.log("warning", line)

@@ -67,10 +67,12 @@ def live_config(config: Config, rate_hz: float, rig: Rig | None = None) -> Confi
 
 def _apart_s(rig: Rig | None) -> float:
     """Return by how much a rig's slowest device lags behind its fastest, s."""
-    stations = () if rig is None else rig.stations
-    clocks = [c for s in stations for c in (s.camera_clock or EQUAL_CLOCKS, None if s.fixed else s.ptu_clock) if c]
-    offsets = [clock.offset_s for clock in clocks]
-    return max(offsets) - min(offsets) if offsets else 0.0
+    if rig is None:
+        return 0.0
+    clocks = [station.camera_clock or EQUAL_CLOCKS for station in rig.stations]
+    clocks += [station.ptu_clock for station in rig.stations if not station.fixed]
+    offsets_s = [clock.offset_s for clock in clocks]
+    return max(offsets_s) - min(offsets_s)
 
 
 @dataclass(slots=True)
@@ -112,8 +114,8 @@ class LiveCore:
         self._heads = heads
         self._pattern = pattern
         stations = () if rig is None else rig.stations
-        self._cameras = {s.name: s.camera_clock or EQUAL_CLOCKS for s in stations}
-        self._corrections = {s.name: (s.ptu_clock, AxisCorrection(s.ptu_axes)) for s in stations}
+        self._camera_clocks = {s.name: s.camera_clock or EQUAL_CLOCKS for s in stations}
+        self._reading_corrections = {s.name: (s.ptu_clock, AxisCorrection(s.ptu_axes)) for s in stations}
         self._commanded_s = -math.inf
         # the newest pair or heartbeat
         self._answered_s = -math.inf
@@ -148,7 +150,7 @@ class LiveCore:
 
     def _numbered(self, item: TimedPicture | PixelMeasurement, epoch: int) -> Frame | PixelMeasurement:
         """Return a frame of a pair, at the session time of its exposure."""
-        t_s = self._cameras.get(item.station, EQUAL_CLOCKS).session_from_device(item.t_s)
+        t_s = self._camera_clocks.get(item.station, EQUAL_CLOCKS).session_from_device(item.t_s)
         if isinstance(item, TimedPicture):
             return Frame(t_s=t_s, station=item.station, epoch=epoch, image=item.picture)
         return replace(item, t_s=t_s, epoch=epoch)
@@ -157,14 +159,15 @@ class LiveCore:
         """Close pairs, each at the mean of its frames' session times."""
         for epoch in epochs:
             later = [
-                self._cameras.get(n, EQUAL_CLOCKS).session_from_device(epoch.t_s) - epoch.t_s for n in epoch.stations
+                self._camera_clocks.get(n, EQUAL_CLOCKS).session_from_device(epoch.t_s) - epoch.t_s
+                for n in epoch.stations
             ]
             self._step(replace(epoch, t_s=epoch.t_s + sum(later) / max(len(later), 1)), step)
 
     def _take_reading(self, reading: PtuSample, step: LiveStep) -> None:
         """Give the head its reading and the pipeline the angles, both at the session time of the motion."""
-        if reading.station in self._corrections:
-            clock, axes = self._corrections[reading.station]
+        if reading.station in self._reading_corrections:
+            clock, axes = self._reading_corrections[reading.station]
             reading = replace(reading, t_s=clock.session_from_device(reading.t_s))
             pan_rad, tilt_rad = axes.angles(reading.pan_rad, reading.tilt_rad)
             angles = replace(reading, pan_rad=pan_rad, tilt_rad=tilt_rad)

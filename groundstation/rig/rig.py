@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -40,6 +40,7 @@ _STATION_KEYS = frozenset(
 )
 # farther from the threshold than any station
 _FARTHEST_M = 100_000.0
+Seconds = TypeVar("Seconds", float, FloatArray)
 _CLOCK_KEYS = frozenset({"offset_s", "drift_ppm", "sigma_s"})
 PARTS = ("position", "orientation", "lens")
 
@@ -56,12 +57,12 @@ class ClockModel:
     drift_ppm: float = 0.0
     sigma_s: float = 0.0
 
-    def session_from_device(self, t_device_s: float) -> float:
-        """Map a stamp in s of the device's clock to s of the session's clock."""
+    def session_from_device(self, t_device_s: Seconds) -> Seconds:
+        """Map stamps in s of the device's clock, one or (n,), to s of the session's clock."""
         return t_device_s + self.offset_s + self.drift_ppm * 1e-6 * t_device_s
 
-    def device_from_session(self, t_session_s: float) -> float:
-        """Map s of the session's clock to the stamp in s of the device's clock."""
+    def device_from_session(self, t_session_s: Seconds) -> Seconds:
+        """Map s of the session's clock, one or (n,), to stamps in s of the device's clock."""
         return (t_session_s - self.offset_s) / (1.0 + self.drift_ppm * 1e-6)
 
 

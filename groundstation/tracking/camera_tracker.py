@@ -155,6 +155,8 @@ class CameraTracker:
         if not isinstance(record, Frame):
             return None
         size_px, wanted_px = as_picture(record.image).size_px, self.station.lens.image_size_px
+        if size_px == wanted_px == self._size_px:
+            return None
         (w, h), (wanted_w, wanted_h) = size_px, wanted_px
         detail = f"got pictures of {w} × {h} px, wanted {wanted_w} × {wanted_h} as in the rig"
         if size_px != self._size_px:
