@@ -20,6 +20,7 @@ from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import ClockModel, Rig, Station
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import Session, load_session
+from groundstation.session.antenna import antenna_position
 
 _CLOCKS = ("camera_clock.offset", "ptu_clock.offset", DGPS_OFFSET)
 
@@ -90,8 +91,7 @@ def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = l
     session = load_session(request.session, request.rig)
     session.rig.require_known()
     flight = _by_flight(session, request) if request.flight else None
-    antenna = session.target.antenna_in_body_m
-    rig = session.rig if flight is None else solved_rig(session.rig, flight, session.name, antenna)
+    rig = session.rig if flight is None else solved_rig(session.rig, flight, session.name)
     fits, motions = {}, {}
     if request.pictures:
         found = gather_motion(session, request.from_s, request.to_s, progress)
@@ -144,7 +144,7 @@ def _by_flight(session: Session, request: TimingRequest) -> FlightFit:
         # a common shift of all clocks is the DGPS clock's: the first camera is the session's clock
         keep.remove(chosen.names.index(f"{session.rig.names[0]}.camera_clock.offset"))
     data = gather_flight(session, request.detections, request.from_s, request.to_s)
-    antenna = session.target.antenna_in_body_m
+    antenna = antenna_position(session).in_body_m
     problem = FlightProblem(
         stations={s.name: s for s in session.rig.stations},
         observations=data.observations,

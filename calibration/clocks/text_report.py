@@ -7,7 +7,9 @@ import numpy as np
 from calibration.clocks.calibrate import ClockDifference, TimingCalibration
 from calibration.clocks.ptu_clock_fit import TimingFit
 from calibration.flight.parameters import FLOOR_CLOCK_S
+from calibration.flight.text_report import antenna_line
 from calibration.reading_scale import roll_doubt, scale_doubt
+from groundstation.session.antenna import antenna_position
 
 RANGES_M = (100.0, 200.0, 400.0)
 _TURNING_DEG_S = 5.0
@@ -65,6 +67,8 @@ def _flight(found: TimingCalibration) -> list[str]:
             lines.append(
                 f"station {name}, by the flight: PTU against camera {_ms(difference)} later than the rig states"
             )
+    if found.by_flight is not None:
+        lines.append(antenna_line(found.by_flight, antenna_position(found.session)))
     return lines
 
 

@@ -29,6 +29,7 @@ from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import Session, load_session
+from groundstation.session.antenna import antenna_position
 
 # pixels off by more of the picture's width than this are no fit, whatever their number
 _WORST_RMS_SHARE = 0.01
@@ -90,9 +91,9 @@ def calibrate_flight(
     words = free_words(request.free)
     session = load_session(request.session, request.rig)
     require_toml_name(request.out)
-    free = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
+    antenna = antenna_position(session)
+    free = _free_parameters(session, words)
     data = gather_flight(session, request.detections, request.from_s, request.to_s)
-    antenna = session.target.antenna_in_body_m
     start = find_start(_problem(session, data, free))
     notes: list[str] = []
     new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
@@ -110,7 +111,7 @@ def calibrate_flight(
     fit = with_covariance(found, usual_m if request.point_sigma_m is None else request.point_sigma_m)
     steps()
     _require_fit(session, fit)
-    rig = solved_rig(session.rig, fit, session.name, antenna)
+    rig = solved_rig(session.rig, fit, session.name)
     verdict = judge_flight(rig, fit)
     report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna, verdict)])
     _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
@@ -124,7 +125,7 @@ def calibrate_flight(
             verdict=verdict,
             notes=notes,
             excluded=data.excluded,
-            antenna_m=antenna,
+            antenna=antenna,
         )
         written += _write_page(request.report, content)
     return FlightCalibration(fit=fit, rig=rig, report=report, files=tuple(written))
@@ -152,8 +153,13 @@ def _write_page(folder: Path, content: FlightPage) -> list[Path]:
         raise InputError(str(folder), got=os_words(error), wanted="a folder that can be written") from error
 
 
+def _free_parameters(session: Session, words: Sequence[str]) -> FreeParameters:
+    sigma_m = antenna_position(session).sigma_m
+    return choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks, antenna_sigma_m=sigma_m)
+
+
 def _problem(session: Session, data: FlightData, free: FreeParameters) -> FlightProblem:
-    antenna = session.target.antenna_in_body_m
+    antenna = antenna_position(session).in_body_m
     return FlightProblem(
         stations={s.name: s for s in session.rig.stations},
         observations=data.observations,
@@ -172,7 +178,7 @@ def _doubted(
     A station without an earlier calibration has a position from a map or a tape: it is known, but not to a pixel. The
     initial values are those of the first solution: freeing parameters changes no pose's initial value.
     """
-    more = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
+    more = _free_parameters(session, words)
     names = held.joint.problem.names
     if set(more.names) <= set(names):
         return held, []

@@ -6,10 +6,9 @@ from pathlib import Path
 
 from calibration.flight.fit import FlightFit
 from calibration.flight.report_pictures import flight_pictures
-from calibration.flight.text_report import gross_times, lasting_lines, parameter_row
+from calibration.flight.text_report import antenna_line, gross_times, lasting_lines, parameter_row
 from calibration.flight.verdict import FlightVerdict
 from calibration.report.picture import ReportPicture, shown, write_page
-from groundstation.arrays import FloatArray
 from groundstation.files.html_page import (
     bullet_list,
     html_page,
@@ -19,6 +18,7 @@ from groundstation.files.html_page import (
     verdict_line,
 )
 from groundstation.rig.rig import Rig
+from groundstation.session.antenna import AntennaPosition
 
 _WORDS = (1,)
 
@@ -27,8 +27,7 @@ _WORDS = (1,)
 class FlightPage:
     """Content of the page.
 
-    ``notes`` are lines on decisions; ``excluded`` on omissions; ``antenna_m`` (3,) as in the
-    session.
+    ``notes`` are lines on decisions; ``excluded`` on omissions; ``antenna`` where the fit began.
     """
 
     session: str
@@ -38,7 +37,7 @@ class FlightPage:
     verdict: FlightVerdict
     notes: Sequence[str]
     excluded: Sequence[str]
-    antenna_m: FloatArray | None
+    antenna: AntennaPosition
 
 
 def write_flight_page(folder: Path, content: FlightPage) -> list[Path]:
@@ -59,7 +58,8 @@ def flight_page(content: FlightPage, pictures: Sequence[ReportPicture]) -> str:
     parts += [
         "<h2>What to do next</h2>" + bullet_list(verdict.next_steps),
         _ranges(verdict),
-        "<h2>Notes</h2>" + bullet_list([*content.notes, *lasting_lines(fit), *verdict.notes]),
+        "<h2>Notes</h2>"
+        + bullet_list([*content.notes, *lasting_lines(fit), antenna_line(fit, content.antenna), *verdict.notes]),
         "<h2>Pictures</h2>" + shown(pictures),
         "<h2>What was found</h2>" + _parameters(content),
         "<h2>How the pixels fit</h2>" + _stations(fit),
@@ -90,7 +90,7 @@ def _ranges(verdict: FlightVerdict) -> str:
 def _parameters(content: FlightPage) -> str:
     fit, rows = content.fit, []
     for k, name in enumerate(fit.problem.names):
-        row = parameter_row(content.before, content.after, fit, k, content.antenna_m)
+        row = parameter_row(content.before, content.after, fit, k)
         rows.append([name, row.value, row.sigma, row.change, row.unit, f"{fit.lasting_factor[k]:.1f}"])
     heads = ["parameter", "value", "1 σ", "change", "unit", "raised by"]
     note = "so many times the sigma of noise that averages out, because of errors that last longer than a frame"

@@ -58,17 +58,21 @@ def free_words(text: str) -> tuple[str, ...]:
     return words
 
 
-def choose_parameters(rig: Rig, words: Sequence[str], dgps_clock_open: bool) -> FreeParameters:
+def choose_parameters(
+    rig: Rig, words: Sequence[str], dgps_clock_open: bool, antenna_sigma_m: FloatArray | None = None
+) -> FreeParameters:
     """Return the parameters left open by the rig's ``known`` and the sigmas of its clocks, and those of ``words``.
 
-    ``dgps_clock_open`` where the relation of the log's clock to the session's is unknown. Raises `InputError` where
+    ``dgps_clock_open`` where the relation of the log's clock to the session's is unknown; ``antenna_sigma_m`` (3,) of
+    the antenna's position, where it is stated: a zero states nothing, as in a covariance. Raises `InputError` where
     there is nothing to estimate.
     """
     chosen: dict[str, float] = {}
     for station in rig.stations:
         chosen.update({f"{station.name}.{name}": sigma for name, sigma in _of_station(station, words).items()})
     if "antenna" in words:
-        chosen.update(dict.fromkeys(ANTENNA, KNOWN_ANTENNA_M))
+        stated = np.zeros(3) if antenna_sigma_m is None else antenna_sigma_m
+        chosen.update({name: float(s) or KNOWN_ANTENNA_M for name, s in zip(ANTENNA, stated, strict=True)})
     if not chosen:
         got = "a rig without unknown parameters"
         raise InputError(rig.path or "rig", got=got, wanted="--free LIST with some of " + ", ".join(FREE_WORDS))

@@ -23,23 +23,21 @@ _FLOORS = {
 _SHARED_NAMES = frozenset((*CALIBRATION_PARAMETERS, *CLOCK_NAMES, READOUT))
 
 
-def solved_rig(rig: Rig, fit: FlightFit, session: str, antenna_in_body_m: FloatArray | None) -> Rig:
+def solved_rig(rig: Rig, fit: FlightFit, session: str) -> Rig:
     """Return the rig with everything that was found, and how well: each station, all together, and the DGPS.
 
-    ``session`` is the recording's name, for the DGPS clock; ``antenna_in_body_m`` (3,) where the session put it.
+    ``session`` is the recording's name, for the DGPS clock.
     """
     stations = tuple(_solved(s, fit) for s in rig.stations)
     return replace(
         rig,
         stations=stations,
         shared_covariance=_shared(rig, stations, fit),
-        reference=_reference(rig.reference, fit, session, antenna_in_body_m),
+        reference=_reference(rig.reference, fit, session),
     )
 
 
-def _reference(
-    before: RigReference | None, fit: FlightFit, session: str, antenna_in_body_m: FloatArray | None
-) -> RigReference | None:
+def _reference(before: RigReference | None, fit: FlightFit, session: str) -> RigReference | None:
     """Return the estimated DGPS clock and antenna, and the prior values of the rest."""
     problem, found = fit.problem, before or RigReference()
     if DGPS_OFFSET in problem.names:
@@ -48,8 +46,7 @@ def _reference(
         found = replace(found, session=session, offset_s=float(fit.change[place]), offset_sigma_s=sigma_s)
     if ANTENNA[0] in problem.names:
         places = [problem.names.index(name) for name in ANTENNA]
-        first = np.zeros(3) if antenna_in_body_m is None else antenna_in_body_m
-        found = replace(found, antenna_in_body_m=first + fit.change[places], antenna_sigma_m=fit.sigma[places])
+        found = replace(found, antenna_in_body_m=problem.antenna_m(fit.change), antenna_sigma_m=fit.sigma[places])
     return found if found.offset_s is not None or found.antenna_in_body_m is not None else None
 
 

@@ -7,9 +7,10 @@ import numpy as np
 
 from calibration.flight.fit import FlightFit
 from calibration.flight.parameters import FLOOR_CLOCK_S, FLOOR_POSITION_M, FLOOR_ROTATION_RAD
+from calibration.flight.problem import ANTENNA
 from calibration.flight.verdict import FlightVerdict, range_lines
-from groundstation.arrays import FloatArray
 from groundstation.rig.rig import ClockModel, Rig
+from groundstation.session.antenna import AntennaPosition
 
 _MOST_SPANS = 12
 
@@ -19,18 +20,33 @@ def lasting_lines(fit: FlightFit) -> list[str]:
     return [part.lasting.text for part in fit.parts if part.lasting is not None][:1]
 
 
+def antenna_line(fit: FlightFit, antenna: AntennaPosition) -> str:
+    """Return a line on where the DGPS antenna was taken to be, by what, and whether the flight has estimated it."""
+    estimated = ANTENNA[0] in fit.problem.names
+    where = f"{antenna.words}, by {antenna.source.value}"
+    if antenna.in_body_m is None:
+        where = f"taken for the nose, as {antenna.source.value} states it"
+    how = "estimated from there on" if estimated else "held"
+    if not estimated and antenna.sigma_m is not None and antenna.sigma_m.any():
+        sigma = ", ".join(f"{v:g}" for v in antenna.sigma_m)
+        how = (
+            f"held, though its sigmas there are {sigma} m (`calibrate flight --free antenna` estimates it within them)"
+        )
+    return f"DGPS antenna: {where}; {how}"
+
+
 def format_flight_report(
     before: Rig,
     after: Rig,
     fit: FlightFit,
     excluded: Sequence[str],
-    antenna_m: FloatArray | None,
+    antenna: AntennaPosition,
     verdict: FlightVerdict,
 ) -> str:
     """Return the whole report: parameters, residuals, exclusions, verdict."""
     lines = [f"{'parameter':<34}{'value':>14}{'sigma':>12}{'change':>14}  unit"]
     for k, name in enumerate(fit.problem.names):
-        row = parameter_row(before, after, fit, k, antenna_m)
+        row = parameter_row(before, after, fit, k)
         lines.append(f"{name:<34}{row.value:>14}{row.sigma:>12}{row.change:>14}  {row.unit}")
     lines.append("")
     for name, station in fit.stations.items():
@@ -39,7 +55,7 @@ def format_flight_report(
             f"{name}: {station.rms_px:.2f} px rms over {kept} pixels; {usable - kept} gross, "
             f"{count - usable} without angle or DGPS{gross_times(fit, name)}"
         )
-    lines += lasting_lines(fit)
+    lines += [*lasting_lines(fit), antenna_line(fit, antenna)]
     if fit.point_sigma_m > 0.0:
         lines.append(
             f"in the sigmas: the point seen may lie {fit.point_sigma_m:g} m along the body from where it is taken to be"
@@ -73,7 +89,7 @@ class ParameterRow:
     unit: str
 
 
-def parameter_row(before: Rig, after: Rig, fit: FlightFit, k: int, antenna_m: FloatArray | None) -> ParameterRow:
+def parameter_row(before: Rig, after: Rig, fit: FlightFit, k: int) -> ParameterRow:
     """Return one parameter's row; a rotation has no value of its own but the change since the start."""
     name = fit.problem.names[k]
     change, sigma = float(fit.change[k]), float(fit.sigma[k])
@@ -101,7 +117,7 @@ def parameter_row(before: Rig, after: Rig, fit: FlightFit, k: int, antenna_m: Fl
     elif group == "readout":
         unit, value = "s", after[station].readout_s
     elif station == "dgps_antenna":
-        value = change + (0.0 if antenna_m is None else float(antenna_m["xyz".index(group)]))
+        value = float(fit.problem.antenna_m(fit.change)["xyz".index(group)])
     else:
         unit, value = "s", change
     shown = "" if value is None else f"{scale * value:.5f}"

@@ -19,7 +19,8 @@ _FLIGHT_MORE = """examples:
 
 LIST, with commas: orientation, position, boresight, camera_clock, drift,
 ptu_clock, readout, lens, antenna. Of what is freed though it is known, the
-rig's covariance (else 1 deg, 0.3 m, 0.1 s, 1 % of focal) stays as knowledge.
+rig's covariance (else 1 deg, 0.3 m, 0.1 s, 1 % of focal) stays as knowledge,
+of the antenna its sigmas in [reference] (else 0.5 m).
 Stations without a pose: positions, shutters, drifts and lenses are freed where
 the pixels contradict them; --hold keeps them.
 

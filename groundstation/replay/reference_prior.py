@@ -7,6 +7,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import DGPS_ANTENNA, DGPS_CLOCK, ParameterPrior
 from groundstation.session import Session
+from groundstation.session.antenna import AntennaSource, antenna_position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,19 +41,17 @@ def reference_prior(session: Session, config: EstimationConfig) -> ReferencePrio
             offset_s, sigma_s = known, reference.offset_sigma_s
             notes.append(f"DGPS clock by the rig: {offset_s:+.3f} s ± {1e3 * sigma_s:.1f} ms to begin with")
         sigmas[f"{DGPS_CLOCK}.offset"] = sigma_s
-    antenna = session.target.antenna_in_body_m
-    if antenna is None:
+    antenna = antenna_position(session)
+    if antenna.source is not AntennaSource.SESSION:
         spread: Sequence[float] = config.reference_antenna_sigma_m
-        if reference is not None and reference.antenna_in_body_m is not None:
-            antenna = reference.antenna_in_body_m
-            x, y, z = (float(v) for v in antenna)
-            notes.append(f"DGPS antenna by the rig: {x:.2f} forward, {y:.2f} right, {z:.2f} down of the nose, in m")
-            if reference.antenna_sigma_m is not None:
-                spread = [float(v) for v in reference.antenna_sigma_m]
+        if antenna.source is AntennaSource.RIG:
+            notes.append(f"DGPS antenna by the rig: {antenna.words}")
+        if antenna.sigma_m is not None:
+            spread = [float(v) for v in antenna.sigma_m]
         sigmas.update(zip(DGPS_ANTENNA, spread, strict=True))
     return ReferencePrior(
         offset_s=offset_s,
-        antenna_in_body_m=antenna,
+        antenna_in_body_m=antenna.in_body_m,
         errors=ParameterPrior.independent(list(sigmas), list(sigmas.values())),
         notes=tuple(notes),
     )

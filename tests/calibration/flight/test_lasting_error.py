@@ -23,6 +23,7 @@ from calibration.flight.reference_track import ReferenceTrack
 from calibration.flight.text_report import lasting_lines
 from calibration.flight.verdict import judge_flight
 from groundstation.evaluation.position_series import ReferenceSeries
+from groundstation.session.antenna import AntennaPosition, AntennaSource
 from groundstation.simulation import Scenario, case_b, simulate
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.session_folder import write_session_folder
@@ -155,7 +156,7 @@ def test_the_page_says_what_lasts_as_the_terminal_does(whole: FlightCalibration)
         verdict=judge_flight(whole.rig, whole.fit),
         notes=[],
         excluded=[],
-        antenna_m=None,
+        antenna=AntennaPosition(in_body_m=None, sigma_m=None, source=AntennaSource.NONE),
     )
     assert line in unescape(flight_page(content, []))
 
