@@ -13,8 +13,9 @@ from calibration.flight.fit import FlightFit
 from calibration.flight.observations import gather_flight
 from calibration.flight.parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_parameters
 from calibration.flight.problem import DGPS_OFFSET, FlightProblem
-from calibration.flight.rig import solved_rig
+from calibration.flight.rig import estimated_clocks, solved_rig
 from calibration.rig_output import require_toml_name
+from calibration.session_clocks import written_clocks
 from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import ClockModel, Rig, Station
@@ -61,6 +62,7 @@ class TimingCalibration:
     by_pictures, motions : by station; empty unless pictures were requested.
     by_flight : the solution of the flight with only the clocks free, or None.
     rig : with the estimated clocks; those from the pictures where there are both.
+    clock_note : whether it has clocks of the session; empty where the session has none of its own.
     """
 
     session: Session
@@ -68,6 +70,7 @@ class TimingCalibration:
     motions: dict[str, StationMotion]
     by_flight: FlightFit | None
     rig: Rig
+    clock_note: str = ""
 
     def flight_ptu(self, name: str) -> ClockDifference | None:
         """Return the lag of a PTU's readings relative to its camera's clock, by the flight."""
@@ -91,7 +94,9 @@ def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = l
     session = load_session(request.session, request.rig)
     session.rig.require_known()
     flight = _by_flight(session, request) if request.flight else None
-    rig = session.rig if flight is None else solved_rig(session.rig, flight, session.name)
+    rig, estimated = session.rig, frozenset[str]()
+    if flight is not None:
+        rig, estimated = solved_rig(rig, flight, session.name), estimated_clocks(flight)
     fits, motions = {}, {}
     if request.pictures:
         found = gather_motion(session, request.from_s, request.to_s, progress)
@@ -101,8 +106,12 @@ def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = l
             for name, one in motions.items()
         }
         rig = timed_rig(session.rig, fits, request.one_ptu_clock)
-    _write(request.out, session.name, rig)
-    return TimingCalibration(session=session, by_pictures=fits, motions=motions, by_flight=flight, rig=rig)
+        estimated = _timed_clocks(fits, request.one_ptu_clock)
+    clocked = written_clocks(session, rig, estimated)
+    _write(request.out, session.name, clocked.rig)
+    return TimingCalibration(
+        session=session, by_pictures=fits, motions=motions, by_flight=flight, rig=clocked.rig, clock_note=clocked.note
+    )
 
 
 def timed_rig(rig: Rig, fits: dict[str, TimingFit], one_ptu_clock: bool = False) -> Rig:
@@ -125,6 +134,12 @@ def timed_rig(rig: Rig, fits: dict[str, TimingFit], one_ptu_clock: bool = False)
             timed = replace(timed, camera_clock=replace(camera, offset_s=camera.offset_s + later, sigma_s=sigma))
         stations.append(timed)
     return replace(rig, stations=tuple(stations))
+
+
+def _timed_clocks(fits: dict[str, TimingFit], one_ptu_clock: bool) -> frozenset[str]:
+    """Return the clocks that `timed_rig` changes."""
+    cameras = list(fits)[1:] if one_ptu_clock else []
+    return frozenset([*(f"{name}.ptu_clock" for name in fits), *(f"{name}.camera_clock" for name in cameras)])
 
 
 def _ptu_timed(station: Station, fit: TimingFit) -> Station:

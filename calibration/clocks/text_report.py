@@ -25,7 +25,8 @@ def format_timing(found: TimingCalibration) -> str:
         lines += [*_station(found, name, fit), ""]
     if found.by_flight is not None:
         lines += [*_flight(found), ""]
-    lines += [*_cameras(found), *_compared(found), "", "verdict:", *(f"  {line}" for line in _verdict(found))]
+    lines += [*_cameras(found), *_compared(found), *([found.clock_note] if found.clock_note else [])]
+    lines += ["", "verdict:", *(f"  {line}" for line in _verdict(found))]
     return "\n".join(lines)
 
 
@@ -108,7 +109,7 @@ def _ptu_sigma_s(found: TimingCalibration, name: str) -> float:
     if name in found.by_pictures:
         return max(found.by_pictures[name].sigma_s, FLOOR_CLOCK_S)
     flown = found.flight_ptu(name)
-    return found.rig[name].ptu_clock.sigma_s if flown is None else max(flown.sigma_s, FLOOR_CLOCK_S)
+    return found.session.rig[name].ptu_clock.sigma_s if flown is None else max(flown.sigma_s, FLOOR_CLOCK_S)
 
 
 def _verdict(found: TimingCalibration) -> list[str]:

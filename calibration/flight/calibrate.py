@@ -19,11 +19,12 @@ from calibration.flight.parameters import (
     free_words,
 )
 from calibration.flight.problem import FlightProblem
-from calibration.flight.rig import solved_rig
+from calibration.flight.rig import estimated_clocks, solved_rig
 from calibration.flight.start import StartingPoint, find_start
 from calibration.flight.text_report import format_flight_report, rig_header
 from calibration.flight.verdict import judge_flight
 from calibration.rig_output import require_toml_name
+from calibration.session_clocks import written_clocks
 from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
 from groundstation.rig.rig import Rig
@@ -111,7 +112,9 @@ def calibrate_flight(
     fit = with_covariance(found, usual_m if request.point_sigma_m is None else request.point_sigma_m)
     steps()
     _require_fit(session, fit)
-    rig = solved_rig(session.rig, fit, session.name)
+    clocked = written_clocks(session, solved_rig(session.rig, fit, session.name), estimated_clocks(fit))
+    rig = clocked.rig
+    notes += [clocked.note] if clocked.note else []
     verdict = judge_flight(rig, fit)
     report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna, verdict)])
     _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))

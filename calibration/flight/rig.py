@@ -37,6 +37,12 @@ def solved_rig(rig: Rig, fit: FlightFit, session: str) -> Rig:
     )
 
 
+def estimated_clocks(fit: FlightFit) -> frozenset[str]:
+    """Return the clocks that a flight has estimated, ``station.camera_clock`` or ``station.ptu_clock``."""
+    names = (*CLOCK_NAMES, "camera_clock.drift")
+    return frozenset(name.rpartition(".")[0] for name in fit.problem.names if name.partition(".")[2] in names)
+
+
 def _reference(before: RigReference | None, fit: FlightFit, session: str) -> RigReference | None:
     """Return the estimated DGPS clock and antenna, and the prior values of the rest."""
     problem, found = fit.problem, before or RigReference()

@@ -2,7 +2,8 @@
 
 import difflib
 import os
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,12 @@ from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.messages import InitialState
 from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.rig.dgps import read_antenna
-from groundstation.rig.rig import ClockModel, Rig, Station, load_rig, parse_clock
+from groundstation.rig.rig import ClockModel, Rig, Station, load_rig
 from groundstation.session.dgps_options import DgpsOptions, parse_dgps
 from groundstation.session.media import Medium, check_medium, find_media
+from groundstation.session.session_clocks import parse_clocks, with_session_clocks
 from groundstation.session.site_air import SiteAir, parse_air
 
-# names in [clocks] other than the stations
-CLOCKED_TABLES = ("frames", "detections", "ptu", "dgps", "truth")
 _TABLES = ("clocks", "target", "initial", "origin", "air", "phase", "dgps")
 _MAX_PHASES = 10_000
 # the recorder's own notes are few; searching for misspelt keys costs a comparison with each known key
@@ -91,6 +91,8 @@ class Session:
     left_out : stations of the folder's own rig that are missing from the rig in use; their rows are skipped.
     recorded : information on the recording; None for a folder.
     air : of the site, for refraction.
+    clock_entries : clocks of ``rig`` that its file lacks, ``station.camera_clock`` or ``.ptu_clock``: the entry of
+        [clocks] that each is a copy of.
     """
 
     name: str
@@ -110,6 +112,7 @@ class Session:
     left_out: frozenset[str]
     recorded: RecordingInfo | None = None
     air: SiteAir = field(default_factory=SiteAir)
+    clock_entries: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def detections_only(self) -> bool:
@@ -162,14 +165,15 @@ def read_session(
     kind = top.values.get("format")
     if isinstance(kind, str) and kind.startswith(_OTHER_FILES):
         raise top.fail("format", quoted(kind), "a session's description, which has none")
-    clocks = _clocks(top.table("clocks"), {*rig.names, *left_out})
+    clocks = parse_clocks(top.table("clocks"), {*rig.names, *left_out})
+    clocked = with_session_clocks(rig, clocks, "frames" if media else "detections")
     frame = top.text("frame", "runway")
     if frame not in ("runway", "east-north-up"):
         raise top.fail("frame", quoted(frame), "'runway' or 'east-north-up'")
     return Session(
         name=top.text("name", name),
         folder=folder,
-        rig=_with_clocks(rig, clocks, "frames" if media else "detections"),
+        rig=clocked.rig,
         frame=frame,
         date=str(top.values.get("date", "")),
         licence=top.text("licence", ""),
@@ -183,6 +187,7 @@ def read_session(
         media=media,
         left_out=left_out,
         air=parse_air(top.table("air")) if isinstance(top.values.get("air"), dict) else SiteAir(),
+        clock_entries=clocked.entries,
     )
 
 
@@ -223,35 +228,6 @@ def _left_out(folder: Path, rig: Rig) -> frozenset[str]:
     except GroundstationError:
         return frozenset()
     return frozenset(own.names) - frozenset(rig.names)
-
-
-def _clocks(table: TomlTable, stations: set[str]) -> dict[str, ClockModel]:
-    """Parse [clocks]: by station or table, t_dgps = t + offset."""
-    clocks = {}
-    for name in table.values:
-        if name not in stations and name not in CLOCKED_TABLES:
-            wanted = f"a station ({', '.join(sorted(stations))}) or a table ({', '.join(CLOCKED_TABLES)})"
-            raise table.fail(name, "an unknown clock", wanted)
-        entry = table.table(name)
-        entry.number("offset_s")
-        clocks[name] = parse_clock(entry)
-    return clocks
-
-
-def _with_clocks(rig: Rig, clocks: dict[str, ClockModel], pictures: str) -> Rig:
-    """Return the rig with its missing clocks taken from [clocks]; clocks in the rig file take precedence.
-
-    A PTU with neither shares its station's clock, as in a session without [clocks].
-    """
-    stations = []
-    for station in rig.stations:
-        camera, ptu = station.camera_clock, station.ptu_clock
-        if camera is None:
-            camera = clocks.get(station.name, clocks.get(pictures))
-        if not station.ptu_clock_given:
-            ptu = clocks.get("ptu", clocks.get(station.name, ptu))
-        stations.append(replace(station, camera_clock=camera, ptu_clock=ptu))
-    return replace(rig, stations=tuple(stations))
 
 
 def read_target(table: TomlTable) -> TargetModel:
