@@ -96,7 +96,7 @@ def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = l
     flight = _by_flight(session, request) if request.flight else None
     rig, estimated = session.rig, frozenset[str]()
     if flight is not None:
-        rig, estimated = solved_rig(rig, flight, session.name), estimated_clocks(flight)
+        rig, estimated = solved_rig(rig, flight, session.identity), estimated_clocks(flight)
     fits, motions = {}, {}
     if request.pictures:
         found = gather_motion(session, request.from_s, request.to_s, progress)

@@ -112,7 +112,7 @@ def calibrate_flight(
     fit = with_covariance(found, usual_m if request.point_sigma_m is None else request.point_sigma_m)
     steps()
     _require_fit(session, fit)
-    clocked = written_clocks(session, solved_rig(session.rig, fit, session.name), estimated_clocks(fit))
+    clocked = written_clocks(session, solved_rig(session.rig, fit, session.identity), estimated_clocks(fit))
     rig = clocked.rig
     notes += [clocked.note] if clocked.note else []
     verdict = judge_flight(rig, fit)

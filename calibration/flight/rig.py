@@ -26,7 +26,7 @@ _SHARED_NAMES = frozenset((*CALIBRATION_PARAMETERS, *CLOCK_NAMES, READOUT))
 def solved_rig(rig: Rig, fit: FlightFit, session: str) -> Rig:
     """Return the rig with everything that was found, and how well: each station, all together, and the DGPS.
 
-    ``session`` is the recording's name, for the DGPS clock.
+    ``session`` is the identity of the one flown, for the DGPS clock.
     """
     stations = tuple(_solved(s, fit) for s in rig.stations)
     return replace(

@@ -18,10 +18,10 @@ from groundstation.errors import InputError
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.live.abandonable import abandonable
 from groundstation.live.core import live_config
-from groundstation.live.devices import check_against_rig, drift_notes, of_one_host
+from groundstation.live.devices import check_against_rig, of_one_host
 from groundstation.live.guarded_sink import GuardedSink
 from groundstation.live.head_manager import CLOSE_S, HeadManager
-from groundstation.live.keep_out_zones import sun_text, with_keep_out
+from groundstation.live.keep_out_zones import with_keep_out
 from groundstation.live.live_stars import StarLoader, registered_heads
 from groundstation.live.memory import configure_allocator
 from groundstation.live.opened_cameras import opened_cameras
@@ -31,6 +31,7 @@ from groundstation.live.out_folder import StartingFolder, operation_folder, remo
 from groundstation.live.provenance_file import write_provenance
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import ReferenceReceiver, reference_tuning
+from groundstation.live.set_up_report import report_set_up
 from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.live.station_simulator import StationSimulator
@@ -152,7 +153,7 @@ def _live(
             shutdown.watch_recorder(lambda: recorder.status.written_bytes)
         outputs.open_screen(request, station, shutdown, say)
         operation = station.operation(request, outputs.of_operation(), start_s)
-        _report_set_up(file, rig, operation, say)
+        report_set_up(file, rig, station.reference, operation.log, say)
         reference = ReferenceReceiver(
             file, station.reference, operation.input_queue, start_s=start_s, folder=out, faults=outputs.faults
         )
@@ -325,16 +326,6 @@ class _Outputs:
     def _status(self) -> str:
         recording = "not recording" if self._recorder is None else self._recorder.summary()
         return ", ".join(w for w in (recording, self._screen_status(), *self.faults) if w)
-
-
-def _report_set_up(file: StationFile, rig: Rig, operation: Operation, say: Callable[[str], None]) -> None:
-    """Report and log where the Sun is, where lenses are kept away from it, and what of the rig is left out."""
-    for line in drift_notes(file.load_rig()):
-        operation.log("warning", line)
-    known, text = sun_text(file, rig, time.time())
-    if file.sun_angle_rad != 0.0:
-        say(text)
-        operation.log("info" if known else "warning", text)
 
 
 def _forced(force_exit: ForceExit, folder: StartingFolder, simulator: StationSimulator | None, line: str) -> None:

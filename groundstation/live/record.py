@@ -11,7 +11,7 @@ from groundstation.files.text_file import AttachedFiles
 from groundstation.live.devices import text_of_one_host
 from groundstation.live.recent_rate import RecentRate
 from groundstation.live.station_file import StationFile
-from groundstation.recording.mcap_metadata import CONFIG, RIG, SESSION, RecordingHeader
+from groundstation.recording.mcap_metadata import CONFIG, IN_OPERATION, RIG, SESSION, RecordingHeader
 from groundstation.recording.recorder import Recorder, RecorderConfig
 from groundstation.replay.reference_prior import ReferencePrior, reference_prior
 from groundstation.rig.rig import Rig
@@ -64,12 +64,17 @@ def _long(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 100.0 * 60.0 else f"{seconds / 3600.0:.0f} h"
 
 
+def _utc_now() -> datetime:
+    return datetime.now(UTC)
+
+
 def live_header(file: StationFile, config: Config) -> RecordingHeader:
     """Return an operation's settings in the form of its recording, which a replay reads."""
     session: dict[str, Any] = {
         "name": file.name,
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "notes": "recorded in operation; session time is the host's monotonic clock from the start on",
+        # tells its recordings apart: `Session.identity`
+        "date": _utc_now().isoformat(timespec="seconds"),
+        "notes": f"{IN_OPERATION}; session time is the host's monotonic clock from the start on",
     }
     target: dict[str, Any] = {}
     if file.span_m is not None:

@@ -23,8 +23,8 @@ SESSION, RIG, CONFIG = "session.toml", "rig.toml", "config.toml"
 REFERENCES = ("dgps.csv", "truth.csv")
 EVENTS_TOPIC, TRACK_TOPIC, CAMERAS_TOPIC = "/groundstation/events", "/groundstation/track", "/groundstation/cameras"
 STATES_TOPIC = "/groundstation/states"
-# of the note in the session.toml of a recording of operation
-_IN_OPERATION = b"recorded in operation"
+# how the notes in the session.toml of a recording of operation begin
+IN_OPERATION = "recorded in operation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,7 +99,7 @@ def parse_header(contents: McapContents, where: str) -> RecordingHeader:
         initial=None if initial is None else _initial(TomlTable(initial, f"{where}: initial", RecordingError)),
         learns_from_reference=_json(about, "taught", where) is True,
         left_out=tuple(left_out),
-        corrected=about.get("corrected") == "true" or _IN_OPERATION not in contents.attachments[SESSION],
+        corrected=about.get("corrected") == "true" or IN_OPERATION.encode() not in contents.attachments[SESSION],
     )
 
 

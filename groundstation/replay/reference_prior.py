@@ -36,10 +36,15 @@ def reference_prior(session: Session, config: EstimationConfig) -> ReferencePrio
     offset_s = 0.0
     if not session.has_clocks:
         sigma_s = config.reference_clock_sigma_s
-        known = None if reference is None else reference.clock_for(session.name)
+        known = None if reference is None else reference.clock_for(session.identity)
         if reference is not None and known is not None:
             offset_s, sigma_s = known, reference.offset_sigma_s
             notes.append(f"DGPS clock by the rig: {offset_s:+.3f} s ± {1e3 * sigma_s:.1f} ms to begin with")
+        elif reference is not None and reference.offset_s is not None and session.in_operation:
+            notes.append(
+                f"DGPS clock by the rig: not used, {reference.offset_s:+.3f} s is of session {reference.session!r},"
+                " and an operation refers its receiver to UTC at each start"
+            )
         sigmas[f"{DGPS_CLOCK}.offset"] = sigma_s
     antenna = antenna_position(session)
     if antenna.source is not AntennaSource.SESSION:

@@ -22,7 +22,7 @@ class RigReference:
 
     Attributes
     ----------
-    session : name of the recording that the clock belongs to; empty, it holds for all.
+    session : identity of the session that the clock belongs to; empty, it holds for all.
     offset_s, offset_sigma_s : t_dgps = t_session + offset, and one sigma; None if not given.
     antenna_in_body_m, antenna_sigma_m : (3,) from the nose: x forward, y right, z down; None if not given.
     """
@@ -34,7 +34,7 @@ class RigReference:
     antenna_sigma_m: FloatArray | None = None
 
     def clock_for(self, session: str) -> float | None:
-        """Return the offset in s if it holds for a recording of that name, else None."""
+        """Return the offset in s if it holds for the session of that identity, else None."""
         return self.offset_s if self.session in ("", session) else None
 
 

@@ -14,7 +14,7 @@ from groundstation.files.csv_table import CsvTable
 from groundstation.files.text_file import TextFolder, absence, is_other_kind
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.messages import InitialState
-from groundstation.recording.mcap_metadata import RecordingHeader
+from groundstation.recording.mcap_metadata import IN_OPERATION, RecordingHeader
 from groundstation.rig.dgps import read_antenna
 from groundstation.rig.rig import ClockModel, Rig, Station, load_rig
 from groundstation.session.dgps_options import DgpsOptions, parse_dgps
@@ -113,6 +113,16 @@ class Session:
     recorded: RecordingInfo | None = None
     air: SiteAir = field(default_factory=SiteAir)
     clock_entries: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def in_operation(self) -> bool:
+        """Whether it was recorded by `groundstation live`."""
+        return self.notes.startswith(IN_OPERATION)
+
+    @property
+    def identity(self) -> str:
+        """What tells it from other sessions: its name, of a recording of operation the station's name and its date."""
+        return f"{self.name} {self.date}".strip() if self.in_operation else self.name
 
     @property
     def detections_only(self) -> bool:

@@ -1,16 +1,21 @@
 """A live recording contains its run's settings, as a replay needs them."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from groundstation.live.record import live_header, live_reference, open_recorder
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_set_up import reference_tuning
+from groundstation.live.set_up_report import report_set_up
+from groundstation.live.station_file import StationFile
 from groundstation.messages import Epoch
 from groundstation.replay.recording_replay import load_replay_config
 from groundstation.replay.reference_prior import reference_prior
+from groundstation.rig.dgps import RigReference
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
@@ -55,3 +60,68 @@ def test_the_receivers_parameters_equal_those_of_a_replay(tmp_path: Path) -> Non
     np.testing.assert_array_equal(known.errors.covariance, [[0.02**2]])
     np.testing.assert_array_equal(again.antenna_in_body_m, [-0.8, 0.1, -0.15])
     assert session.origin == file.origin
+
+
+def with_named_clock(folder: Path, session: str) -> StationFile:
+    """A station whose rig knows the clock of one session, to 2 ms, and whose file states the receiver's to 0.1 s."""
+    file = simulated_station_file(folder, 30.0, None, dgps=True)
+    named = RigReference(session=session, offset_s=0.08, offset_sigma_s=0.002)
+    file.rig.write_text(rig_to_toml(replace(load_rig(file.rig), reference=named)))
+    return replace(file, reference=ReferenceDevice(url="udp://:5000", clock_offset_s=0.0, clock_sigma_s=0.1))
+
+
+def test_the_clock_of_a_named_session_is_that_of_no_operation(tmp_path: Path) -> None:
+    """All recordings of a station have its name: the flight calibrated was one of them, this one is another."""
+    file = with_named_clock(tmp_path, simulated_station_file(tmp_path, 30.0, None).name)
+    rig, config = load_rig(file.rig), reference_tuning(load_config(None), file.reference)
+    header = live_header(file, config)
+    known = live_reference(header, rig, config)
+    assert known.offset_s == 0.0
+    np.testing.assert_allclose(known.errors.covariance[0, 0], 0.1**2)
+    said: list[str] = []
+    logged: list[tuple[str, str]] = []
+    report_set_up(replace(file, sun_angle_rad=0.0), rig, known, lambda *line: logged.append(line), said.append)
+    assert len(said) == 1
+    assert said[0].startswith(f"DGPS clock by the rig: not used, +0.080 s is of session {file.name!r}")
+    assert ("info", said[0]) in logged
+    without = replace(file, reference=None, sun_angle_rad=0.0)
+    said.clear()
+    report_set_up(without, rig, known, lambda *line: None, said.append)
+    assert not said
+    path = tmp_path / "flight.mcap"
+    with open_recorder(path, rig, header) as recorder:
+        recorder.take(Epoch(t_s=1.0, epoch=0, stations=rig.names))
+    again = reference_prior(load_session(path), config.estimation)
+    assert (again.offset_s, again.notes) == (0.0, known.notes)
+
+
+def test_recordings_of_one_station_are_told_apart_by_their_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The clock that a calibration finds in one of them is used in its replay, and not in the next one's."""
+    file = with_named_clock(tmp_path, "nothing")
+    rig, config = load_rig(file.rig), load_config(None)
+    sessions = []
+    for second in (1, 2):
+        start = datetime(2026, 5, 17, 9, 30, second, tzinfo=UTC)
+        monkeypatch.setattr("groundstation.live.record._utc_now", lambda start=start: start)
+        path = tmp_path / f"{second}.mcap"
+        with open_recorder(path, rig, live_header(file, config)) as recorder:
+            recorder.take(Epoch(t_s=1.0, epoch=0, stations=rig.names))
+        sessions.append(load_session(path))
+    first, other = sessions
+    assert first.name == other.name == file.name
+    assert first.identity == f"{file.name} 2026-05-17T09:30:01+00:00"
+    found = replace(rig, reference=RigReference(session=first.identity, offset_s=0.08, offset_sigma_s=0.002))
+    offsets = [reference_prior(replace(s, rig=found), config.estimation).offset_s for s in sessions]
+    assert offsets == [0.08, 0.0]
+
+
+def test_a_clock_that_is_no_sessions_is_used_and_said(tmp_path: Path) -> None:
+    file = with_named_clock(tmp_path, "")
+    rig, config = load_rig(file.rig), load_config(None)
+    known = live_reference(live_header(file, config), rig, config)
+    assert known.offset_s == 0.08
+    said: list[str] = []
+    report_set_up(replace(file, sun_angle_rad=0.0), rig, known, lambda *line: None, said.append)
+    assert said == ["DGPS clock by the rig: +0.080 s ± 2.0 ms to begin with"]
