@@ -18,6 +18,7 @@ from groundstation.files.new_folder import make_folder, removed_if_empty
 from groundstation.messages import Event, ReferenceFix
 from groundstation.replay.initial_state import initial_state
 from groundstation.replay.provenance import provenance
+from groundstation.replay.recorded_references import fixes_by_other_rig, learns_as_recorded
 from groundstation.replay.recording_replay import (
     ReplayRecorder,
     apply_filter_resets,
@@ -80,8 +81,8 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         on_recorded_output = comparison.recorded if comparison is not None else lambda line: None
         source = session_source(session, request.from_s, request.to_s, on_recorded_output)
         opened.enter_context(source)
-        fixes = learning_fixes(request, inputs)
-        learns = bool(fixes) or _learns_as_recorded(request, inputs)
+        fixes = learning_fixes(request, inputs) or fixes_by_other_rig(request, inputs)
+        learns = bool(fixes) or learns_as_recorded(request, inputs)
         written = provenance(request, session, json.dumps(config_to_mapping(config), sort_keys=True))
         initial = initial_state(request, config, session, inputs.dgps, source.span_s[0])
         make_folder(request.out)
@@ -134,12 +135,6 @@ def _events(source: FolderSource | RecordingSource, session: Session, fixes: lis
     """Return the events of a source with the reference fixes that the filter learns from."""
     recorded = apply_filter_resets(source) if session.recorded is not None else source
     return with_reference(without_reference_fixes(recorded) if fixes else recorded, fixes)
-
-
-def _learns_as_recorded(request: ReplayRequest, inputs: ReplayInputs) -> bool:
-    """Return whether the recorded reference fixes update the filter, as they did in the recorded run."""
-    recorded = inputs.session.recorded
-    return recorded is not None and recorded.header.learns_from_reference and request.learn_until_s is None
 
 
 def _registered_heads(request: ReplayRequest, session: Session) -> RegisteredHeads | None:
