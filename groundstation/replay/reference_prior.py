@@ -17,12 +17,14 @@ class ReferencePrior:
     Attributes
     ----------
     offset_s : t_dgps = t_session + offset, from the rig; 0 if unknown, or if the session's clock is the log's.
+    offset_sigma_s : one sigma of it, from the rig; None if the rig does not state the clock.
     antenna_in_body_m : (3,) from the nose: x forward, y right, z down; None if unknown.
     errors : prior of the parameters that a filter estimates from the log.
     notes : values taken from the rig, one line each.
     """
 
     offset_s: float
+    offset_sigma_s: float | None
     antenna_in_body_m: FloatArray | None
     errors: ParameterPrior
     notes: tuple[str, ...]
@@ -33,12 +35,13 @@ def reference_prior(session: Session, config: EstimationConfig) -> ReferencePrio
     reference = session.rig.reference
     sigmas: dict[str, float] = {}
     notes: list[str] = []
-    offset_s = 0.0
+    offset_s, known_sigma_s = 0.0, None
     if not session.has_clocks:
         sigma_s = config.reference_clock_sigma_s
         known = None if reference is None else reference.clock_for(session.identity)
         if reference is not None and known is not None:
             offset_s, sigma_s = known, reference.offset_sigma_s
+            known_sigma_s = sigma_s
             notes.append(f"DGPS clock by the rig: {offset_s:+.3f} s ± {1e3 * sigma_s:.1f} ms to begin with")
         elif reference is not None and reference.offset_s is not None and session.in_operation:
             notes.append(
@@ -56,6 +59,7 @@ def reference_prior(session: Session, config: EstimationConfig) -> ReferencePrio
         sigmas.update(zip(DGPS_ANTENNA, spread, strict=True))
     return ReferencePrior(
         offset_s=offset_s,
+        offset_sigma_s=known_sigma_s,
         antenna_in_body_m=antenna.in_body_m,
         errors=ParameterPrior.independent(list(sigmas), list(sigmas.values())),
         notes=tuple(notes),

@@ -84,7 +84,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         fixes = learning_fixes(request, inputs) or fixes_by_other_rig(request, inputs)
         learns = bool(fixes) or learns_as_recorded(request, inputs)
         written = provenance(request, session, json.dumps(config_to_mapping(config), sort_keys=True))
-        initial = initial_state(request, config, session, inputs.dgps, source.span_s[0])
+        initial = initial_state(request, inputs, source.span_s[0])
         make_folder(request.out)
         unfinished.enter_context(locked_folder(request.out))
         warm_up(config.detection.detector)
