@@ -36,7 +36,11 @@ def written_clocks(session: Session, rig: Rig, estimated: Collection[str]) -> Wr
     if not copied:
         return WrittenClocks(rig=rig, note="")
     return WrittenClocks(
-        rig=replace(rig, stations=tuple(_without(s, copied) for s in rig.stations)),
+        rig=replace(
+            rig,
+            stations=tuple(_without(s, copied) for s in rig.stations),
+            shared_covariance=rig.shared_covariance.without([f"{name}.offset" for name in copied]),
+        ),
         note=f"note: [clocks] in session.toml are the session's and were held: the rig has no {', '.join(copied)}",
     )
 

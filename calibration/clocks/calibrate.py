@@ -115,7 +115,12 @@ def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = l
 
 
 def timed_rig(rig: Rig, fits: dict[str, TimingFit], one_ptu_clock: bool = False) -> Rig:
-    """Return the rig with the PTUs' clocks found; with one clock of all PTUs, the first's, and the cameras' by it."""
+    """Return the rig with the PTUs' clocks found; with one clock of all PTUs, the first's, and the cameras' by it.
+
+    What these clocks had in common with other parameters belongs to their former values, and goes.
+    """
+    timed_names = [f"{name}.offset" for name in _timed_clocks(fits, one_ptu_clock)]
+    rig = replace(rig, shared_covariance=rig.shared_covariance.without(timed_names))
     if not one_ptu_clock or len(fits) < 2:
         return replace(rig, stations=tuple(_ptu_timed(s, fits[s.name]) if s.name in fits else s for s in rig.stations))
     reference = next(iter(fits.values()))

@@ -5,7 +5,7 @@ they follow the station's name and a dot, which expresses errors that stations s
 stations' clocks and shutters and parameters of the DGPS (`CLOCK_NAMES`, `READOUT`, `REFERENCE_NAMES`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,11 @@ class ParameterCovariance:
     def nothing(cls) -> "ParameterCovariance":
         """Return the covariance of no parameter."""
         return cls(names=(), matrix=np.zeros((0, 0)))
+
+    def without(self, names: Collection[str]) -> "ParameterCovariance":
+        """Return the covariance of the parameters that are not among ``names``."""
+        keep = [k for k, name in enumerate(self.names) if name not in names]
+        return ParameterCovariance(names=tuple(self.names[k] for k in keep), matrix=self.matrix[np.ix_(keep, keep)])
 
 
 def read_covariance(table: TomlTable, stations: Sequence[str] = ()) -> ParameterCovariance:

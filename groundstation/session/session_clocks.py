@@ -3,7 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from groundstation.files.toml_table import TomlTable
+from groundstation.rig.covariance import ParameterCovariance, joined
 from groundstation.rig.rig import ClockModel, Rig, parse_clock
 
 # names in [clocks] other than the stations
@@ -39,7 +42,8 @@ def with_session_clocks(rig: Rig, clocks: Mapping[str, ClockModel], pictures: st
     """Return the rig with its missing clocks taken from [clocks]; clocks in the rig file take precedence.
 
     ``pictures`` is the table of the cameras' stamps. A PTU with neither shares its station's clock, as in a session
-    without [clocks].
+    without [clocks]. The error of an entry is one, however many clocks are copies of it: the rig's covariance has them
+    with its ``sigma_s``, fully correlated.
     """
     stations = []
     entries: dict[str, str] = {}
@@ -55,4 +59,16 @@ def with_session_clocks(rig: Rig, clocks: Mapping[str, ClockModel], pictures: st
             if not station.fixed:
                 entries[f"{station.name}.ptu_clock"] = by_ptu
         stations.append(replace(station, camera_clock=camera, ptu_clock=ptu))
-    return ClockedRig(rig=replace(rig, stations=tuple(stations)), entries=entries)
+    shared = joined(_copied_errors(entries, clocks).without(rig.shared_covariance.names), rig.shared_covariance)
+    return ClockedRig(rig=replace(rig, stations=tuple(stations), shared_covariance=shared), entries=entries)
+
+
+def _copied_errors(entries: Mapping[str, str], clocks: Mapping[str, ClockModel]) -> ParameterCovariance:
+    """Return the covariance of all clocks that are copies of an entry with a sigma."""
+    uncertain = [clock for clock, entry in entries.items() if clocks[entry].sigma_s > 0.0]
+    sigmas = np.array([clocks[entries[clock]].sigma_s for clock in uncertain])
+    entry = np.array([entries[clock] for clock in uncertain])
+    return ParameterCovariance(
+        names=tuple(f"{clock}.offset" for clock in uncertain),
+        matrix=np.where(entry[:, None] == entry, np.outer(sigmas, sigmas), 0.0),
+    )

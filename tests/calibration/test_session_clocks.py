@@ -4,9 +4,12 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from calibration.session_clocks import written_clocks
+from groundstation.estimation.parameters import CLOCKS, rig_prior
 from groundstation.rig.rig import ClockModel, load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import Session, load_session
@@ -51,6 +54,35 @@ def test_held_copies_are_left_out_and_the_rigs_own_stay(tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text(rig_to_toml(clocked.rig))
     (tmp_path / "own.toml").write_text(rig_to_toml(load_rig(tmp_path / "s" / "rig.toml")))
     assert (tmp_path / "rig.toml").read_text() == (tmp_path / "own.toml").read_text()
+
+
+def test_the_error_of_an_entry_is_one_for_all_its_clocks(tmp_path: Path) -> None:
+    """Of a station's entry camera and PTU are wrong together; of ``frames`` and ``ptu`` both cameras, and both PTUs."""
+    sure = "left = { offset_s = 0.2, sigma_s = 0.05 }\nright = { offset_s = 0.2, sigma_s = 0.03 }\n"
+    prior = rig_prior(session_of(tmp_path / "a", "\n[clocks]\n" + sure).rig)
+    names = [f"{clock}.offset" for clock in sorted(COPIED)]
+    order = [prior.names.index(name) for name in names]
+    one = np.ones((2, 2))
+    np.testing.assert_allclose(
+        prior.covariance[np.ix_(order, order)], block_diag(0.05**2 * one, 0.03**2 * one), rtol=1e-12
+    )
+    tables = "frames = { offset_s = 0.1, sigma_s = 0.05 }\nptu = { offset_s = 0.3, sigma_s = 0.03 }\n"
+    prior = rig_prior(session_of(tmp_path / "b", "\n[clocks]\n" + tables).rig)
+    order = [prior.names.index(f"{name}.{clock}.offset") for clock in CLOCKS for name in ("left", "right")]
+    np.testing.assert_allclose(
+        prior.covariance[np.ix_(order, order)], block_diag(0.05**2 * one, 0.03**2 * one), rtol=1e-12
+    )
+
+
+def test_common_errors_of_copies_are_not_the_rigs(tmp_path: Path) -> None:
+    sure = "\n[clocks]\nleft = { offset_s = 0.2, sigma_s = 0.05 }\n"
+    session = session_of(tmp_path, sure, right="ptu_clock = { offset_s = 0.01, sigma_s = 0.004 }")
+    assert session.rig.shared_covariance.names == ("left.camera_clock.offset", "left.ptu_clock.offset")
+    assert not written_clocks(session, session.rig, {"right.ptu_clock"}).rig.shared_covariance.names
+    # the rig's own clock is as it was: one error, by itself
+    prior = rig_prior(session.rig)
+    place = prior.names.index("right.ptu_clock.offset")
+    assert np.flatnonzero(prior.covariance[place]).tolist() == [place]
 
 
 def test_a_clock_estimated_on_top_of_a_copy_keeps_those_that_it_goes_with(tmp_path: Path) -> None:
