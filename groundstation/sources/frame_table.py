@@ -104,6 +104,20 @@ def read_frames(session: Session) -> FrameTable:
     )
 
 
+def own_numbers(session: Session) -> dict[str, dict[int, int]]:
+    """Return each station's frame numbers in its own pictures, by the pair's, where frames.csv has a column for them.
+
+    Raises `SessionError` if frames.csv or a column is missing.
+    """
+    columns = frames_table(session).columns
+    numbered = [n for n in session.rig.names if f"{n}_index" in columns]
+    if not numbered:
+        return {}
+    table = read_frames(session)
+    pairs = table.index.tolist()
+    return {n: {k: own for k, own in zip(pairs, table.numbers[n].tolist(), strict=True) if own >= 0} for n in numbered}
+
+
 def _index(table: CsvTable, row: Row, before: int | None) -> int:
     """Return a row's number, which must be greater than that of the row before."""
     return _whole(table, row, "index", -1 if before is None else before)

@@ -1,7 +1,7 @@
 """Rows of one camera: pose of its frustum, overlay of its picture, plots and status."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -44,12 +44,16 @@ class CameraChannel:
     ----------
     geometry : the station's measurement geometry, for the pose of its frustum.
     video : the station's video as it is in the recording; an empty one without any.
+    frame_numbers : the video's frame of each pair, by the pair's number; None: the same.
     """
 
-    def __init__(self, geometry: StationGeometry, video: EmbeddedVideo) -> None:
+    def __init__(
+        self, geometry: StationGeometry, video: EmbeddedVideo, frame_numbers: Mapping[int, int] | None = None
+    ) -> None:
         self.station = geometry.name
         self._geometry = geometry
         self._video = video
+        self._frame_numbers = frame_numbers
         self._reports: list[CameraReport] = []
         self._last_status: DetectionStatus | None = None
         self._last_angles: tuple[float, float, float] | None = None
@@ -79,12 +83,12 @@ class CameraChannel:
         """Refer each frame to its own presentation timestamp; a number beyond the video refers to nothing."""
         if not len(self._video):
             return []
-        shown = [r for r in reports if 0 <= r.epoch < len(self._video)]
-        self.frames_beyond_video += len(reports) - len(shown)
-        columns = self._video.references(np.array([r.epoch for r in shown], dtype=np.int64))
-        return [
-            ColumnBatch(entity=entity_paths.image(self.station), t_s=np.array([r.t_s for r in shown]), columns=columns)
-        ]
+        own = self._frame_numbers
+        numbers = np.array([r.epoch if own is None else own.get(r.epoch, -1) for r in reports], dtype=np.int64)
+        inside = (numbers >= 0) & (numbers < len(self._video))
+        self.frames_beyond_video += int(np.count_nonzero(~inside))
+        t_s, columns = np.array([r.t_s for r in reports])[inside], self._video.references(numbers[inside])
+        return [ColumnBatch(entity=entity_paths.image(self.station), t_s=t_s, columns=columns)]
 
     def _pointing(self, reports: Sequence[CameraReport]) -> list[ColumnBatch]:
         """Turn the head and plot the angles with their rates, wherever the angles are known."""

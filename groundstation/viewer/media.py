@@ -28,19 +28,20 @@ MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VideoAsset:
-    """A station's video file; frame number n of the session is the n-th frame in order of presentation.
+    """A station's video file; its frame n is the n-th in order of presentation.
 
     ``frame_timestamps_ns`` (n,) int64 may give the presentation timestamps where they are known already;
-    else they are read from the file.
+    else they are read from the file. ``frame_numbers`` is the frame of each pair, by the pair's number; None: the same.
     """
 
     path: Path
     frame_timestamps_ns: NDArray[np.int64] | None = None
+    frame_numbers: Mapping[int, int] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImageFolder:
-    """A station's pictures on disk, JPEG or PNG, by frame number."""
+    """A station's pictures on disk, JPEG or PNG, by the number of their pair."""
 
     files: Mapping[int, Path] = field(default_factory=dict)
 

@@ -236,10 +236,10 @@ class RerunSink:
         for number, station in enumerate(self._rig.stations):
             log_station(self._stream, station, number, middle_m)
             log_camera_styles(self._stream, station, number)
-            video = EmbeddedVideo()
-            if station.name in videos:
-                video = self._log_video(station.name, videos[station.name])
-            channels[station.name] = CameraChannel(station.geometry(), video)
+            asset = videos.get(station.name)
+            video = EmbeddedVideo() if asset is None else self._log_video(station.name, asset)
+            numbers = None if asset is None else asset.frame_numbers
+            channels[station.name] = CameraChannel(station.geometry(), video, numbers)
         return channels
 
     def _log_video(self, station: str, video: VideoAsset) -> EmbeddedVideo:

@@ -5,6 +5,7 @@ from pathlib import Path
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, track_series
 from groundstation.session import MediumKind, Session
+from groundstation.sources.frame_table import own_numbers
 from groundstation.sources.picture_reader import image_files
 from groundstation.viewer.media import MEDIA_TYPES, ImageFolder, Media, RecordedWindows, VideoAsset
 from groundstation.viewer.reference_lines import AxisErrors, ReferenceLine, ReferenceTracks
@@ -17,11 +18,15 @@ def session_view(path: Path, session: Session) -> RerunSink:
     Of a recording (.mcap) those windows of the pictures are shown that were kept.
     """
     media: dict[str, Media] = {}
+    numbers = own_numbers(session) if session.media and session.recorded is None else {}
     for name, medium in session.media.items():
+        own = numbers.get(name)
         if medium.kind is MediumKind.VIDEO:
-            media[name] = VideoAsset(path=medium.path)
+            media[name] = VideoAsset(path=medium.path, frame_numbers=own)
         elif medium.kind is MediumKind.IMAGES:
             files = image_files(medium.path)
+            if own is not None:
+                files = {pair: files[number] for pair, number in own.items() if number in files}
             plain = all(path.suffix.lower() in MEDIA_TYPES for path in files.values())
             media[name] = ImageFolder(files=files) if plain else RecordedWindows(expected=len(files))
         else:

@@ -7,9 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from groundstation.messages import CameraReport, DetectionStatus, Miss, MissReason, StepReport
+from groundstation.messages import CameraReport, DetectionStatus, Frame, Miss, MissReason, StepReport
 from groundstation.picture import BgrPicture
 from groundstation.session import load_session
+from groundstation.sources.folder_source import FolderSource
 from groundstation.viewer import media as rerun_media
 from groundstation.viewer import picture_channel as rerun_pictures
 from groundstation.viewer.session_recording import write_session_recording
@@ -90,6 +91,20 @@ def test_a_folder_too_large_is_thinned_by_its_content(tmp_path: Path, monkeypatc
     monkeypatch.setattr(rerun_pictures, "MAX_PICTURE_BYTES", size // 2 + 1)
     recording = seen(folder, tmp_path / "session.rrd", wanted=False)
     assert numbers_shown(recording) == [0, 2, 4, 6, 8, 10]
+
+
+def test_pictures_are_those_that_the_detector_got_where_a_camera_counts_by_itself(tmp_path: Path) -> None:
+    """Expected: the left camera began 3 frames before the pairs, and lacks one: pictures 3, 4, 6, … of its folder."""
+    folder = Tiny(rows=ROWS, video="none").write(tmp_path / "session")
+    write_pictures(folder / "left", range(ROWS + 3))
+    write_pictures(folder / "right", range(ROWS))
+    rows = [f"{k},{1 + 0.1 * k},{1 + 0.1 * k},{k + 3},{k}" for k in range(ROWS)]
+    rows[2] = "2,,1.2,,2"
+    (folder / "frames.csv").write_text("\n".join(["index,left_t_s,right_t_s,left_index,right_index", *rows]) + "\n")
+    with FolderSource(load_session(folder)) as source:
+        looked_at = [e for e in source if isinstance(e, Frame) and e.station == "left"]
+    recording = seen(folder, tmp_path / "session.rrd", wanted=False)
+    assert numbers_shown(recording) == [number_of(frame.image.whole()) for frame in looked_at] == [3, 4, *range(6, 15)]
 
 
 def test_a_folder_of_another_kind_is_sent_with_the_reports(tmp_path: Path) -> None:

@@ -307,6 +307,19 @@ def test_a_video_that_cannot_be_embedded_is_left_out_and_logged(
     assert len(recording.times_ns("/plots/ptu/left/pan")) == len(few)
 
 
+def test_a_frame_refers_to_the_videos_own_number_where_the_session_gives_one(
+    tmp_path: Path, landing: Landing, few: list[StepReport]
+) -> None:
+    """Expected: of pairs 20 to 24 the video's frames 23, 24 and 26; of 22 it has none, and 99 is beyond its end."""
+    numbers = {20: 23, 21: 24, 23: 26, 24: 99}
+    stamps_ns = np.arange(30) * 100_000_000
+    own = VideoAsset(path=landing.folder / "left.mp4", frame_timestamps_ns=stamps_ns, frame_numbers=numbers)
+    recording = _write(tmp_path / "few.rrd", landing.rig, few, media={"left": own})
+    shown = recording.column("/cameras/left/image", "VideoFrameReference:timestamp")
+    assert shown == [[2_300_000_000], [2_400_000_000], [2_600_000_000]]
+    assert "left: 2 frames are not in the video" in recording.text("/log/track")
+
+
 def test_frames_beyond_the_video_have_no_picture_and_the_log_counts_them(
     tmp_path: Path, landing: Landing, few: list[StepReport]
 ) -> None:
