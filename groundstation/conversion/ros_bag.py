@@ -15,7 +15,7 @@ from groundstation.conversion.session_folder_writer import SessionFolderWriter
 from groundstation.errors import InputError
 from groundstation.files.text_file import AttachedFiles
 from groundstation.messages import Event, Frame, PixelMeasurement, PtuSample
-from groundstation.rig.rig import load_rig
+from groundstation.rig.rig import EQUAL_CLOCKS, load_rig
 from groundstation.session import Session, load_dgps, load_session
 from groundstation.session.folder import read_session
 from groundstation.session.media import Medium, MediumKind
@@ -108,7 +108,8 @@ def from_ros_bag(
         events, fault = pass_on(stream, folder.take, progress, bag.pairs(chosen))
         if chosen.reference is not None:
             try:
-                files["dgps.csv"] = bag.reference_csv(chosen.reference)
+                # the folder keeps [clocks], which maps its table to the DGPS clock of the bag's stamps
+                files["dgps.csv"] = bag.reference_csv(chosen.reference, session.clocks.get("dgps", EQUAL_CLOCKS))
             except InputError as damaged:
                 fault = fault or damaged
         folder.finish(files, "")

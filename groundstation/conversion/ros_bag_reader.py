@@ -24,7 +24,7 @@ from groundstation.files.output_names import name_fault
 from groundstation.files.toml_table import quoted, shown
 from groundstation.messages import Epoch, Event, Frame, FrameAngles, PixelMeasurement, PtuSample
 from groundstation.picture import BgrPicture, Picture
-from groundstation.rig.rig import Rig
+from groundstation.rig.rig import ClockModel, Rig
 
 IMAGE_KINDS = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 JOINT_KIND, REFERENCE_KIND = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseWithCovarianceStamped"
@@ -247,12 +247,12 @@ class RosBag:
         counts = {c.topic: c.msgcount for c in self._reader.connections}
         return max(counts[topic] for topic in (topics.images or topics.pixels).values())
 
-    def reference_csv(self, topic: str) -> bytes:
-        """Return the reference positions as dgps.csv."""
+    def reference_csv(self, topic: str, clock: ClockModel) -> bytes:
+        """Return the reference positions as dgps.csv, in the receiver's stamps, which ``clock`` maps to the bag's."""
         lines = ["t_s,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m"]
         for _, message in self._messages({topic}):
             at, variance = message.pose.pose.position, np.asarray(message.pose.covariance).reshape(6, 6).diagonal()[:3]
-            numbers = [self._time_s(message), at.x, at.y, at.z]
+            numbers = [clock.device_from_session(self._time_s(message)), at.x, at.y, at.z]
             if not np.isfinite(numbers).all():
                 continue
             # zero is ROS's word for unknown, and one so large that of `RosBagWriter`

@@ -127,7 +127,7 @@ class RosBagWriter:
             self.left_out[_WORDS[type(event)]] += 1
 
     def write_reference(self, fixes: tuple[DgpsFix, ...]) -> None:
-        """Write positions of the reference; the offset of its clock is not applied."""
+        """Write positions of the reference, with stamps of the DGPS clock, as `load_dgps` gives them."""
         for fix in fixes:
             variance = np.full(3, UNKNOWN_VARIANCE) if fix.sigma_m is None else np.square(fix.sigma_m)
             pose = self._ros.pose(fix.position_runway_m, np.diag(variance))

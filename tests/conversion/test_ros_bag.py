@@ -19,7 +19,7 @@ from groundstation.cli.main import main
 from groundstation.messages import DgpsFix, Event, Frame, PtuSample
 from groundstation.session import load_dgps, load_session
 from tests.conversion.test_convert import CLOCKS, streamed
-from tests.session.folder import SIZE, Tiny, picture, rig_text
+from tests.session.folder import SESSION, SIZE, Tiny, picture, rig_text
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 DGPS = "t_s,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m\n1.0,0,300,20,0.02,0.03,0.05\n1.1,0,299,20,0.02,0.03,0.05\n"
@@ -399,6 +399,21 @@ def test_a_reference_without_sigma_has_none_afterwards(tmp_path: Path) -> None:
     assert main(["convert", str(session), str(tmp_path / "bag"), "--ros2"]) == 0
     assert main(["convert", str(tmp_path / "bag"), str(tmp_path / "back")]) == 0
     assert [fix.sigma_m for fix in load_dgps(load_session(tmp_path / "back"))] == [None, None]
+
+
+def test_the_clock_of_the_reference_is_applied_once(tmp_path: Path) -> None:
+    """Expected: the fixes' times of the session's DGPS clock, in the bag and in the folder that it becomes again."""
+    clocks = "\n[clocks]\ndgps = { offset_s = 0.3, drift_ppm = 50.0 }\n"
+    session = Tiny(rows=3, video="png", session=SESSION + clocks).write(tmp_path / "session")
+    (session / "dgps.csv").write_text(DGPS)
+    assert main(["convert", str(session), str(tmp_path / "bag"), "--ros2"]) == 0
+    assert main(["convert", str(tmp_path / "bag"), str(tmp_path / "back")]) == 0
+    given, back = ([fix.t_s for fix in load_dgps(load_session(tmp_path / f))] for f in ("session", "back"))
+    assert given == pytest.approx([1.30005, 1.400055], abs=1e-9)
+    assert back == pytest.approx(given, abs=2e-9)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        stamps_ns = [ns for connection, ns, _ in reader.messages() if connection.topic == "/reference"]
+    assert stamps_ns == [1_300_050_000, 1_400_055_000]
 
 
 def test_pixels_go_both_ways(tmp_path: Path) -> None:
