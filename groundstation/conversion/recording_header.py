@@ -15,7 +15,11 @@ def build_header(
     initial: InitialState | None,
     learns_from_reference: bool,
 ) -> RecordingHeader:
-    """Return the header of a run on a session; ``rig_file`` None is the session's own."""
+    """Return the header of a run on a session; ``rig_file`` None is the session's own.
+
+    Without another rig an early recording of operation is replayed uncorrected, as it was flown, and so are its events.
+    """
+    recorded = session.recorded
     rig = session.folder / RIG if rig_file is None else rig_file
     files = {
         SESSION: (session.folder / SESSION).read_bytes(),
@@ -32,4 +36,5 @@ def build_header(
         initial=initial,
         learns_from_reference=learns_from_reference,
         left_out=tuple(sorted(session.left_out)),
+        corrected=recorded is None or recorded.header.corrected or rig_file is not None,
     )
