@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from groundstation.conversion.corrected_rig import corrected_rig
+from groundstation.conversion.device_records import DeviceRecords, folder_files
 from groundstation.conversion.recording_header import build_header
 from groundstation.conversion.reference_cut import SessionPart, cut_references, session_part
 from groundstation.conversion.session_folder_writer import SessionFolderWriter, WrittenCounts
@@ -12,16 +12,23 @@ from groundstation.errors import InputError, UsageError
 from groundstation.files.output_names import below
 from groundstation.files.text_file import absence, is_other_kind
 from groundstation.messages import Epoch, Event
+from groundstation.recording.mcap_metadata import RIG
 from groundstation.recording.recorder import PATIENT, Recorder, RecorderState
+from groundstation.rig.rig import load_rig
 from groundstation.session import Session, load_session
 from groundstation.sources.folder_source import FolderSource
 from groundstation.sources.recording_source import RecordingSource
+from groundstation.sources.recorrection import Recorrection
 from groundstation.sources.session_source import session_source
 from groundstation.tracking.config import load_config
 
 Source = FolderSource | RecordingSource
 # a session has no track yet
 _MAPS = (".kml", ".geojson")
+_EARLY = (
+    "the recording has readings and stamps that no axes or clocks have corrected; the folder's rig.toml corrects them,"
+    " as `replay --rig` does those of the recording"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,15 +94,18 @@ def _packed(
 def _unpacked(
     session: Session, stream: Source, part: SessionPart, out: Path, progress: Callable[[int, int], None]
 ) -> ConversionResult:
-    """Write a folder."""
-    files = {} if session.recorded is None else cut_references(session.recorded.header.files, session, part)
-    remarks: tuple[str, ...] = ()
-    if "rig.toml" in files:
-        files["rig.toml"], remarks = corrected_rig(session.rig, files["rig.toml"])
+    """Write a folder of the recorded devices' own stamps and readings, with the recorded rig."""
+    recorded = session.recorded
+    corrected_by = session.rig if recorded is None else recorded.rig
+    devices = DeviceRecords(corrected_by.stations, session.applied_axes)
+    files = {} if recorded is None else cut_references(recorded.header.files, session, part)
+    files, remarks = folder_files(files, load_rig(session.folder / RIG), devices.kept)
+    if recorded is not None and Recorrection(corrected_by, session.rig).is_needed:
+        remarks += (_EARLY,)
     for name in files:
         # before anything is written, not after
         below(out, name)
-    folder = SessionFolderWriter(out, session)
+    folder = SessionFolderWriter(out, session, devices)
     events, fault = pass_on(stream, folder.take, progress, stream.epoch_count)
     remark = _partial(folder.done)
     folder.finish(files, "".join(remark))

@@ -1,11 +1,12 @@
 """Events as a plain session folder: tables in each device's own clock, pictures as PNG.
 
-Numbers are written so that reading the folder gives every time and angle of the events again, bit for bit.
+Numbers are written so that reading the folder gives every time and angle of the events again, bit for bit; angles that
+are corrected by axes, to rounding.
 """
 
 import math
 from array import array
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box
+from groundstation.conversion.device_records import DeviceRecords
 from groundstation.errors import InputError, os_words
 from groundstation.files.output_names import below
 from groundstation.messages import (
@@ -27,13 +29,11 @@ from groundstation.messages import (
     ReferenceFix,
 )
 from groundstation.picture import PartialPicture, Picture
-from groundstation.rig.rig import ClockModel
 from groundstation.session import Session
 from groundstation.sources import frame_angles_table
 
 # what colours at a kept part's border lean on beyond it, in px
 _BORDER_PX = 4
-_NEIGHBOURS = 64
 
 
 @dataclass(slots=True, kw_only=True)
@@ -53,13 +53,19 @@ class WrittenCounts:
 class SessionFolderWriter:
     """Writes events into ``folder``, new or empty; `finish` writes the tables.
 
+    Parameters
+    ----------
+    session : whose stations, and pictures or pixels, the events have.
+    devices : gives the devices' stamps and readings of the events.
+
     Raises `InputError` if the folder cannot be written, or has something in it.
     """
 
-    def __init__(self, folder: Path, session: Session) -> None:
+    def __init__(self, folder: Path, session: Session, devices: DeviceRecords) -> None:
         self._folder = folder
         self._session = session
-        self._stations = {s.name: s for s in session.rig.stations}
+        self._devices = devices
+        self._stations = session.rig.names
         self._rows: dict[int, dict[str, float]] = {}
         self._readings = {s.name: array("d") for s in session.rig.stations if not s.fixed}
         self._pixels: dict[str, list[tuple[float, ...]]] = {}
@@ -76,17 +82,18 @@ class SessionFolderWriter:
     def take(self, event: Event) -> None:
         """Add one event; pictures are written at once."""
         if isinstance(event, PtuSample):
-            t_s = _device_time(self._session.ptu_clock(self._stations[event.station]), event.t_s)
-            self._readings[event.station].extend([t_s, _degrees(event.pan_rad), _degrees(event.tilt_rad)])
+            t_s = self._devices.ptu_stamp(event.station, event.t_s)
+            readings = self._devices.readings_deg(event.station, event.pan_rad, event.tilt_rad)
+            self._readings[event.station].extend([t_s, *readings])
             self.done.readings += 1
         elif isinstance(event, Frame):
             self._frame(event)
         elif isinstance(event, PixelMeasurement):
-            t_s = _device_time(self._session.camera_clock(self._stations[event.station]), event.t_s)
+            t_s = self._devices.camera_stamp(event.station, event.t_s)
             self._pixels.setdefault(event.station, []).append((t_s, event.u_px, event.v_px, *(event.sigma_px or ())))
             self.done.pixels += 1
         elif isinstance(event, FrameAngles):
-            t_s = _device_time(self._session.camera_clock(self._stations[event.station]), event.t_s)
+            t_s = self._devices.camera_stamp(event.station, event.t_s)
             self._angles.append(
                 [repr(t_s), event.station, *map(repr, (event.pan_rad, event.tilt_rad, event.sigma_rad))]
             )
@@ -119,7 +126,7 @@ class SessionFolderWriter:
         if frame.station in stamps:
             self.done.out_of_order += 1
             return
-        stamps[frame.station] = _device_time(self._session.camera_clock(self._stations[frame.station]), frame.t_s)
+        stamps[frame.station] = self._devices.camera_stamp(frame.station, frame.t_s)
         image, whole = _whole_or_black(frame.image)
         self.done.frames += 1
         self.done.partial += not whole
@@ -222,28 +229,3 @@ def _inner(window: Box[int], size_px: tuple[int, int]) -> Box[int]:
     x0, y0 = (v + _BORDER_PX if v else 0 for v in window[:2])
     x1, y1 = (v - _BORDER_PX if v < size else v for v, size in zip(window[2:], size_px, strict=True))
     return Box(x0, y0, x1, y1)
-
-
-def _device_time(clock: ClockModel, t_s: float) -> float:
-    """Return the device's stamp that reads as ``t_s`` of the session."""
-    return _near(clock.device_from_session(t_s), lambda stamp: clock.session_from_device(stamp) == t_s)
-
-
-def _degrees(angle_rad: float) -> float:
-    """Return the angle in degrees that reads as ``angle_rad``."""
-    guess = float(np.degrees(angle_rad))
-    return _near(round(guess, 9), lambda deg: float(np.radians(deg)) == angle_rad, guess)
-
-
-def _near(guess: float, good: Callable[[float], bool], otherwise: float | None = None) -> float:
-    """Return the number nearest to a guess that is good; the guess itself where rounding leaves none."""
-    around = guess if otherwise is None else otherwise
-    if good(guess):
-        return guess
-    below = above = around
-    for _ in range(_NEIGHBOURS):
-        for value in (below, above):
-            if good(value):
-                return value
-        below, above = math.nextafter(below, -math.inf), math.nextafter(above, math.inf)
-    return around

@@ -16,13 +16,15 @@ from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.messages import InitialState
 from groundstation.recording.mcap_metadata import IN_OPERATION, RecordingHeader
 from groundstation.rig.dgps import read_antenna
+from groundstation.rig.ptu_axes import PtuAxes
 from groundstation.rig.rig import ClockModel, Rig, Station, load_rig
+from groundstation.session.applied_axes import APPLIED_AXES, read_applied_axes, require_applied_axes
 from groundstation.session.dgps_options import DgpsOptions, parse_dgps
 from groundstation.session.media import Medium, check_medium, find_media
 from groundstation.session.session_clocks import parse_clocks, with_session_clocks
 from groundstation.session.site_air import SiteAir, parse_air
 
-_TABLES = ("clocks", "target", "initial", "origin", "air", "phase", "dgps")
+_TABLES = ("clocks", "target", "initial", "origin", "air", "phase", "dgps", APPLIED_AXES)
 _MAX_PHASES = 10_000
 # the recorder's own notes are few; searching for misspelt keys costs a comparison with each known key
 _MAX_ENTRIES = 1_000
@@ -61,8 +63,9 @@ class GeoOrigin:
 class RecordingInfo:
     """The recording of a session: the file, the configuration of the run, and whether the file was closed.
 
-    ``path`` of the container; ``header`` describes the run; ``rig`` is the recorded one, by whose clocks and axes the
-    events are corrected; ``fault`` is a fault at the end of the file, if any.
+    ``path`` of the container; ``header`` describes the run; by the clocks and axes of ``rig`` the events are corrected:
+    the recorded one, or of an early recording of operation one of ideal devices. ``rig_replaced``: the session's rig is
+    another than the recorded one, and corrects them instead. ``fault`` is a fault at the end of the file, if any.
     ``epochs`` and ``span_s`` (first and last) are None for a file that was not closed.
     """
 
@@ -72,6 +75,7 @@ class RecordingInfo:
     epochs: int | None
     span_s: tuple[float, float] | None
     fault: RecordingError | None
+    rig_replaced: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,6 +97,7 @@ class Session:
     air : of the site, for refraction.
     clock_entries : clocks of ``rig`` that its file lacks, ``station.camera_clock`` or ``.ptu_clock``: the entry of
         [clocks] that each is a copy of.
+    applied_axes : axis errors, by station, that are taken out of its angles already, instead of readings.
     """
 
     name: str
@@ -113,6 +118,7 @@ class Session:
     recorded: RecordingInfo | None = None
     air: SiteAir = field(default_factory=SiteAir)
     clock_entries: Mapping[str, str] = field(default_factory=dict)
+    applied_axes: Mapping[str, PtuAxes] = field(default_factory=dict)
 
     @property
     def in_operation(self) -> bool:
@@ -143,6 +149,11 @@ class Session:
         """Return the map from PTU stamps to session time: from the rig, else [clocks] of ``ptu``, else equal."""
         return station.ptu_clock
 
+    def reading_axes(self, station: Station) -> PtuAxes:
+        """Return the axes that make angles of the readings: the rig's, but for the lean none where they are applied."""
+        own = station.ptu_axes
+        return PtuAxes(lean_rad=own.lean_rad) if station.name in self.applied_axes else own
+
 
 def load_folder(folder: Path, rig_path: Path | None = None) -> Session:
     """Read a session folder and check what can be checked without reading its recordings.
@@ -168,7 +179,10 @@ def load_folder(folder: Path, rig_path: Path | None = None) -> Session:
 def read_session(
     folder: TextFolder, name: str, rig: Rig, left_out: frozenset[str], media: dict[str, Medium]
 ) -> Session:
-    """Read session.toml of a folder or a recording; ``name`` where it gives none. Raises `SessionError`."""
+    """Read session.toml of a folder or a recording; ``name`` where it gives none.
+
+    Raises `SessionError`, or `RigError` for a rig with other axes than those that the angles are corrected by.
+    """
     path = folder / "session.toml"
     top = TomlTable(load_toml(path, SessionError), str(path), SessionError)
     _refuse_misspelt(top)
@@ -177,6 +191,8 @@ def read_session(
         raise top.fail("format", quoted(kind), "a session's description, which has none")
     clocks = parse_clocks(top.table("clocks"), {*rig.names, *left_out})
     clocked = with_session_clocks(rig, clocks, "frames" if media else "detections")
+    applied = read_applied_axes(top.table(APPLIED_AXES), {*rig.names, *left_out})
+    require_applied_axes(rig, applied)
     frame = top.text("frame", "runway")
     if frame not in ("runway", "east-north-up"):
         raise top.fail("frame", quoted(frame), "'runway' or 'east-north-up'")
@@ -198,6 +214,7 @@ def read_session(
         left_out=left_out,
         air=parse_air(top.table("air")) if isinstance(top.values.get("air"), dict) else SiteAir(),
         clock_entries=clocked.entries,
+        applied_axes=applied,
     )
 
 

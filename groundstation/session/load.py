@@ -61,10 +61,11 @@ def _load_recording(path: Path, rig_path: Path | None) -> Session:
     recorded = RecordingInfo(
         path=path,
         header=header,
-        rig=session.rig if rig is own else _correcting_rig(_read_attached(folder, path, header, own, own).rig, header),
+        rig=_correcting_rig((session if rig is own else _read_attached(folder, path, header, own, own)).rig, header),
         epochs=None if end is None else end.epochs,
         span_s=None if end is None else (end.first_s, end.last_s),
         fault=contents.fault,
+        rig_replaced=rig is not own,
     )
     return replace(session, recorded=recorded)
 

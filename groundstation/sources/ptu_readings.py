@@ -35,7 +35,7 @@ class PtuReadings:
         self.fault: SessionError | None = None
         self.newest_s = -np.inf
         self._clocks = {s.name: session.ptu_clock(s) for s in session.rig.stations if not s.fixed}
-        self._axes = {s.name: s.ptu_axes for s in session.rig.stations if not s.fixed}
+        self._axes = {s.name: session.reading_axes(s) for s in session.rig.stations if not s.fixed}
         self._table = ptu_table(session)
         self._file = "" if self._table is None else self._table.path.name
         self._stream: Iterator[PtuSample] = iter(())

@@ -101,7 +101,9 @@ class RecordingSource:
         self._from = -np.inf if from_s is None else from_s
         self._to = np.inf if to_s is None else to_s
         self._on_output = on_output
-        self._recorrection = Recorrection(recorded.rig, session.rig)
+        # without another rig an early recording is replayed as it was flown
+        before = recorded.rig if recorded.rig_replaced else session.rig
+        self._recorrection = Recorrection(before, session.rig, session.applied_axes)
         self._sizes = {s.name: s.lens.image_size_px for s in session.rig.stations}
         self._open = ExitStack()
         self._reader: McapReader

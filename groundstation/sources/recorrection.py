@@ -4,7 +4,7 @@ A recording has session times and angles: stamps and readings of the devices as 
 rig corrects the same stamps and readings, which its own one gives back.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 
 from groundstation.errors import RigError
@@ -18,11 +18,12 @@ Clock = Callable[[float], float]
 class Recorrection:
     """Maps events, in their order, from one rig to another; events of stations that one of them lacks stay.
 
-    A rig without axes is that of the angles, as `convert` writes it: they stay.
+    A rig without axes is that of the angles: they stay, as those of stations in ``applied``, which have no readings.
     Raises `RigError` where the readings are not known any more: of a head whose backlash was corrected by other axes.
     """
 
-    def __init__(self, recorded: Rig, wanted: Rig) -> None:
+    def __init__(self, recorded: Rig, wanted: Rig, applied: Collection[str] = ()) -> None:
+        self._applied = applied
         self._cameras: dict[str, Clock] = {}
         self._heads: dict[str, Callable[[PtuSample], PtuSample]] = {}
         for station in wanted.stations:
@@ -60,7 +61,7 @@ class Recorrection:
     def _add_head(self, own: Station, station: Station, path: str) -> None:
         clocks, axes = _differ(own.ptu_clock, station.ptu_clock), own.ptu_axes
         same = replace(axes, lean_rad=0.0) == replace(station.ptu_axes, lean_rad=0.0)
-        unchanged = same or station.ptu_axes.is_ideal_apart_from_lean
+        unchanged = same or station.ptu_axes.is_ideal_apart_from_lean or station.name in self._applied
         if not clocks and unchanged:
             return
         if not unchanged and (axes.pan_backlash_rad or axes.tilt_backlash_rad):

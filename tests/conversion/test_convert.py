@@ -81,12 +81,15 @@ def test_a_converted_folder_replays_as_the_folder(tmp_path: Path) -> None:
 def test_errors_of_the_axes_are_applied_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], packing: tuple[str, ...]
 ) -> None:
-    """What `ptu_axes` makes of a reading is in the angle that is converted; the lean of an axis stays in rig.toml."""
+    """Expected: the readings again with the rig that corrects them; a bag has angles meanwhile, which is noted."""
     axes = "ptu_axes = { pan_zero_deg = 1.5, tilt_scale_ppm = 900.0, lean_deg = 0.2 }"
     first = Tiny(rows=4, video="png", rig_more={"left": axes}).write(tmp_path / "first")
     assert main(["convert", str(first), str(tmp_path / packing[0]), *packing[1:]]) == 0
     assert main(["convert", str(tmp_path / packing[0]), str(tmp_path / "second")]) == 0
-    assert "the angles of left are corrected by ptu_axes" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert ("the angles of left are corrected by ptu_axes" in told) is ("--ros2" in packing)
+    assert told.count("note") == ("--ros2" in packing)
+    assert (tmp_path / "second" / "rig.toml").read_bytes() == (first / "rig.toml").read_bytes()
     given, back = ([e for e in streamed(tmp_path / f) if isinstance(e, PtuSample)] for f in ("first", "second"))
     one, two = ({(e.station, round(e.t_s, 6)): (e.pan_rad, e.tilt_rad) for e in each} for each in (given, back))
     assert one.keys() == two.keys()
