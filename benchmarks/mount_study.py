@@ -24,6 +24,7 @@ from calibration.mount.covariance import information
 from calibration.mount.parameters import USUAL_WORDS, choose_mount
 from calibration.mount.pointing import pointing_sigma
 from calibration.mount.problem import MountProblem
+from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Station
 from tests.calibration.mount.mounts import (
     GRID_ROWS,
@@ -69,7 +70,9 @@ def calibrated(stream: tuple[int, ...], sightings: int) -> tuple[Station, Statio
     station = plain_station()
     true = spoiled(station, rng)
     marks = marks_around(true, rng)
-    return true, calibrate_station(station, look(true, marks, rng, sightings), marks, USUAL_WORDS)
+    return true, calibrate_station(
+        station, ParameterCovariance.nothing(), look(true, marks, rng, sightings), marks, USUAL_WORDS
+    )
 
 
 def errors_and_sigmas(one: StationMount, true: Station) -> dict[str, tuple[float, float]]:
@@ -143,7 +146,7 @@ def bounds(tilts_deg: list[float], in_corners: bool, seeds: list[int]) -> list[l
         true = spoiled(plain_station(), rng)
         marks = marks_around(true, rng, tilts_deg=tuple(tilts_deg))
         seen = look(true, marks, rng, 400, in_corners=in_corners)
-        free = choose_mount(true, marks, USUAL_WORDS)
+        free = choose_mount(true, ParameterCovariance.nothing(), marks, USUAL_WORDS)
         prior = np.array(list(free.values()))
         problem = MountProblem(station=true, sightings=seen, marks=marks, names=tuple(free), prior_sigma=prior)
         known = information(problem, np.zeros(len(prior)), np.ones(len(seen), dtype=np.bool_))
@@ -168,7 +171,7 @@ def designed(noise_deg: float, seeds: list[int]) -> list[tuple[dict[str, tuple[f
     found = []
     for seed in seeds:
         head = head_on_the_grid(np.random.default_rng([10, seed]), GRID_ROWS, noise_deg)
-        one = calibrate_station(head.station, head.seen, head.marks, USUAL_WORDS)
+        one = calibrate_station(head.station, ParameterCovariance.nothing(), head.seen, head.marks, USUAL_WORDS)
         own = errors_and_sigmas(one, head.true)
         places = [one.fit.problem.names.index(name) for name in own]
         off = np.array([error for error, _ in own.values()])

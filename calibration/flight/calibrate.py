@@ -234,7 +234,7 @@ def _require_agreement(session: Session, fit: FlightFit) -> None:
     """Raise `FlightFitError` where the flight contradicts a pose of the rig and its stated sigma."""
     for k, name in enumerate(fit.problem.names):
         station, _, short = name.partition(".")
-        stated = station in session.rig.names and short in session.rig[station].covariance_parameters
+        stated = station in session.rig.names and short in session.rig.station_covariance(station).names
         off = abs(fit.change[k]) / fit.problem.prior_sigma[k]
         if stated and short.startswith(_POSES) and off > _MOST_SIGMAS_OFF:
             prior = fit.problem.prior_sigma[k]

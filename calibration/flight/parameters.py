@@ -1,6 +1,6 @@
 """Choice of the parameters that a flight estimates, and their priors."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,9 +67,11 @@ def choose_parameters(
     the antenna's position, where it is stated: a zero states nothing, as in a covariance. Raises `InputError` where
     there is nothing to estimate.
     """
+    # marginals: the fits of flight, mount and sky take priors that are independent of each other
     chosen: dict[str, float] = {}
     for station in rig.stations:
-        chosen.update({f"{station.name}.{name}": sigma for name, sigma in _of_station(station, words).items()})
+        sigmas = rig.station_covariance(station.name).sigmas
+        chosen.update({f"{station.name}.{name}": s for name, s in _of_station(station, sigmas, words).items()})
     if "antenna" in words:
         stated = np.zeros(3) if antenna_sigma_m is None else antenna_sigma_m
         chosen.update({name: float(s) or KNOWN_ANTENNA_M for name, s in zip(ANTENNA, stated, strict=True)})
@@ -81,7 +83,8 @@ def choose_parameters(
     return FreeParameters(names=tuple(chosen), prior_sigma=np.array(list(chosen.values()), dtype=np.float64))
 
 
-def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
+def _of_station(station: Station, sigmas: Mapping[str, float], words: Sequence[str]) -> dict[str, float]:
+    """Return a station's parameters and prior sigmas; ``sigmas`` are those that the rig states, if any, not zero."""
     chosen: dict[str, float] = {}
     groups = (
         ("runway_from_base", "orientation", KNOWN_ROTATION_RAD),
@@ -91,15 +94,16 @@ def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
         if part not in station.known:
             chosen.update({f"{group}.{axis}": np.inf for axis in AXES})
         elif part in words:
-            chosen.update({f"{group}.{axis}": _reported(station, f"{group}.{axis}", sigma) for axis in AXES})
+            chosen.update({f"{group}.{axis}": sigmas.get(f"{group}.{axis}") or sigma for axis in AXES})
     if "boresight" in words:
         for axis in AXES:
-            chosen[f"head_from_camera.{axis}"] = _reported(station, f"head_from_camera.{axis}", KNOWN_ROTATION_RAD)
+            name = f"head_from_camera.{axis}"
+            chosen[name] = sigmas.get(name) or KNOWN_ROTATION_RAD
     if "lens" in words:
         lens = [(f"focal.{axis}", KNOWN_FOCAL_SHARE * float(station.lens.focal_px[0])) for axis in "xy"]
         lens += [(f"principal_point.{axis}", KNOWN_PRINCIPAL_POINT_PX) for axis in "xy"]
         lens += [(f"distortion.{name}", KNOWN_DISTORTION) for name in ("k1", "k2")]
-        chosen.update({name: _reported(station, name, sigma) for name, sigma in lens})
+        chosen.update({name: sigmas.get(name) or sigma for name, sigma in lens})
     clocks = {"camera_clock": station.camera_clock or ClockModel()}
     if not station.fixed:
         clocks["ptu_clock"] = station.ptu_clock
@@ -112,11 +116,3 @@ def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
     if "readout" in words:
         chosen["readout"] = station.readout_sigma_s or KNOWN_READOUT_S
     return chosen
-
-
-def _reported(station: Station, parameter: str, otherwise: float) -> float:
-    """Return the sigma that the rig gives a parameter, if any."""
-    if parameter in station.covariance_parameters:
-        place = station.covariance_parameters.index(parameter)
-        return float(np.sqrt(station.covariance[place, place])) or otherwise
-    return otherwise

@@ -76,7 +76,9 @@ def _shared(rig: Rig, stations: Sequence[Station], fit: FlightFit) -> ParameterC
     if len({name.partition(".")[0] for name in found.names}) < 2:
         found = ParameterCovariance.nothing()
     before = rig.shared_covariance
-    keep = [k for k, name in enumerate(before.names) if name not in names]
+    # the misfit of an earlier calibration does not outlive it, see `_covariance`
+    stale = {f"{s.name}.head_from_camera.{axis}" for s in stations if s.fixed for axis in "xyz"}
+    keep = [k for k, name in enumerate(before.names) if name not in names and name not in stale]
     rest = ParameterCovariance(names=tuple(before.names[k] for k in keep), matrix=before.matrix[np.ix_(keep, keep)])
     return joined(rest, found)
 

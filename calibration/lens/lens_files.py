@@ -89,12 +89,11 @@ def read_lens(path: Path, name: str | None = None) -> CalibratedLens:
 def _from_toml(path: Path, name: str | None) -> CalibratedLens:
     values = load_toml(path, IntrinsicsError)
     if "station" in values:
-        stations = {station.name: station for station in load_rig(path).stations}
-        station = stations[_one(list(stations), name, str(path), "station")]
+        rig = load_rig(path)
+        station = rig[_one(list(rig.names), name, str(path), "station")]
         if "lens" not in station.known:
             raise IntrinsicsError(str(path), got=f"no lens of station {station.name}", wanted="a lens")
-        known = ParameterCovariance(names=station.covariance_parameters, matrix=station.covariance)
-        return CalibratedLens(lens=station.lens, covariance=_lens_part(known))
+        return CalibratedLens(lens=station.lens, covariance=_lens_part(rig.station_covariance(station.name)))
     table = TomlTable(values, str(path), IntrinsicsError)
     table.refuse_unknown(_TOML_KEYS)
     lens = _lens(

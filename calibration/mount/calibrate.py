@@ -95,15 +95,18 @@ def mount_sightings(rows: Sequence[LandmarkSighting], names: Sequence[str], path
 
 
 def calibrate_station(
-    station: Station, seen: MountSightings, marks: Sequence[Mark], words: Sequence[str]
+    station: Station, known: ParameterCovariance, seen: MountSightings, marks: Sequence[Mark], words: Sequence[str]
 ) -> StationMount:
-    """Find how one camera sits on its head; raises `MountFitError` where the sightings do not determine it."""
+    """Find how one camera sits on its head; ``known`` is its `Rig.station_covariance`.
+
+    Raises `MountFitError` where the sightings do not determine it.
+    """
     _require_ready(station, marks)
     used = sorted(set(seen.mark.tolist()))
     number = {old: new for new, old in enumerate(used)}
     seen = replace(seen, mark=np.array([number[k] for k in seen.mark.tolist()], dtype=np.int64))
     marks = tuple(marks[k] for k in used)
-    chosen = choose_mount(station, marks, words)
+    chosen = choose_mount(station, known, marks, words)
     names, prior = tuple(chosen), np.array(list(chosen.values()))
     best: MountFit | None = None
     fault: MountFitError | None = None
@@ -133,7 +136,7 @@ def calibrate_station(
     _require_signs(station, best)
     _require_senses(best)
     _require_determined(best, words)
-    return StationMount(before=station, after=solved_station(station, best), fit=best)
+    return StationMount(before=station, after=solved_station(station, known, best), fit=best)
 
 
 def _require_signs(station: Station, fit: MountFit) -> None:
@@ -236,7 +239,10 @@ def calibrate_mounts(
 ) -> MountCalibration:
     """Calibrate every station that has sightings, each separately."""
     words = mount_words(free)
-    found = [calibrate_station(rig[name], sightings, marks, words) for name, sightings in seen.items()]
+    found = [
+        calibrate_station(rig[name], rig.station_covariance(name), sightings, marks, words)
+        for name, sightings in seen.items()
+    ]
     after = {one.after.name: one.after for one in found}
     # correlations with other stations were those of the previous values
     fitted = {f"{one.after.name}.{name}" for one in found for name in one.fit.problem.names}

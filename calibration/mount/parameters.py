@@ -11,6 +11,7 @@ from calibration.mount.problem import Mark, MarkKind
 from groundstation.arrays import FloatArray
 from groundstation.errors import UsageError
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
+from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import PARTS, Station
 
 LEVER = tuple(f"camera_in_head.{axis}" for axis in "xyz")
@@ -43,27 +44,31 @@ def mount_words(text: str) -> tuple[str, ...]:
     return words
 
 
-def choose_mount(station: Station, marks: Sequence[Mark], words: Sequence[str]) -> dict[str, float]:
+def choose_mount(
+    station: Station, known: ParameterCovariance, marks: Sequence[Mark], words: Sequence[str]
+) -> dict[str, float]:
     """Return names and prior sigmas of a station's parameters to estimate, with its marks.
 
+    ``known`` is the covariance of the station's calibration, `Rig.station_covariance`; the priors are its marginals.
     Without a mark of known position or direction the base stays: any rotation of it is equivalent to one of the marks.
     The zeros are equivalent to the base's turn about its vertical and the boresight about the tilt axis.
     """
     rotation = KNOWN_ROTATION_RAD if "orientation" in station.known else np.inf
+    stated = known.sigmas
     chosen: dict[str, float] = {}
     tied = any(mark.kind.known for mark in marks)
     zero = "zero" in words
     if "boresight" in words:
-        chosen.update({name: _reported(station, name, rotation) for name in BORESIGHT})
+        chosen.update({name: stated.get(name) or rotation for name in BORESIGHT})
     if "base" in words and tied:
-        chosen.update({name: _reported(station, name, rotation) for name in BASE})
+        chosen.update({name: stated.get(name) or rotation for name in BASE})
     if zero:
         for name, other in (("pan_zero", BASE[2]), ("tilt_zero", BORESIGHT[0])):
             chosen.pop(other, None)
             if name == "tilt_zero" or tied:
                 chosen[name] = KNOWN_ZERO_RAD
     if "lever" in words:
-        chosen.update({name: _reported(station, name, KNOWN_LEVER_M) for name in LEVER})
+        chosen.update({name: stated.get(name) or KNOWN_LEVER_M for name in LEVER})
     if "lean" in words:
         chosen["lean"] = KNOWN_LEAN_RAD
     if "scale" in words:
@@ -71,8 +76,7 @@ def choose_mount(station: Station, marks: Sequence[Mark], words: Sequence[str]) 
     if "backlash" in words:
         chosen.update({"pan_backlash": KNOWN_BACKLASH_RAD, "tilt_backlash": KNOWN_BACKLASH_RAD})
     if any(mark.kind is MarkKind.POINT for mark in marks):
-        uncertain = {name: _reported(station, name, 0.0) for name in POSITION}
-        chosen.update({name: sigma for name, sigma in uncertain.items() if sigma > 0.0})
+        chosen.update({name: stated[name] for name in POSITION if stated.get(name)})
     for mark in marks:
         chosen.update(_of_mark(mark))
     return chosen
@@ -90,16 +94,8 @@ def _of_mark(mark: Mark) -> dict[str, float]:
     return chosen
 
 
-def _reported(station: Station, parameter: str, otherwise: float) -> float:
-    """Return the sigma that the rig gives a parameter, if any."""
-    if parameter in station.covariance_parameters:
-        place = station.covariance_parameters.index(parameter)
-        return float(np.sqrt(station.covariance[place, place])) or otherwise
-    return otherwise
-
-
-def solved_station(before: Station, fit: MountFit) -> Station:
-    """Return the station with its estimates and covariance.
+def solved_station(before: Station, known: ParameterCovariance, fit: MountFit) -> Station:
+    """Return the station with its estimates and its own covariance; ``known`` as in `choose_mount`.
 
     The rig's covariance has no names for the axes' errors: their uncertainty of pan and tilt at the angles
     of operation is added to the boresight about the head's vertical and about the tilt axis.
@@ -113,18 +109,18 @@ def solved_station(before: Station, fit: MountFit) -> Station:
         tilt_backlash_rad=max(axes.tilt_backlash_rad, 0.0),
     )
     station = replace(station, ptu_axes=axes)
-    names, covariance = _covariance(before, fit)
+    names, covariance = _covariance(before, known, fit)
     oriented = "orientation" in before.known or BASE[0] in fit.problem.names
-    known = tuple(p for p in PARTS if p in before.known or (p == "orientation" and oriented))
-    return replace(station, known=known, covariance_parameters=names, covariance=covariance)
+    parts = tuple(p for p in PARTS if p in before.known or (p == "orientation" and oriented))
+    return replace(station, known=parts, covariance_parameters=names, covariance=covariance)
 
 
-def _covariance(before: Station, fit: MountFit) -> tuple[tuple[str, ...], FloatArray]:
+def _covariance(before: Station, known: ParameterCovariance, fit: MountFit) -> tuple[tuple[str, ...], FloatArray]:
     free = list(fit.problem.names)
     # surveyed positions stay those of the rig: their errors were only taken into account
     found = [n for n in CALIBRATION_PARAMETERS if n in free and n not in POSITION]
     kept = [k for k, name in enumerate(before.covariance_parameters) if name not in found]
-    held = [n for n in fit.held if n in CALIBRATION_PARAMETERS and n not in before.covariance_parameters]
+    held = [n for n in fit.held if n in CALIBRATION_PARAMETERS and n not in known.names]
     size = len(found)
     total = size + len(kept) + len(held)
     covariance = np.zeros((total, total))

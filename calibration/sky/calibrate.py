@@ -93,7 +93,7 @@ def calibrate_sky(
         aircraft_mark(pass_name(k, f), f, LATENCY_SIGMA_S, uncertain.refraction) for k, f in enumerate(flights)
     ]
     marks: tuple[Mark, ...] = (*airliners, _moon_mark(sky, uncertain))
-    solved = _solved([rig[name] for name in names], pictures, marks, found, sky)
+    solved = _solved(rig, names, pictures, marks, found, sky)
     after = {night.before.name: with_change(night, c) for night, c in zip(solved.nights, solved.change, strict=True)}
     covariance = rig_covariance(solved)
     night = NightCalibration(
@@ -110,19 +110,22 @@ def calibrate_sky(
 
 
 def _solved(
-    stations: Sequence[Station],
+    rig: Rig,
+    names: Sequence[str],
     pictures: Sequence[SkyPicture],
     marks: tuple[Mark, ...],
     found: Identification,
     sky: SkyOverSite,
 ) -> JointNight:
     """Return the joint solution; what is where one fit expects it is taken into the next."""
+    stations = [rig[name] for name in names]
     heads = [_put_where_found(station, found) for station in stations]
+    stated = {name: rig.station_covariance(name).sigmas for name in names}
     values = {LATENCY: found.latency_s}
     chosen = found.chosen
 
     def solve() -> JointNight:
-        joint = joint_problem([_problem(head, pictures, chosen, marks, sky) for head in heads])
+        joint = joint_problem([_problem(head, stated[head.name], pictures, chosen, marks, sky) for head in heads])
         return solve_sky(joint, np.array([values.get(name, 0.0) for name in joint.names]), stations)
 
     solved = solve()
@@ -248,6 +251,7 @@ def _moon_mark(sky: SkyOverSite, uncertain: SkyUncertainty) -> Mark:
 
 def _problem(
     station: Station,
+    stated: Mapping[str, float],
     pictures: Sequence[SkyPicture],
     chosen: Sequence[ChosenObject],
     marks: tuple[Mark, ...],
@@ -260,7 +264,7 @@ def _problem(
         raise StarFitError(f"station {station.name}: got {got}; wanted {LEAST_PICTURES} or more, better 40")
     own.sort(key=lambda one: pictures[one.picture].utc_s)
     seen = _sightings(own, pictures, marks, sky)
-    names = sky_priors(station, [mark for k, mark in enumerate(marks) if np.any(seen.mark == k)])
+    names = sky_priors(station, stated, [mark for k, mark in enumerate(marks) if np.any(seen.mark == k)])
     return MountProblem(
         station=station,
         sightings=seen,

@@ -5,7 +5,7 @@ little. Both heads see the same airliner at the same place, and their relative d
 all heads are solved in one problem.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,8 +49,11 @@ _LEAST_KEPT_SHARE = 0.5
 LEAST_PICTURES = 6
 
 
-def sky_priors(station: Station, marks: Sequence[Mark]) -> dict[str, float]:
-    """Return names and prior sigmas of the parameters that a day finds: what the rig states, else what is usual."""
+def sky_priors(station: Station, stated: Mapping[str, float], marks: Sequence[Mark]) -> dict[str, float]:
+    """Return names and prior sigmas of the parameters that a day finds: what the rig states, else what is usual.
+
+    ``stated`` are the sigmas of the station's calibration in its rig, `Rig.station_covariance`: its marginals.
+    """
     known = "lens" in station.known
     focal = (KNOWN_FOCAL_SHARE if known else PRIOR_FOCAL_SHARE) * float(station.lens.focal_px.mean())
     centre = KNOWN_CENTRE_PX if known else CENTRE_SHARE * station.lens.image_size_px[0]
@@ -69,7 +72,6 @@ def sky_priors(station: Station, marks: Sequence[Mark]) -> dict[str, float]:
         **{f"principal_point.{axis}": centre for axis in "xy"},
         **{f"distortion.{name}": sigma for name, sigma in distortion.items()},
     }
-    stated = dict(zip(station.covariance_parameters, np.sqrt(np.diag(station.covariance)).tolist(), strict=True))
     # heads that were put up since are where their bases are found, not where the rig has them
     chosen = {n: s if n in BASE or not stated.get(n) else float(stated[n]) for n, s in usual.items()}
     for mark in marks:

@@ -11,6 +11,7 @@ from groundstation.errors import InputError, UsageError
 from groundstation.files.toml_table import quoted
 from groundstation.onboard.pose.pose_solver import PoseStatus
 from groundstation.onboard.pose.station_check import StationCheck, check_station
+from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Rig, Station
 
 LEAST_CORNERS = 4
@@ -29,7 +30,8 @@ def ask_runway(
         raise UsageError("--runway", got=", ".join(names) or "nothing", wanted="four or more different names")
     checks = []
     for station in rig.stations:
-        check = _check(station, [s for s in seen if s.station == station.name and s.landmark in names], corners)
+        known = rig.station_covariance(station.name)
+        check = _check(station, known, [s for s in seen if s.station == station.name and s.landmark in names], corners)
         if check is not None:
             checks.append(check)
     if not checks:
@@ -46,7 +48,9 @@ def _corner(marks: Mapping[str, Landmark], name: str) -> Landmark:
     return mark
 
 
-def _check(station: Station, seen: Sequence[LandmarkSighting], marks: Sequence[Landmark]) -> StationCheck | None:
+def _check(
+    station: Station, known: ParameterCovariance, seen: Sequence[LandmarkSighting], marks: Sequence[Landmark]
+) -> StationCheck | None:
     """Check one station by its first look that shows all corners; means over that look."""
     if not seen:
         return None
@@ -64,7 +68,8 @@ def _check(station: Station, seen: Sequence[LandmarkSighting], marks: Sequence[L
     corners = np.array([mark.place for mark in marks])
     survey = np.array([mark.sigma for mark in marks])
     try:
-        return check_station(station, pan, tilt, corners, pixels, sigma, 0.0 if station.fixed else angle_sigma, survey)
+        by_angle = 0.0 if station.fixed else angle_sigma
+        return check_station(station, known, pan, tilt, corners, pixels, sigma, by_angle, survey)
     except ValueError:
         return None
 

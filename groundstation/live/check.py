@@ -72,7 +72,7 @@ def _known(rig: Rig) -> CheckResult:
         rig.require_known()
     except GroundstationError as fault:
         return failed(str(fault))
-    sure = [s.name for s in rig.stations if not len(s.covariance) and not rig.shared_covariance.names]
+    sure = [name for name in rig.names if not rig.station_covariance(name).names]
     if sure:
         text = f"rig: {', '.join(sure)} without a covariance: the track's covariance will be too small"
         return failed(text)

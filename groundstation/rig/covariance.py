@@ -44,6 +44,22 @@ class ParameterCovariance:
         keep = [k for k, name in enumerate(self.names) if name not in names]
         return ParameterCovariance(names=tuple(self.names[k] for k in keep), matrix=self.matrix[np.ix_(keep, keep)])
 
+    @property
+    def sigmas(self) -> dict[str, float]:
+        """One sigma of each parameter, rad, m, px; correlations left out."""
+        return dict(zip(self.names, np.sqrt(np.diag(self.matrix)).tolist(), strict=True))
+
+    def of_station(self, station: str) -> "ParameterCovariance":
+        """Return the marginal covariance of one station's calibration out of names ``station.parameter``.
+
+        The names become those of a station's own table, which has none for clocks and shutters.
+        """
+        wanted = {f"{station}.{parameter}": parameter for parameter in CALIBRATION_PARAMETERS}
+        own = [k for k, name in enumerate(self.names) if name in wanted]
+        return ParameterCovariance(
+            names=tuple(wanted[self.names[k]] for k in own), matrix=self.matrix[np.ix_(own, own)]
+        )
+
 
 def read_covariance(table: TomlTable, stations: Sequence[str] = ()) -> ParameterCovariance:
     """Read ``parameters`` and ``matrix``: symmetric, positive semi-definite, one row per known, different name.

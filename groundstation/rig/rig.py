@@ -82,7 +82,8 @@ class Station:
     ptu_clock, camera_clock : device clocks; ``camera_clock`` None if not given.
     readout_s, readout_sigma_s : rolling shutter, first row to last, and one sigma of it.
     known : which of position, orientation and lens are calibrated.
-    covariance_parameters, covariance : names and matrix of the calibration's covariance (may be empty).
+    covariance_parameters, covariance : names and matrix of the station's own table, which is empty where the
+        rig's table has them: `Rig.station_covariance` is what is known.
     ptu_clock_given : whether the rig file itself gives ``ptu_clock``, be it zero.
     ptu_axes : errors of the axes, which map readings to angles.
     """
@@ -179,6 +180,10 @@ class Rig:
             matrix[start:stop, start:stop] = values
             start = stop
         return joined(ParameterCovariance(names=names, matrix=matrix), self.shared_covariance)
+
+    def station_covariance(self, name: str) -> ParameterCovariance:
+        """Return the covariance of a station's calibration, whichever table has it; names as in its own table."""
+        return self.calibration_covariance().of_station(self[name].name)
 
     def require_known(self, parts: Sequence[str] = PARTS) -> None:
         """Raise `RigError` if any station lacks one of ``parts``."""

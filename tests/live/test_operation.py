@@ -19,6 +19,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.live.guarded_sink import GuardedSink
 from groundstation.messages import ReferenceFix, StepReport
 from groundstation.replay.provenance import hash_of
+from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_dgps, load_session
@@ -199,8 +200,8 @@ def test_without_jsbsim_the_message_states_what_to_install(
     assert "pip install 'groundstation[jsbsim]'" in capsys.readouterr().err
 
 
-def test_check_reports_faults_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "rig.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
+def check_without_devices(tmp_path: Path, rig: Rig) -> int:
+    (tmp_path / "rig.toml").write_text(rig_to_toml(rig), encoding="utf-8")
     (tmp_path / "station.toml").write_text(
         f"""format = "groundstation-station/1"
 [[station]]
@@ -214,7 +215,18 @@ ptu = "{tmp_path}/nothing-either"
 """,
         encoding="utf-8",
     )
-    assert main(["check", str(tmp_path / "station.toml"), "--for", "2"]) == 1
+    return main(["check", str(tmp_path / "station.toml"), "--for", "2"])
+
+
+def test_check_says_whose_covariance_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The rig's own table states the left station's, and says nothing about the right one."""
+    known = ParameterCovariance(names=("left.runway_from_base.z",), matrix=np.array([[1e-8]]))
+    assert check_without_devices(tmp_path, replace(small_rig(), shared_covariance=known)) == 1
+    assert "WRONG  rig: right without a covariance" in capsys.readouterr().out
+
+
+def test_check_reports_faults_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert check_without_devices(tmp_path, small_rig()) == 1
     reported = capsys.readouterr().out.splitlines()
     assert reported[0] == "ok     station file, rig and tuning: left, right"
     assert reported[1].startswith("WRONG  rig: left, right without a covariance")

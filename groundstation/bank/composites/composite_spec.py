@@ -1,6 +1,6 @@
 """A composite as plain numbers: frames of a clip, camera and light, and what flies there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,23 +46,7 @@ class CompositeCamera:
             principal_point_px=0.5 * (np.array(size_px) - 1.0),
             distortion=np.zeros(5),
         )
-        return Station(
-            name=station.name,
-            fixed=station.fixed,
-            known=station.known,
-            ptu_position_m=np.array([0.0, 0.0, EYE_HEIGHT_M]),
-            runway_from_base_wxyz=station.runway_from_base_wxyz,
-            head_from_camera_wxyz=station.head_from_camera_wxyz,
-            camera_in_head_m=station.camera_in_head_m,
-            lens=lens,
-            ptu_resolution_rad=station.ptu_resolution_rad,
-            ptu_sigma_rad=station.ptu_sigma_rad,
-            ptu_clock=station.ptu_clock,
-            camera_clock=station.camera_clock,
-            readout_s=0.0,
-            covariance_parameters=station.covariance_parameters,
-            covariance=station.covariance,
-        )
+        return replace(station, ptu_position_m=np.array([0.0, 0.0, EYE_HEIGHT_M]), lens=lens, readout_s=0.0)
 
     def heads(self, shifts_px: FloatArray) -> tuple[HeadMotion, ...]:
         """Return orientation and rates of the camera in each frame, from the scene's shift (n, 2) px."""

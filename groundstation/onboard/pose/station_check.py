@@ -10,6 +10,7 @@ from groundstation.geometry.chi_square import chi_square_limit
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.pose.inertial_filter import rotation_vector
 from groundstation.onboard.pose.pose_solver import PointCorrespondences, PoseStatus, RunwayPose, solve_pose
+from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import Station
 
 FALSE_ALARM = 0.01
@@ -44,6 +45,7 @@ class StationCheck:
 
 def check_station(
     station: Station,
+    known: ParameterCovariance,
     pan_rad: float,
     tilt_rad: float,
     corners_m: FloatArray,
@@ -56,6 +58,7 @@ def check_station(
 
     Parameters
     ----------
+    known : the covariance of the station's calibration, `Rig.station_covariance`.
     pan_rad, tilt_rad : the encoder's readings.
     corners_m : (n, 3) surveyed, runway frame of the session.
     pixels, sigma_px : (n, 2) and (n,) their pixels, and one sigma of each coordinate.
@@ -78,7 +81,7 @@ def check_station(
             threshold=threshold,
         )  # fmt: skip
     sigma = station.angle_sigma_rad if angle_sigma_rad is None else angle_sigma_rad
-    by_rig = _pose_covariance(station, pan_rad, tilt_rad, sigma)
+    by_rig = _pose_covariance(station, known, pan_rad, tilt_rad, sigma)
     difference = -_difference(station, pan_rad, tilt_rad, pose.position_m, _matrix(pose))
     total = pose.covariance + by_rig
     return StationCheck(
@@ -118,7 +121,9 @@ def _difference(
     return np.concatenate([reported.position_runway_m - position_m, turn])
 
 
-def _pose_covariance(station: Station, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> FloatArray:
+def _pose_covariance(
+    station: Station, known: ParameterCovariance, pan_rad: float, tilt_rad: float, angle_sigma_rad: float
+) -> FloatArray:
     """Return the covariance of the camera's pose by the rig's own covariance and the encoders' noise, (6, 6)."""
     at = station.geometry().camera_pose(pan_rad, tilt_rad)
 
@@ -131,14 +136,14 @@ def _pose_covariance(station: Station, pan_rad: float, tilt_rad: float, angle_si
     ]
     angles = np.array(columns).T
     covariance = angle_sigma_rad**2 * angles @ angles.T
-    if station.covariance_parameters:
+    if known.names:
         slopes = []
-        for place in parameter_indices(station.covariance_parameters):
+        for place in parameter_indices(known.names):
             step = np.zeros(len(CALIBRATION_PARAMETERS))
             step[place] = _STEP
             more = pose(station.changed(step), pan_rad, tilt_rad)
             less = pose(station.changed(-step), pan_rad, tilt_rad)
             slopes.append((more - less) / (2 * _STEP))
         J = np.array(slopes).T
-        covariance = covariance + J @ station.covariance @ J.T
+        covariance = covariance + J @ known.matrix @ J.T
     return np.asarray(covariance)

@@ -33,9 +33,17 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def with_rig(flown: Path, sigma_rad: float) -> Path:
+def together(rig: Rig) -> Rig:
+    """Return the rig with all that its stations state in its own table."""
+    nothing = {"covariance_parameters": (), "covariance": np.zeros((0, 0))}
+    stations = tuple(replace(s, **nothing) for s in rig.stations)
+    return replace(rig, stations=stations, shared_covariance=rig.calibration_covariance())
+
+
+def with_rig(flown: Path, sigma_rad: float, shared: bool = False) -> Path:
     rig = stating(load_session(flown / "session").rig, sigma_rad)
-    path = flown / f"stated{sigma_rad:.4f}.toml"
+    rig = together(rig) if shared else rig
+    path = flown / f"stated{sigma_rad:.4f}{shared}.toml"
     path.write_text(rig_to_toml(rig))
     return path
 
@@ -61,13 +69,14 @@ def test_what_the_rig_states_is_not_contradicted_by_its_own_flight(flown: Path) 
     assert "not to be trusted" not in found.report
 
 
+@pytest.mark.parametrize("shared", [False, True], ids=["own table", "rig's table"])
 @pytest.mark.parametrize("shifted", [(0.4, 0.0, 0.0), (1.0, 0.0, 0.5)], indirect=True)
-def test_dgps_of_another_frame_gives_no_rig(shifted: Path) -> None:
-    """40 cm aside are fitted to the pixels by a roll that the rig's sigmas exclude."""
+def test_dgps_of_another_frame_gives_no_rig(shifted: Path, shared: bool) -> None:
+    """40 cm aside are fitted to the pixels by a roll that the rig's sigmas exclude, whichever table states them."""
     (shifted / "rig.toml").unlink(missing_ok=True)
     wanted = r"runway_from_base\..: got .* sigmas from the value in .*; wanted DGPS in the rig's own frame"
     with pytest.raises(FlightFitError, match=wanted):
-        run(shifted, rig=with_rig(shifted, STATED), free="orientation")
+        run(shifted, rig=with_rig(shifted, STATED, shared), free="orientation")
     assert not (shifted / "rig.toml").exists()
 
 

@@ -1,17 +1,20 @@
 """Pixels of a fixed camera that are off for seconds: found, written as an error of its axis, and never estimated."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from calibration.flight.covariance import lasting_misfit_px
 from calibration.flight.fit import FlightFit, StationFit
-from calibration.flight.rig import _with_misfit
+from calibration.flight.rig import _shared, _with_misfit
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.consider_parameters import ConsiderPolicy
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.station_ekf import StationEkf
+from groundstation.rig.covariance import ParameterCovariance
+from groundstation.rig.rig import Rig
 from tests.stereo_rig import make_station
 
 RATE_HZ, DURATION_S = 20.0, 120.0
@@ -56,6 +59,21 @@ def test_misfit_is_an_error_of_a_fixed_camera_s_axis(fixed: bool) -> None:
     if fixed:
         assert names[1:] == ("head_from_camera.x", "head_from_camera.y", "head_from_camera.z")
         np.testing.assert_allclose(np.sqrt(np.diag(covariance)[1:]) * station.lens.focal_px.mean(), 2.0)
+
+
+def test_misfit_of_an_earlier_flight_does_not_outlive_it() -> None:
+    """Nor where the rig's own table has it: the station's would state another variance, and no rig may."""
+    names = tuple(f"{station}.runway_from_base.z" for station in ("left", "right"))
+    fit = FlightFit.__new__(FlightFit)
+    object.__setattr__(fit, "problem", SimpleNamespace(names=names))
+    object.__setattr__(fit, "covariance", np.diag([1e-8, 1e-8]))
+    known = ParameterCovariance(
+        names=("left.head_from_camera.x", "right.head_from_camera.x"), matrix=np.diag([4e-8, 4e-8])
+    )
+    stations = (make_station("left", 0.0, fixed=True), make_station("right", 1.0))
+    found = _shared(Rig(stations=stations, shared_covariance=known), stations, fit)
+    # the right head turns: what is known of its camera is no misfit
+    assert found.names == ("right.head_from_camera.x", *names)
 
 
 @pytest.mark.parametrize("use", list(CalibrationUse))

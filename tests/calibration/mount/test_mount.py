@@ -39,6 +39,7 @@ from tests.calibration.mount.mounts import (
 
 pytestmark = pytest.mark.usefixtures("unrendered_pictures")
 
+NOTHING_STATED = ParameterCovariance.nothing()
 UNKNOWN_BOARD = Mark(
     name="board",
     kind=MarkKind.BOARD,
@@ -71,7 +72,10 @@ def test_every_derivative_has_its_numeric_twin(made, rng) -> None:
     board = standing_board(true)
     both = [*marks[:6], *unknown[6:], board]
     seen = look(true, tuple(both), rng, 39, bodies={"board": board_body()})
-    names = {**choose_mount(station, both, ("zero", *USUAL_WORDS)), **choose_mount(station, both, USUAL_WORDS)}
+    names = {
+        **choose_mount(station, NOTHING_STATED, both, ("zero", *USUAL_WORDS)),
+        **choose_mount(station, NOTHING_STATED, both, USUAL_WORDS),
+    }
     names = tuple({**names, "ptu_position.x": 1.0, "ptu_position.z": 1.0})
     problem = MountProblem(
         station=station, sightings=seen, marks=tuple(both), names=names, prior_sigma=np.ones(len(names))
@@ -94,7 +98,7 @@ def test_errors_are_consistent_with_their_sigmas() -> None:
         station = plain_station()
         true = spoiled(station, rng)
         marks = marks_around(true, rng)
-        one = calibrate_station(station, look(true, marks, rng, 120), marks, USUAL_WORDS)
+        one = calibrate_station(station, NOTHING_STATED, look(true, marks, rng, 120), marks, USUAL_WORDS)
         for name, off in off_by(one.after, true).items():
             if name in one.fit.problem.names:
                 squares.setdefault(name, []).append((off / one.fit.sigma(name)) ** 2)
@@ -143,7 +147,7 @@ def test_what_a_step_hides_lasts_as_long_as_the_head_stands() -> None:
     squares, count = 0.0, 0
     for seed in range(5):
         head = head_on_the_grid(np.random.default_rng([43, seed]), 8, noise_deg=0.0)
-        one = calibrate_station(head.station, head.seen, head.marks, USUAL_WORDS)
+        one = calibrate_station(head.station, NOTHING_STATED, head.seen, head.marks, USUAL_WORDS)
         off, covariance = errors_and_covariance(one, head.true)
         squares += float(off @ np.linalg.solve(covariance, off))
         count += len(off)
@@ -179,7 +183,7 @@ def test_the_boresight_alone_on_the_grid_of_the_manual() -> None:
     errors, squares = [], 0.0
     for seed in range(2):
         head = head_on_the_grid(np.random.default_rng([44, seed]), GRID_ROWS)
-        one = calibrate_station(head.station, head.seen, head.marks, USUAL_WORDS)
+        one = calibrate_station(head.station, NOTHING_STATED, head.seen, head.marks, USUAL_WORDS)
         names = [f"head_from_camera.{axis}" for axis in "xyz"]
         sigma = np.array([one.fit.sigma(name) for name in names])
         assert np.degrees(sigma).max() < 0.003
@@ -197,7 +201,7 @@ def test_the_boresight_alone_on_the_grid_of_the_manual() -> None:
 
 def test_the_cameras_direction_is_that_of_the_rig(made, rng) -> None:
     station, true, marks = made
-    one = calibrate_station(station, look(true, marks, rng, 300), marks, USUAL_WORDS)
+    one = calibrate_station(station, NOTHING_STATED, look(true, marks, rng, 300), marks, USUAL_WORDS)
     at = pointing_sigma(one.fit)
     assert at.worst_deg < 0.003
     assert verdict(one)[0].startswith("good")
@@ -220,7 +224,7 @@ def test_the_cameras_direction_is_that_of_the_rig(made, rng) -> None:
 
 def test_held_out_residuals_are_noise(made, rng) -> None:
     station, true, marks = made
-    one = calibrate_station(station, look(true, marks, rng, 300), marks, USUAL_WORDS)
+    one = calibrate_station(station, NOTHING_STATED, look(true, marks, rng, 300), marks, USUAL_WORDS)
     held_out = one.fit.held_out
     assert held_out is not None
     assert len(held_out.residual_px) == 60
@@ -245,7 +249,7 @@ def test_no_initial_value_is_needed(rng, quarter: int) -> None:
     )
     seen = look(turned, marks, rng, 60)
     nothing_known = replace(ideal, known=("position", "lens"))
-    one = calibrate_station(nothing_known, seen, marks, USUAL_WORDS)
+    one = calibrate_station(nothing_known, NOTHING_STATED, seen, marks, USUAL_WORDS)
     off = off_by(one.after, turned)
     for name in ("head_from_camera.x", "head_from_camera.y", "runway_from_base.x"):
         assert abs(off[name]) < 5.0 * one.fit.sigma(name)
@@ -263,7 +267,7 @@ def test_no_initial_value_is_needed(rng, quarter: int) -> None:
 def test_marks_of_unknown_place_leave_the_base_alone(made, rng) -> None:
     station, true, _ = made
     marks = marks_around(true, rng, known=False)
-    one = calibrate_station(station, look(true, marks, rng, 200), marks, USUAL_WORDS)
+    one = calibrate_station(station, NOTHING_STATED, look(true, marks, rng, 200), marks, USUAL_WORDS)
     np.testing.assert_array_equal(one.after.runway_from_base_wxyz, station.runway_from_base_wxyz)
     assert not [name for name in one.after.covariance_parameters if name.startswith("runway_from_base")]
     off = off_by(one.after, true)
@@ -308,7 +312,7 @@ def test_a_lone_high_landmark_determines_the_cameras_direction(made, rng) -> Non
     """50 degrees up the boresight comes out within its sigma, and better than the rig's 0.3 deg."""
     station, true, _ = made
     lamp = lone_mark(true, 50.0)
-    one = calibrate_station(station, look(true, (lamp,), rng, 60), (unknown_place(lamp),), USUAL_WORDS)
+    one = calibrate_station(station, NOTHING_STATED, look(true, (lamp,), rng, 60), (unknown_place(lamp),), USUAL_WORDS)
     off = off_by(one.after, true)
     for axis, usual_deg in (("x", 0.079), ("z", 0.14)):
         name = f"head_from_camera.{axis}"
@@ -326,7 +330,7 @@ def test_a_boresight_before_a_board_is_consistent_with_its_sigma() -> None:
         station = plain_station()
         true = spoiled(station, rng)
         seen = look(true, (standing_board(true),), rng, 30, Noise(px=0.1), {"board": board_body()[[0, 7, 40, 47]]})
-        one = calibrate_station(station, seen, (UNKNOWN_BOARD,), USUAL_WORDS)
+        one = calibrate_station(station, NOTHING_STATED, seen, (UNKNOWN_BOARD,), USUAL_WORDS)
         off = off_by(one.after, true)
         for axis in "xyz":
             name = f"head_from_camera.{axis}"
@@ -339,7 +343,7 @@ def test_a_boresight_before_a_board_is_consistent_with_its_sigma() -> None:
 def test_a_board_gives_backlash_and_lever_arm(made, rng) -> None:
     station, true, _ = made
     seen = look(true, (standing_board(true),), rng, 40, Noise(px=0.1), {"board": board_body()})
-    one = calibrate_station(station, seen, (UNKNOWN_BOARD,), USUAL_WORDS)
+    one = calibrate_station(station, NOTHING_STATED, seen, (UNKNOWN_BOARD,), USUAL_WORDS)
     off = off_by(one.after, true)
     for name in ("pan_backlash", "tilt_backlash", "camera_in_head.x", "camera_in_head.y", "camera_in_head.z"):
         assert abs(off[name]) < 4.5 * one.fit.sigma(name), name
@@ -359,11 +363,11 @@ def test_what_was_approached_from_one_side_only_has_no_backlash(made, rng) -> No
     station, true, marks = made
     seen = look(true, marks, rng, 200)
     keep = (seen.sense > 0).all(axis=1)
-    one = calibrate_station(station, seen.keep(keep), marks, USUAL_WORDS)
+    one = calibrate_station(station, NOTHING_STATED, seen.keep(keep), marks, USUAL_WORDS)
     assert {"pan_backlash", "tilt_backlash"} <= set(one.fit.held)
     assert one.after.ptu_axes.pan_backlash_rad == 0.0
     # and the boresight carries its uncertainty
-    free = calibrate_station(station, seen, marks, USUAL_WORDS)
+    free = calibrate_station(station, NOTHING_STATED, seen, marks, USUAL_WORDS)
     assert one.fit.sigma("head_from_camera.x") > 3.0 * free.fit.sigma("head_from_camera.x")
 
 
@@ -372,7 +376,7 @@ def test_inverted_senses_are_detected(made, rng) -> None:
     true = replace(true, ptu_axes=replace(true.ptu_axes, pan_backlash_rad=np.radians(0.05)))
     seen = look(true, marks, rng, 200)
     with pytest.raises(MountFitError, match="pan_from"):
-        calibrate_station(station, replace(seen, sense=-seen.sense), marks, USUAL_WORDS)
+        calibrate_station(station, NOTHING_STATED, replace(seen, sense=-seen.sense), marks, USUAL_WORDS)
 
 
 def test_sightings_that_do_not_fit_are_left_out_and_named(made, rng) -> None:
@@ -380,7 +384,7 @@ def test_sightings_that_do_not_fit_are_left_out_and_named(made, rng) -> None:
     seen = look(true, marks, rng, 150)
     pixel = seen.pixel_px.copy()
     pixel[[3, 40, 77, 120]] += [[40, 0], [0, -25], [60, 60], [-30, 10]]
-    one = calibrate_station(station, replace(seen, pixel_px=pixel), marks, USUAL_WORDS)
+    one = calibrate_station(station, NOTHING_STATED, replace(seen, pixel_px=pixel), marks, USUAL_WORDS)
     assert {r.label for r in one.fit.rejected} >= {f"sighting {k}" for k in (3, 40, 77, 120)}
     assert len(one.fit.rejected) <= 6
     assert all("px off" in r.reason for r in one.fit.rejected)
@@ -394,8 +398,10 @@ def test_sightings_that_do_not_fit_are_left_out_and_named(made, rng) -> None:
 def test_zeros_replace_equivalent_rotations(made, rng) -> None:
     station, true, marks = made
     seen = look(true, marks, rng, 150)
-    usual = calibrate_station(station, seen, marks, USUAL_WORDS)
-    zeros = calibrate_station(station, seen, marks, mount_words("zero,boresight,lever,lean,scale,backlash,base"))
+    usual = calibrate_station(station, NOTHING_STATED, seen, marks, USUAL_WORDS)
+    zeros = calibrate_station(
+        station, NOTHING_STATED, seen, marks, mount_words("zero,boresight,lever,lean,scale,backlash,base")
+    )
     assert not {"head_from_camera.x", "runway_from_base.z"} & set(zeros.fit.problem.names)
     assert zeros.after.ptu_axes.pan_zero_rad != 0.0
     rays = []
@@ -416,7 +422,7 @@ def test_too_few_angles_are_refused(made, rng, cut, reported: str) -> None:
     station, true, marks = made
     seen = look(true, marks, rng, 40)
     with pytest.raises(MountFitError, match=reported):
-        calibrate_station(station, seen.keep(cut(seen)), marks, USUAL_WORDS)
+        calibrate_station(station, NOTHING_STATED, seen.keep(cut(seen)), marks, USUAL_WORDS)
 
 
 def test_all_angles_alike_are_refused(made, rng) -> None:
@@ -424,21 +430,23 @@ def test_all_angles_alike_are_refused(made, rng) -> None:
     seen = look(true, marks, rng, 40)
     alike = replace(seen, reading_rad=np.tile(seen.reading_rad[0], (40, 1)))
     with pytest.raises(MountFitError, match="same pan"):
-        calibrate_station(station, alike, marks, USUAL_WORDS)
+        calibrate_station(station, NOTHING_STATED, alike, marks, USUAL_WORDS)
 
 
 def test_angles_of_the_wrong_sign_are_refused(made, rng) -> None:
     station, true, marks = made
     seen = look(true, marks, rng, 60)
     with pytest.raises(MountFitError, match="signs"):
-        calibrate_station(station, replace(seen, reading_rad=seen.reading_rad * (-1, 1)), marks, USUAL_WORDS)
+        calibrate_station(
+            station, NOTHING_STATED, replace(seen, reading_rad=seen.reading_rad * (-1, 1)), marks, USUAL_WORDS
+        )
 
 
 def test_one_unknown_mark_seen_once_is_refused(made, rng) -> None:
     station, true, _ = made
     marks = marks_around(true, rng, count=6, known=False)
     with pytest.raises(MountFitError, match="seen twice"):
-        calibrate_station(station, look(true, marks, rng, 6), marks, USUAL_WORDS)
+        calibrate_station(station, NOTHING_STATED, look(true, marks, rng, 6), marks, USUAL_WORDS)
 
 
 def test_free_refuses_unknown_words() -> None:
@@ -674,4 +682,4 @@ def test_collinear_marks_get_the_advice_for_other_marks(rng: np.random.Generator
     )
     seen = look(station, marks, rng, 24)
     with pytest.raises(MountFitError, match=r"wanted 0\.01 deg: other marks of known place, far apart in pan"):
-        calibrate_station(station, seen, marks, USUAL_WORDS)
+        calibrate_station(station, NOTHING_STATED, seen, marks, USUAL_WORDS)

@@ -26,6 +26,7 @@ from calibration.stars.site_file import site_to_toml
 from calibration.stars.sky import SkyOverSite
 from groundstation.cli.main import main
 from groundstation.errors import InputError
+from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 
@@ -182,17 +183,22 @@ def test_what_cannot_be_is_refused() -> None:
         calibrate_sky(one.rig, one.pictures, away, one.site, UNCERTAIN)
 
 
-def test_what_the_rig_states_of_a_head_is_taken() -> None:
-    station = replace(
-        day(SEEDS[0]).rig["left"],
-        covariance_parameters=("head_from_camera.x", "runway_from_base.z"),
-        covariance=np.diag([1e-8, 1e-12]),
-    )
-    chosen = sky_priors(station, ())
+@pytest.mark.parametrize("shared", [False, True], ids=["own table", "rig's table"])
+def test_what_the_rig_states_of_a_head_is_taken(shared: bool) -> None:
+    names, matrix = ("head_from_camera.x", "runway_from_base.z"), np.diag([1e-8, 1e-12])
+    rig = day(SEEDS[0]).rig
+    if shared:
+        table = ParameterCovariance(names=tuple(f"left.{name}" for name in names), matrix=matrix)
+        rig = replace(rig, shared_covariance=table)
+    else:
+        own = replace(rig["left"], covariance_parameters=names, covariance=matrix)
+        rig = replace(rig, stations=tuple(own if s.name == "left" else s for s in rig.stations))
+    station, stated = rig["left"], rig.station_covariance("left").sigmas
+    chosen = sky_priors(station, stated, ())
     assert chosen["head_from_camera.x"] == pytest.approx(1e-4)
     # heads that were put up since
     assert chosen["runway_from_base.z"] == pytest.approx(np.radians(3.0))
-    unknown = sky_priors(replace(station, known=("position",)), ())
+    unknown = sky_priors(replace(station, known=("position",)), stated, ())
     assert unknown["focal.x"] > 20.0 * chosen["focal.x"]
 
 

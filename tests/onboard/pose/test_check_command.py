@@ -1,6 +1,7 @@
 """`groundstation calibrate check --runway`: the runway's corners seen by a station."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,10 @@ from tests.onboard.pose.test_station_check import CORNERS, PAN, TILT, pixels, st
 NAMES = ("near left", "far left", "far right", "near right")
 
 
-def write(folder: Path, reported: Station, true: Station, rng: np.random.Generator) -> list[str]:
-    (folder / "rig.toml").write_text(rig_to_toml(Rig(stations=(reported,))))
+def write(
+    folder: Path, reported: Station, true: Station, rng: np.random.Generator, rig: Rig | None = None
+) -> list[str]:
+    (folder / "rig.toml").write_text(rig_to_toml(rig or Rig(stations=(reported,))))
     rows = ["landmark,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m"]
     rows += [f"{name},{x},{y},{z},0.005,0.005,0.005" for name, (x, y, z) in zip(NAMES, CORNERS, strict=True)]
     (folder / "landmarks.csv").write_text("\n".join(rows) + "\n")
@@ -35,6 +38,20 @@ def test_a_station_as_calibrated_agrees(
     tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code = main(write(tmp_path, station(), station(), rng))
+    printed = capsys.readouterr()
+    assert "left: agrees" in printed.out, printed
+    assert code == 0
+
+
+def test_what_the_rig_s_own_table_states_is_known(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A base turned by two of its sigmas, which the rig's table states and the station's does not: no alarm."""
+    reported = station()
+    rig = Rig(stations=(reported,))
+    nothing = replace(reported, covariance_parameters=(), covariance=np.zeros((0, 0)))
+    rig = Rig(stations=(nothing,), shared_covariance=rig.calibration_covariance())
+    code = main(write(tmp_path, reported, turned(reported, np.array([0.0, 0.0, 2e-4])), rng, rig))
     printed = capsys.readouterr()
     assert "left: agrees" in printed.out, printed
     assert code == 0

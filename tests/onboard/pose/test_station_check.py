@@ -8,7 +8,8 @@ from scipy.stats import chi2
 
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
 from groundstation.onboard.pose.station_check import check_station
-from groundstation.rig.rig import Station
+from groundstation.rig.covariance import ParameterCovariance
+from groundstation.rig.rig import Rig, Station
 from tests.stereo_rig import make_station
 
 # a runway before the station, in its own frame, and a camera that sees all of it
@@ -28,6 +29,10 @@ def station() -> Station:
         covariance=np.diag([1e-4, 1e-4, 1e-4, 0.02]) ** 2,
         ptu_sigma_rad=1e-4,
     )
+
+
+def stated(one: Station) -> ParameterCovariance:
+    return Rig(stations=(one,)).station_covariance(one.name)
 
 
 def pixels(one: Station, pan: float, tilt: float) -> np.ndarray:
@@ -51,7 +56,7 @@ def test_the_check_is_consistent(rng: np.random.Generator) -> None:
         true = replace(true, ptu_position_m=reported.ptu_position_m + [0.02 * rng.standard_normal(), 0, 0])
         pan, tilt = np.array([PAN, TILT]) + reported.angle_sigma_rad * rng.standard_normal(2)
         seen = pixels(true, PAN, TILT) + 0.2 * rng.standard_normal((4, 2))
-        values.append(check_station(reported, pan, tilt, CORNERS, seen, np.full(4, 0.2)).statistic)
+        values.append(check_station(reported, stated(reported), pan, tilt, CORNERS, seen, np.full(4, 0.2)).statistic)
     low, high = chi2.ppf([0.0005, 0.9995], 6 * len(values)) / len(values)
     assert low < np.mean(values) < high
 
@@ -63,11 +68,13 @@ def test_a_turned_base_is_found(axis: int, rng: np.random.Generator) -> None:
     turn = np.zeros(3)
     turn[axis] = np.radians(0.5)
     seen = pixels(turned(reported, turn), PAN, TILT) + 0.2 * rng.standard_normal((4, 2))
-    check = check_station(reported, PAN, TILT, CORNERS, seen, np.full(4, 0.2))
+    check = check_station(reported, stated(reported), PAN, TILT, CORNERS, seen, np.full(4, 0.2))
     assert not check.agrees
     assert abs(check.difference[3 + axis] - turn[axis]) < 4 * np.sqrt(check.covariance[3 + axis, 3 + axis])
 
 
 def test_an_unmoved_station_agrees(rng: np.random.Generator) -> None:
     reported = station()
-    assert check_station(reported, PAN, TILT, CORNERS, pixels(reported, PAN, TILT), np.full(4, 0.2)).agrees
+    assert check_station(
+        reported, stated(reported), PAN, TILT, CORNERS, pixels(reported, PAN, TILT), np.full(4, 0.2)
+    ).agrees
