@@ -31,6 +31,7 @@ class PtuSample:
     """A station's ``pan_rad`` and ``tilt_rad`` at session time ``t_s``, of encoders, whose sigma the rig states.
 
     Of a picture are ``sigma_rad``, of each axis, and ``encoder_off_rad``: how far encoders read too far about there.
+    Its ``t_s`` is when the rows that told were exposed, not the stamp of the frame.
     """
 
     t_s: float
@@ -146,13 +147,14 @@ class CarriedError:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameAngles:
-    """Pan and tilt of a station's frame of ``t_s``, with one sigma, as its picture had them where it was processed."""
+    """Pan and tilt by the picture of a station's frame of ``t_s``, ``delay_s`` after that stamp, with one sigma."""
 
     t_s: float
     station: str
     pan_rad: float
     tilt_rad: float
     sigma_rad: float
+    delay_s: float = 0.0
 
 
 Arrival = PtuSample | Frame | PixelMeasurement | ReferenceFix | Epoch

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from groundstation.estimation.encoders import HeadRates
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Epoch, Event, PixelMeasurement, PtuSample
@@ -15,6 +16,11 @@ BASELINE_M = 10.77
 FOCAL_PX = 6667.0
 STEP_RAD = np.radians(0.00625)
 Path = Callable[[float], NDArray[np.float64]]
+
+
+def standing(station: str) -> HeadRates:
+    """Return the rates of a head that stands."""
+    return HeadRates(0.0, 0.0, 0.0)
 
 
 def make_station(name: str, x_m: float, y_m: float = 0.0, *, fixed: bool = False) -> Station:

@@ -7,6 +7,7 @@ import numpy as np
 
 from calibration.flight.observations import read_angles
 from calibration.panorama.mosaic import Mosaic, PanoramaFrame, frame_of, make_mosaic
+from groundstation.arrays import FloatArray
 from groundstation.errors import SessionError
 from groundstation.rig.rig import Station
 from groundstation.session import Session
@@ -15,6 +16,9 @@ from groundstation.sources.picture_reader import PictureReader
 
 LEAST_FRAMES = 6
 _AROUND_S = 0.5
+# chosen: a step of 0.01° over twice that is 0.05°/s, of which a shutter of 30 ms makes 0.0008° from the middle row to
+# the last, and heads hold a rate for longer
+_RATE_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,13 +70,25 @@ def _frames(session: Session, table: FrameTable, station: Station, choice: Panor
     readings = read_angles(session, float(t[0]) - _AROUND_S, float(t[-1]) + _AROUND_S)[station.name]
     if len(readings) < 2:
         raise SessionError(f"station {station.name}", got="no readings of its PTU", wanted="some around the frames")
-    angles = np.column_stack([np.interp(t, readings[:, 0], np.unwrap(readings[:, k])) for k in (1, 2)])
+    angles, rates = _angles_at(t, readings), _rates_at(t, readings)
     size, frames = station.lens.image_size_px, []
     numbers = table.numbers[station.name]
     with PictureReader(session.media[station.name], numbers[chosen], table.line[chosen], size, whole=False) as reader:
-        for row in angles:
+        for row, (pan_rate, tilt_rate) in zip(angles, rates.tolist(), strict=True):
             picture = reader.next()
             if picture is None:
                 break
-            frames.append(frame_of(picture.image, row))
+            frames.append(frame_of(picture.image, row, (pan_rate, tilt_rate)))
     return frames
+
+
+def _angles_at(t_s: FloatArray, readings: FloatArray) -> FloatArray:
+    """Return pan and tilt (n, 2), rad, at times (n,) by readings (m, 3) of time, pan and tilt."""
+    return np.column_stack([np.interp(t_s, readings[:, 0], np.unwrap(readings[:, k])) for k in (1, 2)])
+
+
+def _rates_at(t_s: FloatArray, readings: FloatArray) -> FloatArray:
+    """Return the rates of pan and tilt (n, 2), rad/s: of the readings around each time, or as far as they reach."""
+    before, after = (np.clip(t_s + side, readings[0, 0], readings[-1, 0]) for side in (-_RATE_S, _RATE_S))
+    lasted_s = np.maximum(after - before, _RATE_S)
+    return (_angles_at(after, readings) - _angles_at(before, readings)) / lasted_s[:, None]

@@ -13,6 +13,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.panorama import (
     HALVED,
+    STANDING,
     GroundPanorama,
     HeadRegistration,
     PictureRays,
@@ -31,10 +32,14 @@ _MOST_SIDE = 30_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PanoramaFrame:
-    """One frame: its halved grey levels (h, w), and pan and tilt (2,), rad, by the encoders."""
+    """One frame: its halved grey levels (h, w), and pan and tilt (2,), rad, by the encoders, at its stamp.
+
+    ``rates_rad_s`` are of a head that turns while the rows of a rolling shutter are read out.
+    """
 
     grey: FloatArray
     angles_rad: FloatArray
+    rates_rad_s: tuple[float, float] = STANDING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,7 +62,7 @@ def make_mosaic(station: Station, frames: Sequence[PanoramaFrame], highest_rad: 
     for _ in range(ROUNDS):
         registration = HeadRegistration(station, panorama)
         found = [
-            registration.register_grey(frame.grey, float(a[0]), float(a[1]), sigma)
+            registration.register_grey(frame.grey, float(a[0]), float(a[1]), sigma, frame.rates_rad_s)
             for frame, a in zip(frames, angles, strict=True)
         ]
         good = [k for k, one in enumerate(found) if isinstance(one, RegisteredAngles)]
@@ -65,7 +70,8 @@ def make_mosaic(station: Station, frames: Sequence[PanoramaFrame], highest_rad: 
         for k in good:
             one = found[k]
             if isinstance(one, RegisteredAngles):
-                after[k] = one.pan_rad, one.tilt_rad
+                # at the stamp, as the encoders' are
+                after[k] = np.array([one.pan_rad, one.tilt_rad]) - one.delay_s * np.array(frames[k].rates_rad_s)
         if not good:
             break
         # the whole stays where the encoders, on average, have it
@@ -88,14 +94,18 @@ def _laid(
     """Return the mean of frames at given angles (n, 2), known where several agree."""
     w, h = rays.size_px
     border = np.concatenate([np.arange(w), np.arange(w) + (h - 1) * w, np.arange(h) * w, np.arange(h) * w + w - 1])
-    edges = [rays.directions(rays.rays[border], float(a[0]), float(a[1])) for a in angles]
+    edges = [
+        rays.directions(rays.rays[border], float(a[0]), float(a[1]), rays.turned(frame.rates_rad_s, border))
+        for frame, a in zip(frames, angles, strict=True)
+    ]
     every = np.concatenate(edges)
     left, top = float(every[:, 0].max()), min(float(every[:, 1].max()), highest_rad)
     wide = min(int((left - every[:, 0].min()) / step) + 2, _MOST_SIDE)
     high = min(max(int((top - every[:, 1].min()) / step) + 2, 2), _MOST_SIDE)
     total, square, count = (np.zeros((high, wide), dtype=np.float64) for _ in range(3))
     for frame, a in zip(frames, angles, strict=True):
-        places = (np.array([left, top]) - rays.directions(rays.rays, float(a[0]), float(a[1]))) / step
+        towards = rays.directions(rays.rays, float(a[0]), float(a[1]), rays.turned(frame.rates_rad_s))
+        places = (np.array([left, top]) - towards) / step
         _lay(frame.grey, places.reshape(h, w, 2), total, square, count)
     mean = total / np.maximum(count, 1e-9)
     scatter = np.sqrt(np.maximum(square / np.maximum(count, 1e-9) - mean**2, 0.0))
@@ -134,6 +144,6 @@ def _lay(grey: FloatArray, places: FloatArray, total: FloatArray, square: FloatA
     count[part] += inside
 
 
-def frame_of(image: ImageArray, angles_rad: FloatArray) -> PanoramaFrame:
+def frame_of(image: ImageArray, angles_rad: FloatArray, rates_rad_s: tuple[float, float] = STANDING) -> PanoramaFrame:
     """Return a picture's frame."""
-    return PanoramaFrame(grey=halved_grey(image), angles_rad=angles_rad)
+    return PanoramaFrame(grey=halved_grey(image), angles_rad=angles_rad, rates_rad_s=rates_rad_s)

@@ -101,14 +101,19 @@ def _shifted(expected_px: FloatArray, known_px: FloatArray, seen_px: FloatArray)
     return np.asarray(expected_px + np.column_stack([expected_px - middle, np.ones(len(expected_px))]) @ linear)
 
 
-def expected_pixels(station: Station, angles: tuple[float, float], towards: FloatArray) -> tuple[FloatArray, MaskArray]:
-    """Return pixels (n, 2) of directions (n, 3) at pan and tilt, rad, and which are in the picture."""
+def expected_pixels(
+    station: Station, angles: tuple[float, float] | FloatArray, towards: FloatArray
+) -> tuple[FloatArray, MaskArray]:
+    """Return pixels (n, 2) of directions (n, 3) at pan and tilt, rad, and which are in the picture.
+
+    ``angles`` are those of all, or (n, 2) of each: of a head that turns while a rolling shutter is read out.
+    """
     n = len(towards)
     pixel, depth = np.zeros((n, 2)), np.zeros(n)
     project_calibration_many(
         station.geometry().packed,
         station.ptu_position_m + _FAR_M * towards,
-        np.tile(np.array(angles), (n, 1)),
+        np.array(np.broadcast_to(angles, (n, 2)), dtype=np.float64),
         pixel,
         np.zeros((n, 2, 5)),
         np.zeros((n, 2, CALIBRATION_SIZE)),

@@ -7,7 +7,7 @@ fails, by the solver of the calibration. Where stars are too few, or do not fit,
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 import cv2
@@ -19,8 +19,9 @@ from calibration.stars.sky import FIRST_UTC_S, LAST_UTC_S, ObservingSite, SkyOve
 from calibration.stars.star_images import StarImages, find_stars
 from calibration.stars.star_solver import CatalogueStars, StarSolver, match_stars
 from groundstation.arrays import FloatArray, ImageArray, IntArray
-from groundstation.detection.panorama import RegisteredAngles, RegistrationFault
+from groundstation.detection.panorama import STANDING, RegisteredAngles, RegistrationFault
 from groundstation.errors import InputError
+from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.rig.rig import Rig, Station
 from groundstation.session import Session
 from groundstation.session.folder import GeoOrigin
@@ -47,11 +48,15 @@ _REHEARSALS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Matched:
-    """Stars (n,) of a picture: their pixels and sigmas, and the directions (n, 3) of the catalogue's."""
+    """Stars (n,) of a picture: their pixels and sigmas, and the directions (n, 3) of the catalogue's.
+
+    ``delay_s`` (n,) after the stamp their rows are exposed.
+    """
 
     pixel_px: FloatArray
     sigma_px: FloatArray
     towards: FloatArray
+    delay_s: FloatArray
 
 
 class StarAngles:
@@ -81,7 +86,7 @@ class StarAngles:
             image, took = _rehearsed_picture(self._station.lens.image_size_px), []
             for _ in range(_REHEARSALS):
                 began_s = time.process_time()
-                self._register(image, self._zero_utc_s, np.zeros(2), np.radians(0.01))
+                self._register(image, self._zero_utc_s, np.zeros(2), np.radians(0.01), np.zeros(2))
                 took.append(time.process_time() - began_s)
             self._seconds = min(took)
         return self._seconds
@@ -91,18 +96,27 @@ class StarAngles:
         return False
 
     def register_at(
-        self, image: ImageArray, t_s: float, pan_rad: float, tilt_rad: float, sigma_rad: float
+        self,
+        image: ImageArray,
+        t_s: float,
+        pan_rad: float,
+        tilt_rad: float,
+        sigma_rad: float,
+        rates_rad_s: tuple[float, float] = STANDING,
     ) -> RegisteredAngles | RegistrationFault:
-        """Return the angles of a frame of session time ``t_s`` whose encoders read so; or why there are none."""
+        """Return the angles of a frame of session time ``t_s`` whose encoders read so; or why there are none.
+
+        ``rates_rad_s`` of pan and tilt as `groundstation.detection.panorama.HeadRegistration.register`.
+        """
         utc_s = self._zero_utc_s + t_s
         if not FIRST_UTC_S < utc_s < LAST_UTC_S:
             return RegistrationFault.NO_PLACES
         if self._sky.body("sun", round(utc_s / _SUN_EVERY_S) * _SUN_EVERY_S)[2] > _DAYLIGHT:
             return RegistrationFault.DAYLIGHT
-        return self._register(image, utc_s, np.array([pan_rad, tilt_rad]), sigma_rad)
+        return self._register(image, utc_s, np.array([pan_rad, tilt_rad]), sigma_rad, np.array(rates_rad_s))
 
     def _register(
-        self, image: ImageArray, utc_s: float, start: FloatArray, sigma_rad: float
+        self, image: ImageArray, utc_s: float, start: FloatArray, sigma_rad: float, rates: FloatArray
     ) -> RegisteredAngles | RegistrationFault:
         grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         picture = np.asarray(grey, dtype=np.float64)
@@ -112,13 +126,15 @@ class StarAngles:
         matched = self._expected(seen, start, _SEARCH_SIGMAS * sigma_rad, utc_s)
         if matched is None and not self._bounded:
             matched = self._solved(seen, utc_s)
-        found = None if matched is None else self._fit(matched, start)
+        found = None if matched is None else self._fit(matched, start, rates)
         if found is None:
             return RegistrationFault.OTHER_STARS
         away = max(abs(found.pan_rad - start[0]), abs(found.tilt_rad - start[1]))
         if away > _SEARCH_SIGMAS * float(np.hypot(sigma_rad, found.sigma_rad)):
             return RegistrationFault.TOO_FAR
-        return found
+        # those of the fit are the stamp's if the rates are right
+        pan, tilt = (np.array([found.pan_rad, found.tilt_rad]) + found.delay_s * rates).tolist()
+        return replace(found, pan_rad=pan, tilt_rad=tilt)
 
     def _expected(self, seen: StarImages, angles: FloatArray, reach_rad: float, utc_s: float) -> _Matched | None:
         """Return the stars that share a shift from where angles expect them; None where chance does as well."""
@@ -134,7 +150,7 @@ class StarAngles:
         # the best of many shifts has more than one of them
         if len(image) < max(_LEAST_STARS, _CHANCE_FACTOR * by_chance + np.log10(tried)):
             return None
-        return _matched(seen, image, towards[star])
+        return self._matched(seen, image, towards[star])
 
     def _in_view(
         self, angles: FloatArray, reach_rad: float, utc_s: float
@@ -156,20 +172,30 @@ class StarAngles:
         if isinstance(solved, str):
             return None
         towards = self._sky.stars(solved.stars.ra_rad, solved.stars.dec_rad, utc_s)
-        return _matched(seen, solved.image, towards)
+        return self._matched(seen, solved.image, towards)
 
-    def _fit(self, stars: _Matched, start: FloatArray) -> RegisteredAngles | None:
+    def _matched(self, seen: StarImages, image: IntArray, towards: FloatArray) -> _Matched:
+        pixel, height = seen.pixel_px[image], self._station.lens.image_size_px[1]
+        return _Matched(
+            pixel_px=pixel,
+            sigma_px=np.hypot(seen.sigma_px[image], _MODEL_SIGMA_PX),
+            towards=towards,
+            delay_s=row_delay_s(pixel[:, 1], height, self._station.readout_s),
+        )
+
+    def _fit(self, stars: _Matched, start: FloatArray, rates: FloatArray) -> RegisteredAngles | None:
         """Return pan and tilt by Gauss-Newton with outliers left out; None where most stars do not fit."""
         angles, used = start.copy(), np.ones(len(stars.pixel_px), dtype=np.bool_)
         weight = np.repeat(1.0 / stars.sigma_px, 2)
         columns, misfit, scale = np.zeros((0, 2)), np.zeros(0), 1.0
+        rows = np.repeat(used, 2)
         for _ in range(_ROUNDS):
-            off, by_angles = self._linear(stars, angles)
+            off, by_angles = self._linear(stars, angles, rates)
             rows = np.repeat(used, 2)
             columns = (by_angles * weight[:, None])[rows]
             change = np.linalg.lstsq(columns, (off * weight)[rows], rcond=None)[0]
             angles = angles + change
-            off = self._linear(stars, angles)[0].reshape(-1, 2)
+            off = self._linear(stars, angles, rates)[0].reshape(-1, 2)
             misfit = np.linalg.norm(off, axis=1) / stars.sigma_px
             # far from the solution all are far off
             scale = max(1.0, float(np.median(misfit)) / 1.18)
@@ -184,25 +210,27 @@ class StarAngles:
         factor = max(1.0, float(np.mean(misfit[used] ** 2)) / 2.0)
         own = float(np.sqrt(np.diag(np.linalg.inv(normal)).max() * factor))
         least = _LEAST_SIGMA_PX / float(self._station.lens.focal_px.min())
+        # by how much the angles move with the rates, as of the panorama's
+        late = columns * np.repeat(stars.delay_s, 2)[rows, None]
+        delay_s = 0.5 * float(np.trace(np.linalg.solve(normal, columns.T @ late)))
         return RegisteredAngles(
-            pan_rad=float(angles[0]), tilt_rad=float(angles[1]), sigma_rad=float(np.hypot(own, least))
+            pan_rad=float(angles[0]),
+            tilt_rad=float(angles[1]),
+            sigma_rad=float(np.hypot(own, least)),
+            delay_s=delay_s,
         )
 
-    def _linear(self, stars: _Matched, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _linear(self, stars: _Matched, angles: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return how far stars (2 n,) are from where angles have them, px, and that by the angles, (2 n, 2)."""
 
         def at(pan: float, tilt: float) -> FloatArray:
-            return expected_pixels(self._station, (pan, tilt), stars.towards)[0].ravel()
+            own = np.array([pan, tilt]) + np.outer(stars.delay_s, rates)
+            return expected_pixels(self._station, own, stars.towards)[0].ravel()
 
         pan, tilt = angles.tolist()
         here = at(pan, tilt)
         by = [at(pan + _STEP_RAD, tilt) - here, at(pan, tilt + _STEP_RAD) - here]
         return stars.pixel_px.ravel() - here, np.column_stack(by) / _STEP_RAD
-
-
-def _matched(seen: StarImages, image: IntArray, towards: FloatArray) -> _Matched:
-    sigma = np.hypot(seen.sigma_px[image], _MODEL_SIGMA_PX)
-    return _Matched(pixel_px=seen.pixel_px[image], sigma_px=sigma, towards=towards)
 
 
 def _common_shift(seen_px: FloatArray, expected_px: FloatArray, reach_px: float) -> FloatArray:

@@ -146,7 +146,7 @@ class Tracker:
         if isinstance(event, PtuSample):
             numbers += [event.pan_rad, event.tilt_rad]
         elif isinstance(event, FrameAngles):
-            numbers += [event.pan_rad, event.tilt_rad, event.sigma_rad]
+            numbers += [event.pan_rad, event.tilt_rad, event.sigma_rad, event.delay_s]
         elif isinstance(event, PixelMeasurement):
             if isinstance(event.sigma_px, float | int):
                 raise InputError(f"{where}: sigma_px", got=f"{event.sigma_px:g}", wanted="two numbers, of u and of v")

@@ -120,6 +120,9 @@ class RosBagWriter:
             xyz = (event.u_px, event.v_px, 0.0)
             self._write_point(pixel_topic(event.station), event.t_s, f"{event.station}_optical", xyz)
             self.pixels_with_sigma += event.sigma_px is not None
+        elif isinstance(event, FrameAngles) and event.delay_s != 0.0:
+            # a point has no place for the time after its stamp at which the head was there
+            self.left_out["angles from pictures of a rolling shutter"] += 1
         elif isinstance(event, FrameAngles):
             xyz = (event.pan_rad, event.tilt_rad, event.sigma_rad)
             self._write_point(frame_topic(event.station), event.t_s, f"{event.station}_base", xyz)

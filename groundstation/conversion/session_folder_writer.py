@@ -70,6 +70,7 @@ class SessionFolderWriter:
         self._readings = {s.name: array("d") for s in session.rig.stations if not s.fixed}
         self._pixels: dict[str, list[tuple[float, ...]]] = {}
         self._angles: list[list[str]] = []
+        self._angles_delayed = False
         self.done = WrittenCounts()
         with _writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -95,8 +96,9 @@ class SessionFolderWriter:
         elif isinstance(event, FrameAngles):
             t_s = self._devices.camera_stamp(event.station, event.t_s)
             self._angles.append(
-                [repr(t_s), event.station, *map(repr, (event.pan_rad, event.tilt_rad, event.sigma_rad))]
+                [repr(t_s), event.station, *map(repr, (event.pan_rad, event.tilt_rad, event.sigma_rad, event.delay_s))]
             )
+            self._angles_delayed |= event.delay_s != 0.0
         elif isinstance(event, ReferenceFix):
             self.done.references += 1
         elif isinstance(event, Heartbeat):
@@ -116,7 +118,9 @@ class SessionFolderWriter:
             else:
                 self._table("frames.csv", ["index", *(f"{n}_t_s" for n in self._stations)], self._frame_rows())
             if self._angles:
-                self._table(frame_angles_table.NAME, [*frame_angles_table.COLUMNS], self._angles)
+                columns = [*frame_angles_table.COLUMNS, *([frame_angles_table.DELAY] if self._angles_delayed else [])]
+                rows = [row[: len(columns)] for row in self._angles]
+                self._table(frame_angles_table.NAME, columns, rows)
             if self._readings:
                 columns = [f"{n}_{axis}_deg" for n in self._readings for axis in ("pan", "tilt")]
                 self._table("ptu.csv", ["t_s", *columns], self._reading_rows())

@@ -4,15 +4,21 @@ The panorama has the grey of each direction of the base frame. A frame's texture
 that the encoders give, and pan and tilt are moved until they fit: Gauss-Newton on grey levels, with brightness and
 contrast of the frame free and large differences (the aircraft, birds, what was moved) of little weight. Where the
 picture shows too little ground, or does not fit, it says so.
+
+Behind a rolling shutter each row is exposed at its own time, and a head that turns has other angles then. The rows are
+laid where a rate puts them, and what comes out are the angles of the instant at which the rows that were used were
+exposed, weighed as the fit weighs them: the ground is in the lower rows, which is not the middle of the picture, whose
+time the stamp is. Those angles do not depend on the rate, to the first order of its error.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import cv2
 import numpy as np
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import FloatArray, ImageArray, IntArray
+from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z
 from groundstation.rig.rig import Station
 
@@ -28,6 +34,8 @@ _SEARCH_SIGMAS = 4.0
 _NEAR_PX = 3.0
 # a match: of the pixels that are within three robust scales, and the correlation with the panorama
 _LEAST_INLIERS, _LEAST_CORRELATION = 0.6, 0.8
+# rates of pan and tilt, rad/s, of a head that stands
+STANDING = (0.0, 0.0)
 # neighbouring pixels' misfits are not independent, and a panorama is not exact
 _CORRELATED, _LEAST_SIGMA_PX = 3.0, 0.05
 
@@ -67,11 +75,12 @@ class GroundPanorama:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegisteredAngles:
-    """Pan and tilt of a frame by the panorama, and one sigma of each, rad."""
+    """Pan and tilt by a frame's picture, ``delay_s`` after the frame's stamp, and one sigma of each, rad."""
 
     pan_rad: float
     tilt_rad: float
     sigma_rad: float
+    delay_s: float = 0.0
 
 
 class PictureRays:
@@ -90,11 +99,39 @@ class PictureRays:
         rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
         self.rays: FloatArray = rays @ matrix_from_wxyz(station.head_from_camera_wxyz).T
         self._lean = rotation_y(station.ptu_axes.lean_rad)
+        full_rows = np.repeat(np.arange(h, dtype=np.float64), w) * HALVED + 0.5 * (HALVED - 1.0)
+        # when each pixel is exposed after the stamp, s, (h·w,)
+        self.delay_s: FloatArray = row_delay_s(full_rows, lens.image_size_px[1], station.readout_s)
+        self._rolls = station.readout_s != 0.0
 
-    def directions(self, rows: FloatArray, pan_rad: float, tilt_rad: float) -> FloatArray:
-        """Return azimuth and height (n, 2), rad, in the base frame, of rows of head directions (n, 3)."""
-        turned = rows @ (rotation_z(pan_rad) @ self._lean @ rotation_x(tilt_rad)).T
-        return np.column_stack([np.arctan2(-turned[:, 0], turned[:, 1]), np.arcsin(np.clip(turned[:, 2], -1.0, 1.0))])
+    def turned(
+        self, rates_rad_s: FloatArray | tuple[float, float], pixels: IntArray | None = None
+    ) -> FloatArray | None:
+        """Return by how much the head turns in pan and tilt, (n, 2) rad, from the stamp to each pixel's exposure.
+
+        ``pixels`` (n,) are some of the picture's; all by default. None where all pixels are exposed at the same angles.
+        """
+        if not self._rolls or not np.any(rates_rad_s):
+            return None
+        delay = self.delay_s if pixels is None else self.delay_s[pixels]
+        return np.outer(delay, rates_rad_s)
+
+    def directions(
+        self, rows: FloatArray, pan_rad: float, tilt_rad: float, turned_rad: FloatArray | None = None
+    ) -> FloatArray:
+        """Return azimuth and height (n, 2), rad, in the base frame, of rows of head directions (n, 3).
+
+        ``turned_rad`` (n, 2) is added to the angles of each row, see `turned`.
+        """
+        if turned_rad is None:
+            own = rows @ (rotation_z(pan_rad) @ self._lean @ rotation_x(tilt_rad)).T
+        else:
+            c, s = np.cos(tilt_rad + turned_rad[:, 1]), np.sin(tilt_rad + turned_rad[:, 1])
+            tilted = np.column_stack([rows[:, 0], c * rows[:, 1] - s * rows[:, 2], s * rows[:, 1] + c * rows[:, 2]])
+            own = tilted @ (rotation_z(pan_rad) @ self._lean).T
+        azimuth, height = np.arctan2(-own[:, 0], own[:, 1]), np.arcsin(np.clip(own[:, 2], -1.0, 1.0))
+        # pan turns last, about the axis from which azimuths are counted
+        return np.column_stack([azimuth if turned_rad is None else azimuth + turned_rad[:, 0], height])
 
 
 def halved_grey(image: ImageArray) -> FloatArray:
@@ -123,43 +160,73 @@ class HeadRegistration:
         return _SEARCH_SIGMAS * sigma_rad / self._panorama.step_rad > _NEAR_PX
 
     def register(
-        self, image: ImageArray, pan_rad: float, tilt_rad: float, sigma_rad: float
+        self,
+        image: ImageArray,
+        pan_rad: float,
+        tilt_rad: float,
+        sigma_rad: float,
+        rates_rad_s: tuple[float, float] = STANDING,
     ) -> RegisteredAngles | RegistrationFault:
-        """Return the angles of a frame whose encoders read so, to one sigma; or why the encoders' have to do."""
-        return self.register_grey(halved_grey(image), pan_rad, tilt_rad, sigma_rad)
+        """Return the angles of a frame whose encoders read so, to one sigma; or why the encoders' have to do.
+
+        The encoders' are those of the stamp; ``rates_rad_s`` of pan and tilt of a head that turns.
+        """
+        return self.register_grey(halved_grey(image), pan_rad, tilt_rad, sigma_rad, rates_rad_s)
 
     def register_at(
-        self, image: ImageArray, t_s: float, pan_rad: float, tilt_rad: float, sigma_rad: float
+        self,
+        image: ImageArray,
+        t_s: float,
+        pan_rad: float,
+        tilt_rad: float,
+        sigma_rad: float,
+        rates_rad_s: tuple[float, float] = STANDING,
     ) -> RegisteredAngles | RegistrationFault:
         """Return `register` of a frame of any time: the ground stands still."""
-        return self.register(image, pan_rad, tilt_rad, sigma_rad)
+        return self.register(image, pan_rad, tilt_rad, sigma_rad, rates_rad_s)
 
     def register_grey(
-        self, grey: FloatArray, pan_rad: float, tilt_rad: float, sigma_rad: float
+        self,
+        grey: FloatArray,
+        pan_rad: float,
+        tilt_rad: float,
+        sigma_rad: float,
+        rates_rad_s: tuple[float, float] = STANDING,
     ) -> RegisteredAngles | RegistrationFault:
         """Register a frame that is halved already."""
         chosen = self._textured(grey, pan_rad, tilt_rad)
         if isinstance(chosen, RegistrationFault):
             return chosen
-        rows, level = self._rays.rays[chosen], grey.ravel()[chosen].astype(np.float64)
+        seen = _SeenPixels(
+            rays=self._rays.rays[chosen],
+            level=grey.ravel()[chosen].astype(np.float64),
+            delay_s=self._rays.delay_s[chosen],
+            turned_rad=self._rays.turned(rates_rad_s, chosen),
+        )
         reach_px = _SEARCH_SIGMAS * sigma_rad / self._panorama.step_rad
         pan, tilt = pan_rad, tilt_rad
         if reach_px > _NEAR_PX:
-            pan, tilt = self._searched(rows, level, pan, tilt, reach_px)
-        found = self._refined(rows, level, pan, tilt)
+            pan, tilt = self._searched(seen, pan, tilt, reach_px)
+        found = self._refined(seen, pan, tilt)
         if isinstance(found, RegisteredAngles):
             away = max(abs(found.pan_rad - pan_rad), abs(found.tilt_rad - tilt_rad))
             if away > _SEARCH_SIGMAS * float(np.hypot(sigma_rad, found.sigma_rad)) + self._panorama.step_rad:
                 return RegistrationFault.TOO_FAR
+            pan_rate, tilt_rate = rates_rad_s
+            # those of the fit are the stamp's if the rates are right
+            pan, tilt = found.pan_rad + found.delay_s * pan_rate, found.tilt_rad + found.delay_s * tilt_rate
+            return replace(found, pan_rad=pan, tilt_rad=tilt)
         return found
 
-    def _places(self, rows: FloatArray, pan_rad: float, tilt_rad: float) -> FloatArray:
+    def _places(
+        self, rows: FloatArray, pan_rad: float, tilt_rad: float, turned_rad: FloatArray | None = None
+    ) -> FloatArray:
         """Return the panorama's pixels (n, 2) of head directions (n, 3)."""
         p = self._panorama
-        towards = self._rays.directions(rows, pan_rad, tilt_rad)
+        towards = self._rays.directions(rows, pan_rad, tilt_rad, turned_rad)
         return (np.array([p.left_rad, p.top_rad]) - towards) / p.step_rad
 
-    def _textured(self, grey: FloatArray, pan_rad: float, tilt_rad: float) -> FloatArray | RegistrationFault:
+    def _textured(self, grey: FloatArray, pan_rad: float, tilt_rad: float) -> IntArray | RegistrationFault:
         """Return the numbers of textured pixels that lie where the panorama is known, spread over the picture."""
         by_x, by_y = (cv2.Sobel(np.asarray(grey, np.float32), cv2.CV_32F, *o, ksize=3) / 8.0 for o in ((1, 0), (0, 1)))
         steep = np.hypot(by_x, by_y)
@@ -182,13 +249,11 @@ class HeadRegistration:
         seen = (cv2.remap(np.asarray(one), u, v, cv2.INTER_LINEAR, borderValue=0.0) for one in self._layers)
         return [np.asarray(one, dtype=np.float64).ravel() for one in seen]
 
-    def _searched(
-        self, rows: FloatArray, level: FloatArray, pan: float, tilt: float, reach_px: float
-    ) -> tuple[float, float]:
+    def _searched(self, seen: "_SeenPixels", pan: float, tilt: float, reach_px: float) -> tuple[float, float]:
         """Return the angles on a raster at which the frame fits the panorama best."""
-        every = max(1, len(rows) // _SEARCH_PIXELS)
-        rows, level = rows[::every], level[::every]
-        places = self._places(rows, pan, tilt)
+        every = max(1, len(seen.rays) // _SEARCH_PIXELS)
+        rows, level = seen.rays[::every], seen.level[::every]
+        places = self._places(rows, pan, tilt, None if seen.turned_rad is None else seen.turned_rad[::every])
         steps = _SEARCH_STEP_PX * np.arange(-int(reach_px / _SEARCH_STEP_PX) - 1, int(reach_px / _SEARCH_STEP_PX) + 2)
         best, shift = np.inf, (0.0, 0.0)
         for down in steps.tolist():
@@ -204,19 +269,19 @@ class HeadRegistration:
         # to the right is a smaller azimuth; in the middle of the picture a height is a tilt
         return pan - shift[0] * self._panorama.step_rad, tilt - shift[1] * self._panorama.step_rad
 
-    def _refined(
-        self, rows: FloatArray, level: FloatArray, pan: float, tilt: float
-    ) -> RegisteredAngles | RegistrationFault:
+    def _refined(self, seen: "_SeenPixels", pan: float, tilt: float) -> RegisteredAngles | RegistrationFault:
         """Return the angles by robust Gauss-Newton, pan and tilt with the frame's brightness and contrast."""
         step, epsilon = self._panorama.step_rad, 1e-4
-        normal, scale, inliers, correlation = np.eye(4), 1.0, 0.0, 0.0
+        rows, level, turned = seen.rays, seen.level, seen.turned_rad
+        normal, scale, inliers, correlation, delay_s = np.eye(4), 1.0, 0.0, 0.0, 0.0
         for _ in range(_ROUNDS):
-            places = self._places(rows, pan, tilt)
+            places = self._places(rows, pan, tilt, turned)
             value, by_x, by_y, known = self._sampled(places)
             inside = known > 0.999
             if int(inside.sum()) < _LEAST_PIXELS:
                 return RegistrationFault.NO_TEXTURE
-            by_tilt = (self._places(rows[inside], pan, tilt + epsilon) - places[inside]) / epsilon * step
+            moved_on = None if turned is None else turned[inside]
+            by_tilt = (self._places(rows[inside], pan, tilt + epsilon, moved_on) - places[inside]) / epsilon * step
             gx, gy = by_x[inside], by_y[inside]
             # by a pixel's angle of pan and of tilt: azimuth rises with pan, so that the column falls
             columns = np.column_stack(
@@ -235,6 +300,7 @@ class HeadRegistration:
             inliers = float(fits.mean())
             correlation = float(np.corrcoef(value[inside][fits], level[inside][fits])[0, 1])
             if float(np.hypot(*moved)) < _CLOSE_PX:
+                delay_s = _exposed_s(columns, weight, seen.delay_s[inside])
                 break
         else:
             return RegistrationFault.NO_MATCH
@@ -245,7 +311,35 @@ class HeadRegistration:
         if sigma_px > 1.0:
             return RegistrationFault.NO_TEXTURE
         own = float(np.hypot(sigma_px, _LEAST_SIGMA_PX)) * step
-        return RegisteredAngles(pan_rad=pan, tilt_rad=tilt, sigma_rad=float(np.hypot(own, self._panorama.sigma_rad)))
+        sigma = float(np.hypot(own, self._panorama.sigma_rad))
+        return RegisteredAngles(pan_rad=pan, tilt_rad=tilt, sigma_rad=sigma, delay_s=delay_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _SeenPixels:
+    """The n pixels that are registered: head directions (n, 3), grey levels and delays after the stamp, s, (n,).
+
+    ``turned_rad`` (n, 2) as `PictureRays.turned`.
+    """
+
+    rays: FloatArray
+    level: FloatArray
+    delay_s: FloatArray
+    turned_rad: FloatArray | None
+
+
+def _exposed_s(columns: FloatArray, weight: FloatArray, delay_s: FloatArray) -> float:
+    """Return when the angles that a fit finds were exposed, s after the stamp.
+
+    A head that turns faster by ρ puts each pixel where an angle that is greater by its delay times ρ does: the fit's
+    angles move by (CᵀWC)⁻¹CᵀW·C·delay·ρ, with C = ``columns`` (n, 4), of which the first two are of the angles, and W =
+    ``weight`` (n,). That is the delay of the angles, of pan and tilt nearly the same one; the rest is second order.
+    """
+    if not delay_s.any():
+        return 0.0
+    normal = columns.T @ (weight[:, None] * columns)
+    moved = np.linalg.lstsq(normal, columns.T @ (weight[:, None] * columns[:, :2] * delay_s[:, None]), rcond=None)[0]
+    return 0.5 * float(moved[0, 0] + moved[1, 1])
 
 
 def _robust_line(value: FloatArray, level: FloatArray) -> tuple[float, float]:

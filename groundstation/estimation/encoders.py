@@ -40,6 +40,14 @@ class _Known(NamedTuple):
 _NOTHING = _Known()
 
 
+class HeadRates(NamedTuple):
+    """Rates of a head's axes, rad/s, and one sigma of either."""
+
+    pan_rad_s: float
+    tilt_rad_s: float
+    sigma_rad_s: float
+
+
 class EncoderState(NamedTuple):
     """Snapshot of the feed."""
 
@@ -68,9 +76,11 @@ class EncoderFeed:
         if station is None or station.fixed:
             return None
         if sample.sigma_rad is not None:
-            # a picture's: of the exposure itself, whatever the clocks; one that the gate refuses is left out
+            # a picture's: of the exposure itself, whatever the clocks; one that the gate refuses is left out. Its rows
+            # are exposed before or after the stamp, at which the filter is
             angles = (sample.pan_rad, sample.tilt_rad)
-            self._ekf.update_encoder(sample.station, angles, sample.sigma_rad, 0.0, 0.0)
+            delay_s = 0.0 if self._ekf.time_s is None else sample.t_s - self._ekf.time_s
+            self._ekf.update_encoder(sample.station, angles, sample.sigma_rad, 0.0, delay_s)
             known = self._known.get(sample.station, _NOTHING)
             known = known._replace(offset=EncoderOffset(sample.encoder_off_rad, angles))
             self._known = {**self._known, sample.station: known}
@@ -157,6 +167,15 @@ class EncoderFeed:
         """Return one sigma of the filter's own angle, the larger of pan and tilt."""
         pan, P = self._ekf.layout.angles[station].start, self._ekf.covariance
         return sigma_of(max(P[pan, pan], P[pan + 1, pan + 1]), f"angles of {station}")
+
+    def rates(self, station: str) -> HeadRates:
+        """Return the filter's rates of a head at the filter time; zero of a fixed station."""
+        if station not in self._ekf.layout.rates:
+            return HeadRates(0.0, 0.0, 0.0)
+        where, P = self._ekf.layout.rates[station], self._ekf.covariance
+        pan_rate, tilt_rate = self._ekf.state[where].tolist()
+        variance = max(P[where.start, where.start], P[where.start + 1, where.start + 1])
+        return HeadRates(pan_rate, tilt_rate, sigma_of(variance, f"rates of {station}"))
 
     def _off(self, sample: PtuSample, ahead_s: float) -> float:
         """Return the distance of a reading from its prediction, ``ahead_s`` after the filter time."""

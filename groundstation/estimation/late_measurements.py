@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TypeGuard
 
 from groundstation.estimation.ekf_snapshot import EkfSnapshot
 from groundstation.estimation.encoders import EncoderFeed, EncoderState
@@ -43,6 +44,11 @@ class _Reading:
 
 
 _Step = JournalRecord | _Reading
+
+
+def _of_encoder(step: _Step) -> TypeGuard[_Reading]:
+    """Return whether a step is an encoder's reading; one of a frame's picture stays with its frame."""
+    return isinstance(step, _Reading) and step.sample.sigma_rad is None
 
 
 @dataclass(slots=True)
@@ -169,7 +175,7 @@ class LateMeasurementBuffer:
             return None
         for entry in self._entries:
             for step in entry.steps:
-                if isinstance(step, _Reading) and step.sample.station == station and step.sample.t_s > t_s:
+                if _of_encoder(step) and step.sample.station == station and step.sample.t_s > t_s:
                     if entry.t_s <= t_s or step.sample.t_s - t_s > self._max_gap_s:
                         return None
                     entry.steps.remove(step)
@@ -185,7 +191,7 @@ class LateMeasurementBuffer:
             step.sample
             for entry in self._entries
             for step in entry.steps
-            if isinstance(step, _Reading) and step.sample.station == station
+            if _of_encoder(step) and step.sample.station == station
         ]
 
     def completes(self, sample: PtuSample) -> bool:
@@ -210,7 +216,7 @@ class LateMeasurementBuffer:
             if entry.rank is _Rank.FRAME and entry.t_s < sample.t_s:
                 frames.append(k)
             for step in entry.steps:
-                if isinstance(step, _Reading) and step.sample.t_s <= sample.t_s:
+                if _of_encoder(step) and step.sample.t_s <= sample.t_s:
                     previous_s = max(previous_s, step.sample.t_s)
             if entry.rank is _Rank.READING and entry.t_s <= sample.t_s:
                 break
@@ -225,7 +231,7 @@ class LateMeasurementBuffer:
         k = self._frame_for(sample)
         if k is not None:
             steps = self._entries[k].steps
-            own = next((s for s in steps if isinstance(s, _Reading)), None)
+            own = next((s for s in steps if _of_encoder(s)), None)
             if own is None:
                 # before the pixel, after the start of a target
                 steps.insert(sum(isinstance(s, TargetStart) for s in steps), _Reading(sample, None))
@@ -250,7 +256,7 @@ class LateMeasurementBuffer:
         """Remove the following reading from a frame whose own stamp has a reading."""
         for entry in self._entries:
             if entry.rank is _Rank.FRAME and entry.station == sample.station and entry.t_s == sample.t_s:
-                own = next((s for s in entry.steps if isinstance(s, _Reading)), None)
+                own = next((s for s in entry.steps if _of_encoder(s)), None)
                 if own is not None:
                     entry.steps.remove(own)
                     self._assign(own.sample, release)

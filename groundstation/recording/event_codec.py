@@ -28,6 +28,7 @@ from groundstation.messages import (
     ReferenceFix,
 )
 from groundstation.picture import BayerPattern
+from groundstation.rig.rig_limits import LONGEST_READOUT_S
 
 _MOST = 1e12
 _MAX_WHOLE = 2**53
@@ -106,6 +107,8 @@ def event_values(n: int, event: Event) -> dict[str, Any]:
     elif isinstance(event, FrameAngles):
         values |= {"station": event.station, "pan_rad": float(event.pan_rad), "tilt_rad": float(event.tilt_rad)}
         values |= {"sigma_rad": float(event.sigma_rad)}
+        if event.delay_s != 0.0:
+            values |= {"delay_s": float(event.delay_s)}
     elif isinstance(event, Frame):
         pattern = event.image.pattern
         values |= {
@@ -209,7 +212,10 @@ class _EventFields:
         pan, tilt, sigma = (self._number(k, self._values.get(k)) for k in ("pan_rad", "tilt_rad", "sigma_rad"))
         if sigma <= 0.0:
             raise self._fault("sigma_rad", sigma, "a number > 0")
-        return FrameAngles(t_s=t_s, station=self._station(), pan_rad=pan, tilt_rad=tilt, sigma_rad=sigma)
+        delay = self._number("delay_s", self._values.get("delay_s", 0.0))
+        if abs(delay) > LONGEST_READOUT_S:
+            raise self._fault("delay_s", delay, f"seconds, at most {LONGEST_READOUT_S:g} either way")
+        return FrameAngles(t_s=t_s, station=self._station(), pan_rad=pan, tilt_rad=tilt, sigma_rad=sigma, delay_s=delay)
 
     def _pixel(self, t_s: float) -> PixelMeasurement:
         u, v = (self._number(key, self._values.get(key)) for key in ("u_px", "v_px"))

@@ -6,7 +6,7 @@ from groundstation.arrays import FloatArray
 from groundstation.files.toml_table import TomlTable
 
 # a camera's arm on its head, and a rolling shutter: millimetres and milliseconds are beyond
-_LONGEST_ARM_M, _LONGEST_READOUT_S = 5.0, 1.0
+_LONGEST_ARM_M, LONGEST_READOUT_S = 5.0, 1.0
 # of an angle reading; seconds of arc are tens, and with less known the pictures do not tell where a head looks either
 _COARSEST_DEG = 5.0
 # of a rotation: with more there is none; square degrees are beyond
@@ -57,8 +57,8 @@ def read_arm(table: TomlTable) -> FloatArray:
 def read_readout(table: TomlTable) -> float:
     """Return the time of a rolling shutter, s."""
     readout_s = table.number("readout_s", 0.0)
-    if abs(readout_s) > _LONGEST_READOUT_S:
-        raise table.fail("readout_s", f"{readout_s:g}", f"seconds, at most {_LONGEST_READOUT_S:g} either way")
+    if abs(readout_s) > LONGEST_READOUT_S:
+        raise table.fail("readout_s", f"{readout_s:g}", f"seconds, at most {LONGEST_READOUT_S:g} either way")
     return readout_s
 
 

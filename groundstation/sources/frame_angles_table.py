@@ -7,11 +7,14 @@ from groundstation.errors import SessionError
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.toml_table import quoted
 from groundstation.messages import FrameAngles
+from groundstation.rig.rig_limits import LONGEST_READOUT_S
 from groundstation.session import Session
 
 NAME = "frame_angles.csv"
 # in radians: not every angle has a number of degrees that reads as it bit for bit
 COLUMNS = ("t_s", "station", "pan_rad", "tilt_rad", "sigma_rad")
+# of a rolling shutter only
+DELAY = "delay_s"
 
 
 class FrameAnglesTable:
@@ -44,7 +47,13 @@ class FrameAnglesTable:
             pan, tilt, sigma = (table.number(row, column) for column in COLUMNS[2:])
             if sigma <= 0.0:
                 raise table.fault(row.line, got=f"sigma_rad = {sigma:g}", wanted="> 0")
-            self._rows[name, t_s] = FrameAngles(t_s=t_s, station=name, pan_rad=pan, tilt_rad=tilt, sigma_rad=sigma)
+            delay = table.number(row, DELAY) if DELAY in table.columns else 0.0
+            if abs(delay) > LONGEST_READOUT_S:
+                wanted = f"seconds, at most {LONGEST_READOUT_S:g} either way"
+                raise table.fault(row.line, got=f"{DELAY} = {delay:g}", wanted=wanted)
+            self._rows[name, t_s] = FrameAngles(
+                t_s=t_s, station=name, pan_rad=pan, tilt_rad=tilt, sigma_rad=sigma, delay_s=delay
+            )
 
     def of_frame(self, station: str, t_s: float) -> FrameAngles | None:
         """Return the angles of a station's frame of a session time, None where its picture told none."""

@@ -297,7 +297,7 @@ class Pipeline:
             self._predict_to(ready.record.t_s)
             if ready.following is not None:
                 self._late_buffer.read(ready.following)
-            return self._frames.process(self.heads.with_angles(ready, self._late_buffer.read))
+            return self._frames.process(self.heads.with_angles(ready, self._late_buffer.read, self._encoders.rates))
 
     def _process_reading(self, sample: PtuSample) -> None:
         """Predict the filter to the time of a PTU reading and update it with the reading."""

@@ -1,5 +1,6 @@
 """Head angles of frames by panoramas: where a frame fits, its own pan and tilt; where not, the encoder's, and why."""
 
+import math
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -8,9 +9,16 @@ from typing import Protocol
 import cv2
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.panorama import GroundPanorama, HeadRegistration, RegisteredAngles, RegistrationFault
+from groundstation.detection.panorama import (
+    STANDING,
+    GroundPanorama,
+    HeadRegistration,
+    RegisteredAngles,
+    RegistrationFault,
+)
 from groundstation.errors import RigError
 from groundstation.estimation.encoder_offset import OffsetEstimator
+from groundstation.estimation.encoders import HeadRates
 from groundstation.messages import Frame, FrameAngles, PtuSample
 from groundstation.picture import as_picture
 from groundstation.rig.rig import Rig
@@ -32,9 +40,18 @@ class AnglesFromPicture(Protocol):
         ...
 
     def register_at(
-        self, image: ImageArray, t_s: float, pan_rad: float, tilt_rad: float, sigma_rad: float
+        self,
+        image: ImageArray,
+        t_s: float,
+        pan_rad: float,
+        tilt_rad: float,
+        sigma_rad: float,
+        rates_rad_s: tuple[float, float] = STANDING,
     ) -> RegisteredAngles | RegistrationFault:
-        """Return the angles of a frame (h, w, 3) of session time ``t_s`` whose encoders read so; or why not."""
+        """Return the angles of a frame (h, w, 3) of session time ``t_s`` whose encoders read so; or why not.
+
+        ``rates_rad_s`` are about those of pan and tilt, for the rows of a rolling shutter.
+        """
         ...
 
 
@@ -50,6 +67,23 @@ class _Way:
     def skips(self, frame: int) -> bool:
         """Return whether it is not tried in a frame, counted from 0."""
         return (frame - self.first) % self.every != 0
+
+
+# the rates of a station's head
+RatesOf = Callable[[str], HeadRates]
+
+
+def _at_stamp(found: FrameAngles, rates: HeadRates) -> FrameAngles:
+    """Return the angles of a picture at its stamp, by the head's rates and their sigma."""
+    if found.delay_s == 0.0:
+        return found
+    return replace(
+        found,
+        pan_rad=found.pan_rad - found.delay_s * rates.pan_rad_s,
+        tilt_rad=found.tilt_rad - found.delay_s * rates.tilt_rad_s,
+        sigma_rad=math.hypot(found.sigma_rad, found.delay_s * rates.sigma_rad_s),
+        delay_s=0.0,
+    )
 
 
 class RegisteredHeads:
@@ -125,25 +159,30 @@ class RegisteredHeads:
         self._found.clear()
         return found
 
-    def with_angles(self, ready: ReadyFrame, fuse: Callable[[PtuSample], None]) -> ReadyFrame:
+    def with_angles(self, ready: ReadyFrame, fuse: Callable[[PtuSample], None], rates: RatesOf) -> ReadyFrame:
         """Return a frame with the angles of its picture as `improve` does; where that does not tell, as `carried`."""
-        better = self.improve(ready, fuse)
+        better = self.improve(ready, fuse, rates)
         return self.carried(ready) if better is ready else better
 
-    def improve(self, ready: ReadyFrame, fuse: Callable[[PtuSample], None]) -> ReadyFrame:
-        """Return a frame with the angles of its picture, which are fused as a reading of its instant; or as it is."""
+    def improve(self, ready: ReadyFrame, fuse: Callable[[PtuSample], None], rates: RatesOf) -> ReadyFrame:
+        """Return a frame with the angles of its picture at its stamp; or as it is.
+
+        The angles are fused as a reading of the instant at which the rows that told were exposed. ``rates`` returns
+        those of a station's head at the stamp, as far as readings until then tell.
+        """
         record, angles = ready.record, ready.angles
         if not isinstance(record, Frame) or not isinstance(angles, InterpolatedAngles):
             return ready
         name, encoder = record.station, self._sigma_rad[record.station]
-        found = self._angles_of(record, angles)
+        head = rates(name)
+        found = self._angles_of(record, angles, (head.pan_rad_s, head.tilt_rad_s))
         if found is None:
             return ready
         offset = self._offsets[name]
-        offset.take(angles.pan_rad, angles.tilt_rad, angles.variance_share, found)
+        offset.take(angles.pan_rad, angles.tilt_rad, angles.variance_share, _at_stamp(found, head))
         fuse(
             PtuSample(
-                t_s=found.t_s,
+                t_s=found.t_s + found.delay_s,
                 station=name,
                 pan_rad=found.pan_rad,
                 tilt_rad=found.tilt_rad,
@@ -151,8 +190,10 @@ class RegisteredHeads:
                 encoder_off_rad=offset.offset.off_rad,
             )
         )
-        share = (found.sigma_rad / encoder) ** 2 if encoder > 0.0 else angles.variance_share
-        own = InterpolatedAngles(pan_rad=found.pan_rad, tilt_rad=found.tilt_rad, variance_share=share)
+        # the reading has told of the rates, too
+        stamp = _at_stamp(found, rates(name))
+        share = (stamp.sigma_rad / encoder) ** 2 if encoder > 0.0 else angles.variance_share
+        own = InterpolatedAngles(pan_rad=stamp.pan_rad, tilt_rad=stamp.tilt_rad, variance_share=share)
         return replace(ready, angles=own)
 
     def carried(self, ready: ReadyFrame) -> ReadyFrame:
@@ -166,15 +207,17 @@ class RegisteredHeads:
         own = replace(angles, pan_rad=angles.pan_rad - pan_off, tilt_rad=angles.tilt_rad - tilt_off)
         return replace(ready, angles=own)
 
-    def _angles_of(self, frame: Frame, angles: InterpolatedAngles) -> FrameAngles | None:
+    def _angles_of(
+        self, frame: Frame, angles: InterpolatedAngles, rates_rad_s: tuple[float, float]
+    ) -> FrameAngles | None:
         """Return the angles of a frame's picture, its own or those recorded; None where the encoder's have to do."""
         name = frame.station
         recorded = self._recalled.pop((name, frame.t_s), None)
         if recorded is None:
-            return self._register(frame, angles, spare=False)
+            return self._register(frame, angles, rates_rad_s, spare=False)
         if name in self._heads and as_picture(frame.image).has_all:
             spare = name in self._stars_alone
-            own = self._register(frame, angles, spare=spare)
+            own = self._register(frame, angles, rates_rad_s, spare=spare)
             if own is not None or not spare:
                 return own
         self._recorded[name] += 1
@@ -183,7 +226,9 @@ class RegisteredHeads:
             self._found.append(recorded)
         return recorded
 
-    def _register(self, frame: Frame, angles: InterpolatedAngles, *, spare: bool) -> FrameAngles | None:
+    def _register(
+        self, frame: Frame, angles: InterpolatedAngles, rates_rad_s: tuple[float, float], *, spare: bool
+    ) -> FrameAngles | None:
         """Return the angles of a frame's picture; None, counted unless there are spare ones, where it does not tell."""
         name = frame.station
         ways = self._heads.get(name)
@@ -201,9 +246,9 @@ class RegisteredHeads:
             if way.skips(self._frames[name] - 1):
                 why.append(way.between)
                 continue
-            sigma = self._sigma_rad[name]
+            read = (angles.pan_rad, angles.tilt_rad, self._sigma_rad[name])
             try:
-                told = way.angles.register_at(picture.preview(), frame.t_s, angles.pan_rad, angles.tilt_rad, sigma)
+                told = way.angles.register_at(picture.preview(), frame.t_s, *read, rates_rad_s)
             except cv2.error:
                 why.append(OPENCV_FAILED)
                 continue
@@ -221,6 +266,7 @@ class RegisteredHeads:
             pan_rad=found.pan_rad,
             tilt_rad=found.tilt_rad,
             sigma_rad=found.sigma_rad,
+            delay_s=found.delay_s,
         )
         self._found.append(own)
         self._registered[name] += 1

@@ -5,9 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.encoders import EncoderFeed
+from groundstation.estimation.implementation import filter_arithmetic
+from groundstation.estimation.journal import FilterJournal
+from groundstation.estimation.late_measurements import LateMeasurementBuffer
+from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.messages import PtuSample
 from tests.stereo_rig import make_rig
@@ -175,3 +180,89 @@ def test_a_picture_s_angles_count_by_their_own_sigma_and_are_no_reading() -> Non
     assert ekf.angles("left")[0] == pytest.approx(better, abs=1e-5)
     assert not encoders.is_doubtful("left")
     assert encoders.spikes == 0
+
+
+@pytest.mark.parametrize("delay_s", [0.005, -0.005])
+def test_a_picture_s_angles_are_of_the_exposure_of_its_rows(delay_s: float) -> None:
+    """Expected: a head that turns is where the filter has it, to the filter's sigma, in pan and in rate.
+
+    The picture of a frame is fused at the frame's stamp and tells of `delay_s` later: at 5 °/s of 0.025° farther.
+    """
+    rng, rate, squares = np.random.default_rng(12), math.radians(5.0), []
+    sigma_encoder, sigma_picture = math.radians(0.02), math.radians(0.002)
+    stations = tuple(replace(s, ptu_sigma_rad=sigma_encoder, ptu_resolution_rad=0.0) for s in make_rig().stations)
+    for _ in range(40):
+        config = EstimationConfig()
+        ekf = StationEkf({s.name: s.geometry() for s in stations}, ("left", "right"), config)
+        encoders = EncoderFeed(ekf, {s.name: s for s in stations}, config)
+        # white acceleration of the model's own density
+        pan, speed, dt = 0.0, rate, 0.02
+        Q = config.ptu_acceleration_psd_rad2_s3 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+        for k in range(60):
+            step = rng.multivariate_normal(np.zeros(2), Q)
+            pan, speed = pan + dt * speed + step[0], speed + step[1]
+            t_s = dt * k
+            ekf.predict_to(t_s)
+            read_rad = pan + sigma_encoder * rng.standard_normal()
+            encoders.read(PtuSample(t_s=t_s, station="left", pan_rad=read_rad, tilt_rad=0.0))
+            told_rad = pan + delay_s * speed + sigma_picture * rng.standard_normal()
+            encoders.read(
+                PtuSample(t_s=t_s + delay_s, station="left", pan_rad=told_rad, tilt_rad=0.0, sigma_rad=sigma_picture)
+            )
+        angle, turn = ekf.layout.angles["left"].start, ekf.layout.rates["left"].start
+        off = np.array([pan - ekf.state[angle], speed - ekf.state[turn]])
+        places = np.ix_([angle, turn], [angle, turn])
+        squares.append(float(off @ np.linalg.solve(ekf.covariance[places], off)))
+        head = encoders.rates("left")
+        assert head.pan_rad_s == ekf.state[turn]
+        assert head.sigma_rad_s >= math.sqrt(ekf.covariance[turn, turn])
+    low, high = chi2.ppf([0.0005, 0.9995], 2 * len(squares))
+    assert low < sum(squares) < high
+    assert encoders.spikes == 0
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.004, -0.004])
+def test_a_late_reading_leaves_a_picture_s_angles_with_their_frame(delay_s: float) -> None:
+    """Expected: a frame's next reading that comes after the one after it ends as if it had come in order."""
+
+    def reading(t_s: float) -> PtuSample:
+        return PtuSample(t_s=t_s, station="left", pan_rad=0.1 * t_s + 1e-4 * math.cos(500.0 * t_s), tilt_rad=0.0)
+
+    def flown(*, late: bool) -> StationEkf:
+        rig, config = make_rig(), EstimationConfig()
+        journal = FilterJournal(filter_arithmetic(config.implementation).smooth_across)
+        geometries = {s.name: s.geometry() for s in rig.stations}
+        ekf = StationEkf(geometries, rig.names, config, ParameterPrior.nothing(), journal)
+        buffer = LateMeasurementBuffer(
+            ekf,
+            journal,
+            EncoderFeed(ekf, {s.name: s for s in rig.stations}, config),
+            stations=rig.names,
+            horizon_s=0.5,
+            max_entries=100,
+            max_gap_s=0.25,
+            log=lambda t_s, text: None,
+        )
+
+        def alone(t_s: float) -> None:
+            with buffer.reading(t_s, "left"):
+                ekf.predict_to(t_s)
+                buffer.read(reading(t_s))
+
+        for k in range(4):
+            alone(0.01 * k)
+        told = PtuSample(t_s=0.035 + delay_s, station="left", pan_rad=0.0035, tilt_rad=0.0, sigma_rad=1e-5)
+        with buffer.frame(0.035, "left"):
+            ekf.predict_to(0.035)
+            buffer.read(reading(0.05 if late else 0.04))
+            buffer.read(told)
+        if late:
+            buffer.late_reading(reading(0.04), lambda sample: False)
+        else:
+            alone(0.05)
+        alone(0.06)
+        return ekf
+
+    ordered, late = flown(late=False), flown(late=True)
+    np.testing.assert_allclose(late.state, ordered.state, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(late.covariance, ordered.covariance, rtol=1e-12, atol=0.0)

@@ -177,8 +177,8 @@ def test_registration_does_not_make_a_recording_keep_whole_frames() -> None:
     heads = RegisteredHeads(rig(), {station().name: mosaic().panorama})
     improve = heads.improve
 
-    def watched(ready, fuse):  # type: ignore[no-untyped-def]
-        better = improve(ready, fuse)
+    def watched(ready, fuse, rates):  # type: ignore[no-untyped-def]
+        better = improve(ready, fuse, rates)
         if isinstance(ready.record, Frame):
             read.append(ready.record.image.whole_read)
         return better

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from groundstation.box import Box, box_of_size, contains
 from groundstation.errors import RecordingError
-from groundstation.messages import Epoch, Event, FilterReset, Frame, Heartbeat, PixelMeasurement, PtuSample
+from groundstation.messages import Epoch, Event, FilterReset, Frame, FrameAngles, Heartbeat, PixelMeasurement, PtuSample
 from groundstation.picture import BayerPattern, BgrPicture
 from groundstation.recording.event_codec import (
     DroppedNote,
@@ -34,6 +34,15 @@ names = st.sampled_from(sorted(SIZES))
 whole = st.integers(0, 2**40)
 simple_events: st.SearchStrategy[Event] = st.one_of(
     st.builds(PtuSample, t_s=numbers, station=names, pan_rad=numbers, tilt_rad=numbers),
+    st.builds(
+        FrameAngles,
+        t_s=numbers,
+        station=names,
+        pan_rad=numbers,
+        tilt_rad=numbers,
+        sigma_rad=sigmas,
+        delay_s=st.just(0.0) | st.floats(-0.5, 0.5),
+    ),
     st.builds(
         PixelMeasurement,
         t_s=numbers,
@@ -62,10 +71,24 @@ keys = st.sampled_from(
     (
         *("n", "kind", "t_s", "station", "epoch", "stations", "size_px", "pattern"),
         *("of", "parts", "colour", "why", "position_runway_m", "sigma_m", "in_vain", "u_px", "v_px", "sigma_px"),
+        *("pan_rad", "tilt_rad", "sigma_rad", "delay_s"),
     )
 )
 kinds = st.sampled_from(
-    ["ptu", "frame", "pixel", "epoch", "reference", "heartbeat", "begun anew", "pixels", "dropped", "lost", "x"]
+    [
+        "ptu",
+        "frame angles",
+        "frame",
+        "pixel",
+        "epoch",
+        "reference",
+        "heartbeat",
+        "begun anew",
+        "pixels",
+        "dropped",
+        "lost",
+        "x",
+    ]
 )
 windows = st.tuples(st.integers(0, 60), st.integers(0, 40), st.integers(1, 30), st.integers(1, 30)).map(
     lambda w: box_of_size(*w)

@@ -132,6 +132,31 @@ def test_a_ros_bag_keeps_the_angles(flight: Path, tmp_path: Path, capsys: pytest
         )
 
 
+def test_angles_of_a_rolling_shutter_keep_their_instant(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: bit for bit through table and recording; a ROS bag has no place for it, and says so."""
+    pytest.importorskip("rosbags")
+    assert main(["convert", str(flight / "flight.mcap"), str(tmp_path / "folder")]) == 0
+    table = tmp_path / "folder" / "frame_angles.csv"
+    header, *rows = table.read_text().splitlines()
+    delays = [0.001 * k / 3.0 - 0.001 for k in range(len(rows))]
+    rows = [f"{row},{delay!r}" for row, delay in zip(rows, delays, strict=True)]
+    table.write_text("\n".join([f"{header},delay_s", *rows]) + "\n")
+    given = angles(tmp_path / "folder")
+    assert [event.delay_s for event in given] == delays
+    assert main(["convert", str(tmp_path / "folder"), str(tmp_path / "back.mcap")]) == 0
+    assert angles(tmp_path / "back.mcap") == given
+    assert main(["convert", str(tmp_path / "back.mcap"), str(tmp_path / "again")]) == 0
+    assert angles(tmp_path / "again") == given
+    capsys.readouterr()
+    assert main(["convert", str(tmp_path / "back.mcap"), str(tmp_path / "bag"), "--ros2"]) == 0
+    assert f"{PAIRS - delays.count(0.0)} angles from pictures of a rolling shutter" in capsys.readouterr().out
+    table.write_text("\n".join([f"{header},delay_s", f"{rows[0].rpartition(',')[0]},3.0", *rows[1:]]) + "\n")
+    with pytest.raises(SessionError, match=r"line 2: got delay_s = 3; wanted seconds, at most 1 either way"):
+        angles(tmp_path / "folder")
+
+
 @pytest.mark.parametrize("bad", [{"sigma_rad": 0.0}, {"sigma_rad": math.nan}, {"pan_rad": math.inf}])
 def test_what_is_no_angle_in_a_ros_bag_is_passed_over(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bad: dict[str, float]

@@ -9,7 +9,7 @@ from groundstation.messages import Frame, PtuSample
 from groundstation.picture import BgrPicture
 from groundstation.tracking.registered_heads import OPENCV_FAILED, OTHER_SIZE, RegisteredHeads
 from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame
-from tests.stereo_rig import make_rig
+from tests.stereo_rig import make_rig, standing
 
 FAILS_S = 2.0
 
@@ -24,7 +24,7 @@ class Sky:
         return False
 
     def register_at(
-        self, image: ImageArray, t_s: float, pan_rad: float, tilt_rad: float, sigma_rad: float
+        self, image: ImageArray, t_s: float, pan_rad: float, tilt_rad: float, sigma_rad: float, rates_rad_s: object
     ) -> RegisteredAngles | RegistrationFault:
         self.sizes.append((image.shape[1], image.shape[0]))
         if t_s == FAILS_S:
@@ -39,7 +39,7 @@ def test_a_picture_of_another_size_and_one_in_which_opencv_fails() -> None:
         frame = Frame(t_s=t_s, station="left", epoch=0, image=BgrPicture(np.zeros((h, w, 3), np.uint8)))
         encoder = InterpolatedAngles(pan_rad=0.1, tilt_rad=0.2, variance_share=1.0)
         ready = ReadyFrame(record=frame, angles=encoder, following=None)
-        assert heads.with_angles(ready, read.append) is ready
+        assert heads.with_angles(ready, read.append, standing) is ready
     assert not read
     assert sky.sizes == [(1280, 960)]
     assert heads.notes() == [

@@ -27,6 +27,7 @@ from groundstation.sources.panorama_file import read_panoramas, write_panoramas
 from groundstation.tracking.registered_heads import RegisteredHeads
 from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame
 from tests.simulation.small_site import small_rig
+from tests.stereo_rig import standing
 
 SIZE = (320, 240)
 NOISE_RAD = float(np.radians(0.05))
@@ -215,7 +216,7 @@ def test_a_frame_gets_its_picture_s_angles_or_keeps_the_encoder_s() -> None:
     heads = RegisteredHeads(rig, {station().name: mosaic().panorama})
     fused: list[PtuSample] = []
     seen = frame(1.0, -1.5, random)
-    better = heads.improve(ready(1.06, seen, station().name), fused.append)
+    better = heads.improve(ready(1.06, seen, station().name), fused.append, standing)
     assert isinstance(better.angles, InterpolatedAngles)
     assert np.degrees(better.angles.pan_rad) == pytest.approx(1.0, abs=0.05)
     (sample,) = fused
@@ -223,7 +224,7 @@ def test_a_frame_gets_its_picture_s_angles_or_keeps_the_encoder_s() -> None:
     assert sample.sigma_rad is not None
     assert better.angles.variance_share == pytest.approx((sample.sigma_rad / NOISE_RAD) ** 2)
     for same in (ready(1.06, np.full_like(seen, 128.0), station().name), ready(1.06, seen, "other")):
-        assert heads.improve(same, fused.append) is same
+        assert heads.improve(same, fused.append, standing) is same
     assert len(fused) == 1
     assert heads.notes() == [
         f"head angles of {station().name} from the picture in 1 of 2 frames; 1 the encoder's: too little ground in view"

@@ -19,6 +19,7 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.cli.main import main
 from groundstation.detection.panorama import GroundPanorama, RegisteredAngles, RegistrationFault
 from groundstation.errors import InputError
+from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.messages import Frame, FrameAngles, PtuSample
 from groundstation.picture import as_picture
 from groundstation.rig.rig import PtuAxes, Station
@@ -26,6 +27,7 @@ from groundstation.session import load_session
 from groundstation.tracking.registered_heads import RegisteredHeads
 from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame
 from tests.session.folder import Tiny
+from tests.stereo_rig import standing
 
 NOISE_RAD = float(np.radians(0.01))
 WITHHELD_DEG = 0.5
@@ -144,7 +146,7 @@ def test_recorded_angles_stay_where_the_stars_do_not_tell() -> None:
         heads.recall(of_panorama)
         frame = Frame(t_s=t_s, station="left", epoch=k, image=as_picture(np.repeat(grey[:, :, None], 3, axis=2)))
         angles = InterpolatedAngles(pan_rad=pan, tilt_rad=tilt, variance_share=1.0)
-        heads.improve(ReadyFrame(record=frame, angles=angles, following=None), lambda _: None)
+        heads.improve(ReadyFrame(record=frame, angles=angles, following=None), lambda _: None, standing)
         (found,) = heads.take_found()
         assert (found == of_panorama) == (k == 1)
     assert heads.notes() == [
@@ -171,7 +173,7 @@ def test_stars_are_asked_where_the_ground_does_not_tell() -> None:
         frame = Frame(t_s=t_s, station="left", epoch=1, image=as_picture(np.repeat(grey[:, :, None], 3, axis=2)))
         off = true + np.radians([0.012, -0.008])
         angles = InterpolatedAngles(pan_rad=float(off[0]), tilt_rad=float(off[1]), variance_share=1.0)
-        heads.improve(ReadyFrame(record=frame, angles=angles, following=None), fused.append)
+        heads.improve(ReadyFrame(record=frame, angles=angles, following=None), fused.append, standing)
     (sample,) = fused
     assert np.degrees([sample.pan_rad, sample.tilt_rad]) == pytest.approx(np.degrees(true), abs=0.004)
     (note,) = heads.notes()
@@ -204,3 +206,32 @@ def test_axes_are_those_of_corrected_readings() -> None:
     )
     assert isinstance(one, RegisteredAngles)
     assert one == two
+
+
+def test_stars_of_a_rolling_shutter_tell_the_angles_of_their_rows() -> None:
+    """Expected: a turn of 1 °/s moves a star by when its row is exposed; the angles are of the instant that is said."""
+    random, rate = np.random.default_rng(33), np.radians([1.0, 0.0])
+    one = replace(station(), readout_s=0.03)
+    geometry, height = one.geometry(), one.lens.image_size_px[1]
+    drawn = star_field(
+        night().pictures["left"][0], one, night_solver(night()), SkyOverSite(night().site), 0.0, 0.0, random
+    )
+    t_s, true, _ = frames()[0]
+    moved = []
+    for pixel in drawn.pixel_px:
+        ray = geometry.ray(*pixel.tolist(), *true.tolist())
+        delay_s = row_delay_s(float(pixel[1]), height, one.readout_s)
+        seen = geometry.project(ray.origin_runway_m + 1e9 * ray.direction_runway, *(true + delay_s * rate).tolist())
+        assert seen is not None
+        moved.append(seen.pixel)
+    # the lower half of the picture shows nothing: a hill
+    above = drawn.pixel_px[:, 1] < 0.5 * height
+    field = replace(drawn, pixel_px=np.array(moved)[above], flux=30.0 * drawn.flux[above], number=drawn.number[above])
+    image = render_stars(field, np.array([0.0, 0.0]), hot_pixel_map(one.lens.image_size_px, random), random)
+    head = StarAngles(one, SkyOverSite(night().site), night_solver(night()), zero())
+    found = head.register_at(image, t_s, *true.tolist(), NOISE_RAD, (float(rate[0]), float(rate[1])))
+    assert isinstance(found, RegisteredAngles)
+    assert -0.4 < found.delay_s / one.readout_s < -0.1
+    off = np.array([found.pan_rad, found.tilt_rad]) - (true + found.delay_s * rate)
+    assert np.abs(off).max() < 3.5 * found.sigma_rad
+    assert abs(found.delay_s * rate[0]) > 5.0 * found.sigma_rad
