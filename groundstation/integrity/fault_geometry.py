@@ -16,6 +16,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, parameter_indices, project_with_calibration
+from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.geometry.station import StationGeometry
 from groundstation.landing_site.fault_table import FaultHypothesis, FaultTable, StationFault
 from groundstation.landing_site.runway import LandingRunway
@@ -27,7 +28,10 @@ DIRECTIONS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StationLook:
-    """One station's pixel (2,) with its angles in rad; px² of the noise of one frame and of what lasts, (2, 2) each."""
+    """One station's pixel (2,) with its angles in rad; px² of the noise of one frame and of what lasts, (2, 2) each.
+
+    The angles are the stamp's; ``rates_rad_s`` of pan and tilt are for the rows of a rolling shutter, None if unknown.
+    """
 
     station: str
     t_s: float
@@ -36,6 +40,7 @@ class StationLook:
     tilt_rad: float
     noise_px2: FloatArray
     lasting_px2: FloatArray
+    rates_rad_s: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,6 +105,7 @@ class FaultGeometry:
         self._table, self._span_m, self._constant_px = table, span_m, constant_px
         self._geometries: Mapping[str, StationGeometry] = {s.name: s.geometry() for s in rig.stations}
         self._fixed = {s.name: s.fixed for s in rig.stations}
+        self._readout_s = {s.name: s.readout_s for s in rig.stations}
         self._angle_variance = {s.name: 0.0 if s.fixed else s.angle_sigma_rad**2 for s in rig.stations}
         prior = rig_prior(rig)
         self._columns = {name: _columns(name, prior) for name in rig.names}
@@ -154,8 +160,14 @@ class FaultGeometry:
     ) -> "_StationRow | None":
         """Return a station's rows; None where the target is not in front of it."""
         geometry = self._geometries[look.station]
-        point = position_m + (look.t_s - t_s) * velocity_m_s
-        seen = project_with_calibration(geometry, point, look.pan_rad, look.tilt_rad)
+        pan_rate, tilt_rate = look.rates_rad_s or (0.0, 0.0)
+        delay_s = row_delay_s(float(look.pixel[1]), geometry.image_size_px[1], self._readout_s[look.station])
+        if look.rates_rad_s is None and not self._fixed[look.station]:
+            # a head that follows the target shows it in the same pixel whenever its row is exposed
+            delay_s = 0.0
+        point = position_m + (look.t_s + delay_s - t_s) * velocity_m_s
+        pan_rad, tilt_rad = look.pan_rad + delay_s * pan_rate, look.tilt_rad + delay_s * tilt_rate
+        seen = project_with_calibration(geometry, point, pan_rad, tilt_rad)
         if seen is None:
             return None
         by_point, by_angle = seen.jacobian[:, :3], seen.jacobian[:, 3:]

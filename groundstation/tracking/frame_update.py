@@ -19,7 +19,6 @@ from groundstation.estimation.encoders import EncoderFeed
 from groundstation.estimation.out_of_view_weight import probability_in_view
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.trajectory_curve import Knot
-from groundstation.estimation.triangulation import TriangulationView
 from groundstation.estimation.updates.pixel_model import PixelPrediction
 from groundstation.estimation.variance_check import require_definite
 from groundstation.geometry.angles import wrap_rad
@@ -43,6 +42,7 @@ from groundstation.tracking.recognition import likeliest_aircraft
 from groundstation.tracking.station_health import StationHealth
 from groundstation.tracking.synchronise import AngleFault, InterpolatedAngles, ReadyFrame
 from groundstation.tracking.track_manager import TrackManager
+from groundstation.tracking.view_at_stamp import view_at_stamp
 from groundstation.tracking.weighed_pixel import weighed
 
 _MISS_STATUS = {
@@ -295,13 +295,14 @@ class FrameUpdate:
             self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
         # cameras agree with each other by what each shows, not by what the filter makes of it
         own = found if seen.by_itself is None else seen.by_itself
-        view = TriangulationView(
-            station=camera.geometry,
-            pixel=np.array([own.u_px, own.v_px]),
-            covariance_px2=own.covariance_px2,
-            pan_rad=angles.pan_rad,
-            tilt_rad=angles.tilt_rad,
-            angle_sigma_rad=self._pointing_sigma_rad(record, angles),
+        view = view_at_stamp(
+            self._ekf,
+            camera.geometry,
+            own,
+            (angles.pan_rad, angles.tilt_rad),
+            self._pointing_sigma_rad(record, angles),
+            camera.station.readout_s,
+            self._encoders.rates(record.station),
         )
         self._epochs.add(
             EpochView(
