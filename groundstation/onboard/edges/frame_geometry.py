@@ -19,6 +19,7 @@ from groundstation.onboard.edges.line_kernel import (
 from groundstation.onboard.edges.line_state import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose, corrected_pose
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
+from groundstation.onboard.edges.width_prior import WidthPrior, other_pair_m2
 
 # fainter than a quarter of plain contrast an edge is not drawn farther: the profile's own sigma grows there; the edge
 # of a profile is drawn less where contrast is plain, and the more the fainter it gets
@@ -111,6 +112,24 @@ def pose_noise(config: TrackerConfig, look: FrameGeometry) -> FloatArray:
     if config.measurement is MeasurementModel.LINES:
         return np.zeros((4, 4))
     return np.asarray(noise_of_pose(look.by_pose, config.attitude_sigma_rad, config.position_sigma_m))
+
+
+def width_prior(announced_m: float, pose: NoseCameraPose, state: LineState) -> WidthPrior:
+    """Return what is known of the runway's width, with the height's part in a width that a picture shows."""
+    height_m2 = float(state.covariance[UP, UP]) if state.mean.size > UP else 0.0
+    above_m = max(float(pose.camera_threshold_m[2]), 1.0)
+    return WidthPrior(announced_m=announced_m, scale_sigma=math.sqrt(height_m2) / above_m)
+
+
+def other_pair_noise(config: TrackerConfig, look: FrameGeometry, state: LineState) -> FloatArray:
+    """Return the second moment (4, 4) px² of the runway's edges about a pair's that is not as wide as announced."""
+    width_m = max(abs(float(state.mean[C] - state.mean[D])), 1e-3)
+    px_per_m = np.abs(look.predicted[2:] - look.predicted[:2]) / width_m
+    outwards = np.zeros((4, 2))
+    outwards[:2, 0], outwards[2:, 1] = -px_per_m, px_per_m
+    return np.asarray(
+        outwards @ other_pair_m2(width_m, width_prior(config.guess.width_m, look.pose, state)) @ outwards.T
+    )
 
 
 def edge_noise(

@@ -19,6 +19,7 @@ from groundstation.onboard.edges.frame_geometry import (
     TrackerCamera,
     edge_noise,
     geometry_between_rows,
+    other_pair_noise,
     pose_noise,
     widths_of,
 )
@@ -321,6 +322,8 @@ def _started(
     noise = found.covariance_px2 + pose_noise(config, look)
     update = update_crossings(state, look.predicted, look.h, found.crossings_px, noise)
     lasting = edge_noise(config, found.crossings_px, rows, update.state.mean, found)
+    if config.measurement is MeasurementModel.CROSSINGS:
+        lasting += other_pair_noise(config, look, update.state)
     edges = Edges(
         state=update.state,
         rows_px=rows,

@@ -34,6 +34,7 @@ from groundstation.onboard.edges.profile_fit import (
     picked_blocks,
 )
 from groundstation.onboard.edges.profile_kernel import QUANTUM, picked_trials
+from groundstation.onboard.edges.width_prior import width_density
 
 # sigmas by which paint has to exceed zero, and light darkness
 _BRIGHT = 3.0
@@ -44,8 +45,6 @@ _DOTS, _LINE, _VARIES, _LEAST_VARIANCE = 2.0, 0.2, 0.7, 0.05
 _ROWS_AS_ONE, _MOST_OBSERVED = 6.0, 6.0
 # lamps are at least so far apart, m, and are seen apart in so many rows
 _SPACING_M, _APART_ROWS = 30.0, 3.5
-# share of runways whose announced width is right, and by how much these and others are wrong (sigma, of the width)
-_RIGHT, _RIGHT_BY, _WRONG_BY = 0.7, 0.02, 0.2
 # what the levels of a block of rows are free to fit, nats a colour; the most that one block tells of an edge
 _LEVELS_NATS, _MOST_BLOCK_NATS = 3.0, 10.0
 # crossings (4,) of both lines with the same row
@@ -95,20 +94,7 @@ def width_likelihood(profiles: EdgeProfiles, moved_px: FloatArray, scale: FloatA
         return 0.0
     moved_m = moved_px / scale
     width_m = profiles.width_m + 0.5 * float(moved_m.sum())
-    return width_density(width_m, prior.announced_m, prior.scale_sigma)
-
-
-def width_density(width_m: float, announced_m: float, scale_sigma: float) -> float:
-    """Return the logarithm of how likely a width is against the announced one."""
-
-    def density(off_m: float) -> float:
-        whole = 0.0
-        for share, by in ((_RIGHT, _RIGHT_BY), (1.0 - _RIGHT, _WRONG_BY)):
-            sigma = announced_m * math.hypot(by, scale_sigma)
-            whole += share * math.exp(-0.5 * (off_m / sigma) ** 2) / sigma
-        return whole
-
-    return math.log(max(density(width_m - announced_m), 1e-300) / density(0.0))
+    return width_density(width_m, prior)
 
 
 def _likelihoods(

@@ -13,7 +13,9 @@ from groundstation.onboard.edges.frame_geometry import (
     TrackerCamera,
     edge_noise,
     frame_geometry,
+    other_pair_noise,
     pose_noise,
+    width_prior,
 )
 from groundstation.onboard.edges.gradient_descent import descend
 from groundstation.onboard.edges.kalman import LineState, LineUpdate, predict, update_crossings, update_lines
@@ -25,7 +27,7 @@ from groundstation.onboard.edges.markings import Change, Markings
 from groundstation.onboard.edges.pose import NoseCameraPose, ground_from_pixels
 from groundstation.onboard.edges.profile import edges_by_profile, reach_px
 from groundstation.onboard.edges.profile_config import ProfileConfig
-from groundstation.onboard.edges.profile_fit import LampParallax, ProfileView, WidthPrior
+from groundstation.onboard.edges.profile_fit import LampParallax, ProfileView
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.seen_marks import SeenMarks, seen_marks
@@ -83,7 +85,7 @@ def track_lines(
     if update.nis > config.gate:
         return _missed(config, look, predicted, EdgeMiss.GATED, update.nis)
     crossings, independent = _in_picture(config, predicted, look, found, update)
-    lasting = _lasting(config, look, predicted, found)
+    lasting = _lasting(config, look, predicted, update.state, found)
     edges = Edges(
         state=update.state,
         rows_px=look.rows,
@@ -152,19 +154,13 @@ def profiled(
 
 def view_of(look: FrameGeometry, state: LineState, config: ProfileConfig) -> ProfileView:
     """Return how the runway is seen: where its lamps are, how well its width is known, metres in a row."""
-    camera_m = look.pose.camera_threshold_m
     rows = np.array([[look.predicted[0], look.rows[0]], [look.predicted[1], look.rows[1]]])
     below = rows + np.array([0.0, 1.0])
     ground = ground_from_pixels(look.pose, look.kappa, np.vstack([rows, below]))[:, 1]
     along_m = np.abs(ground[2:] - ground[:2])
-    height = state.covariance[UP, UP] if state.mean.size > UP else 0.0
-    width = None
-    if config.announced_m is not None:
-        sigma = math.sqrt(float(height)) / max(float(camera_m[2]), 1.0)
-        width = WidthPrior(announced_m=config.announced_m, scale_sigma=sigma)
     return ProfileView(
-        lamps=lamps_seen(camera_m, state.mean, config.lamp_height_m),
-        width=width,
+        lamps=lamps_seen(look.pose.camera_threshold_m, state.mean, config.lamp_height_m),
+        width=None if config.announced_m is None else width_prior(config.announced_m, look.pose, state),
         along_m=(float(along_m[0]), float(along_m[1])) if np.isfinite(along_m).all() else None,
     )
 
@@ -284,19 +280,24 @@ def _in_picture(
 
 
 def _lasting(
-    config: TrackerConfig, look: FrameGeometry, predicted: LineState, found: EdgeMeasurement | None
+    config: TrackerConfig,
+    look: FrameGeometry,
+    predicted: LineState,
+    state: LineState,
+    found: EdgeMeasurement | None,
 ) -> FloatArray:
     """Return what more pictures do not average out, (4, 4) px²; the paper's measurement has none."""
-    if config.measurement is MeasurementModel.LINES and found is not None:
-        return np.zeros((4, 4))
-    return edge_noise(config, look.predicted, look.rows, predicted.mean, found)
+    if config.measurement is MeasurementModel.LINES:
+        return np.zeros((4, 4)) if found is not None else edge_noise(config, look.predicted, look.rows, predicted.mean)
+    own = edge_noise(config, look.predicted, look.rows, predicted.mean, found)
+    return own + other_pair_noise(config, look, state)
 
 
 def _missed(
     config: TrackerConfig, look: FrameGeometry, predicted: LineState, miss: EdgeMiss, nis: float
 ) -> TrackingStep:
     """Return the prediction, with its own covariance."""
-    lasting = _lasting(config, look, predicted, None)
+    lasting = _lasting(config, look, predicted, predicted, None)
     edges = Edges(
         state=predicted,
         rows_px=look.rows,

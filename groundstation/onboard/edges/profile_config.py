@@ -65,7 +65,7 @@ class ProfileConfig:
     dim_cost: float = 2.0
     layout_margin: float = 12.0
     layout_alike: float = 4.0
-    layout_alike_stated: float = 8.0
+    layout_alike_stated: float = 16.0
     untried_m: float = 0.5
     merged_share: float = 0.25
     merged_m: float = 0.45

@@ -17,6 +17,7 @@ from groundstation.onboard.edges.profile_kernel import (
     picked_levels,
     picked_trials,
 )
+from groundstation.onboard.edges.width_prior import WidthPrior
 
 OUTWARDS = np.array([-1.0, -1.0, 1.0, 1.0])
 # half of how far, across the runway, the light of lamps reaches about their line
@@ -39,20 +40,6 @@ class LampParallax:
 
     scale: float = 1.0
     shift_m: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WidthPrior:
-    """What is known of a runway's width before any picture: m.
-
-    Attributes
-    ----------
-    announced_m : the width that was announced.
-    scale_sigma : of a width in a picture, as a share of it, by the height that may be wrong.
-    """
-
-    announced_m: float
-    scale_sigma: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from groundstation.onboard.edges.layout_evidence import limited, varying, weighed_layouts, width_density
+from groundstation.onboard.edges.layout_evidence import limited, varying, weighed_layouts
 from groundstation.onboard.edges.layout_kernel import bar_information, mark_trend, refine_displacement
 from groundstation.onboard.edges.line_shape import shaped
 from groundstation.onboard.edges.markings import initial_markings
@@ -115,17 +115,6 @@ def test_how_a_mark_varies_along_the_edge_tells_dots_from_lines() -> None:
     # where noise is stronger than the mark it says next to nothing
     hidden = [varying(30.0 * 1.01, 30.0, 30.0 * 0.01, 30.0, lamps=lamps) for lamps in (True, False)]
     assert abs(hidden[0] - hidden[1]) < 0.5
-
-
-def test_the_announced_width_counts_with_its_tolerance() -> None:
-    assert width_density(20.0, 20.0, 0.0) == 0.0
-    narrow = [width_density(w, 20.0, 0.0) for w in (19.8, 19.0, 15.0)]
-    assert narrow == sorted(narrow, reverse=True)
-    assert narrow[0] > -0.2
-    # announced wrong by a quarter is no more than unlikely
-    assert -5.0 < narrow[2] < -2.0
-    # a height that may be wrong by a tenth leaves the width open
-    assert width_density(19.0, 20.0, 0.1) > -0.3
 
 
 def test_a_picture_is_worth_a_limited_amount() -> None:
