@@ -110,7 +110,6 @@ class TrackerConfig:
     tracked_contrast: float = 0.5
     tracked_width: float = 1.4
     tracked_nis: float = 8.0
-    tracked_picture_nis: float = 18.5
     tracked_sigmas: float = 5.0
     doubt_frames: int = 5
     check_frames: int = 30

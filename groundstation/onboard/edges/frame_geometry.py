@@ -114,6 +114,16 @@ def pose_noise(config: TrackerConfig, look: FrameGeometry) -> FloatArray:
     return np.asarray(noise_of_pose(look.by_pose, config.attitude_sigma_rad, config.position_sigma_m))
 
 
+def yaw_place_m(config: TrackerConfig, pose: NoseCameraPose) -> float:
+    """Return by how much a lasting error of yaw moves lines across the runway at its threshold, sigma in m.
+
+    Of a stated error: 0 without. Where none is known, a pair far aside is more often another pair than the runway by a
+    yaw that is so far off: with 0.7° for all, 29 more of 1,200 frames of train 0-29 and 500000-500029 tracked to 2 px,
+    and nine instead of one were beyond three sigmas.
+    """
+    return 0.0 if config.lasting_yaw_rad is None else config.lasting_yaw_rad * abs(float(pose.camera_threshold_m[1]))
+
+
 def width_prior(announced_m: float, pose: NoseCameraPose, state: LineState) -> WidthPrior:
     """Return what is known of the runway's width, with the height's part in a width that a picture shows."""
     height_m2 = float(state.covariance[UP, UP]) if state.mean.size > UP else 0.0

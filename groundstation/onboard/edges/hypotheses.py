@@ -22,6 +22,7 @@ from groundstation.onboard.edges.frame_geometry import (
     other_pair_noise,
     pose_noise,
     widths_of,
+    yaw_place_m,
 )
 from groundstation.onboard.edges.gradient_descent import descend
 from groundstation.onboard.edges.kalman import LineState, update_crossings
@@ -67,6 +68,7 @@ class Hypothesis:
     markings : paint and lamps next to its edges, if it was tracked by profiles.
     contrast : (2,) mean over the last frames across both edges, 0 to 1; None before the first.
     found : what the last frame's picture showed; None where nothing was measured or accepted, and at the start.
+    yaw_place_m : by how much the poses' lasting error of yaw moved it across the runway in the last frame, sigma.
     """
 
     state: LineState
@@ -79,6 +81,7 @@ class Hypothesis:
     markings: Markings | None = None
     contrast: FloatArray | None = None
     found: EdgeMeasurement | None = None
+    yaw_place_m: float = 0.0
 
     def after(self, step: TrackingStep) -> "Hypothesis":
         """Return the hypothesis after a step."""
@@ -103,13 +106,14 @@ class Hypothesis:
             else self.markings,
             contrast=contrast,
             found=step.found,
+            yaw_place_m=step.yaw_place_m,
         )
 
 
 def score(hypothesis: Hypothesis, config: TrackerConfig) -> float:
     """Return how well a pair does: logarithms, as of likelihoods; the higher the better."""
     mean = hypothesis.state.mean
-    place = 0.5 * float(mean[C] + mean[D]) / config.start_shift_m
+    place = 0.5 * float(mean[C] + mean[D]) / math.hypot(config.start_shift_m, hypothesis.yaw_place_m)
     width = math.log(max(abs(float(mean[C] - mean[D])), 0.1) / config.guess.width_m) / math.log(config.start_width)
     turn = angle_between(mean) / config.start_turn_rad
     ground = -math.log1p(place**2) - math.log1p(width**2) - 0.5 * turn**2
@@ -344,6 +348,7 @@ def _started(
         nis=EXPECTED_NIS,
         lost=0.0,
         markings=found.markings,
+        yaw_place_m=yaw_place_m(config, pose),
     )
 
 

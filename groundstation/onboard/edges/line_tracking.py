@@ -16,6 +16,7 @@ from groundstation.onboard.edges.frame_geometry import (
     other_pair_noise,
     pose_noise,
     width_prior,
+    yaw_place_m,
 )
 from groundstation.onboard.edges.gradient_descent import descend
 from groundstation.onboard.edges.kalman import LineState, LineUpdate, predict, update_crossings, update_lines
@@ -43,13 +44,15 @@ _WIDE_RUNWAY_M = 30.0
 class TrackingStep:
     """Result of a step: the lines after it, as edges of the picture where rows contain them, and the measurement.
 
-    ``found`` is None where nothing was measured or accepted; ``miss`` is the reason.
+    ``found`` is None where nothing was measured or accepted; ``miss`` is the reason. ``yaw_place_m``: see
+    `frame_geometry.yaw_place_m`.
     """
 
     state: LineState
     edges: Edges | None
     found: EdgeMeasurement | None
     miss: EdgeMiss
+    yaw_place_m: float
 
 
 def track_lines(
@@ -71,7 +74,9 @@ def track_lines(
     predicted = predict(state, process_noise(config, state))
     look = frame_geometry(camera, pose, predicted)
     if look is None:
-        return TrackingStep(state=predicted, edges=None, found=None, miss=EdgeMiss.NO_BAND)
+        return TrackingStep(
+            state=predicted, edges=None, found=None, miss=EdgeMiss.NO_BAND, yaw_place_m=yaw_place_m(config, pose)
+        )
     if thorough and config.profile is not None:
         found = _by_profile(config, config.profile, image, look, predicted, markings, layouts=layouts)
     else:
@@ -97,7 +102,9 @@ def track_lines(
         nis=update.nis,
         marks=marks_of(config, found),
     )
-    return TrackingStep(state=update.state, edges=edges, found=found, miss=EdgeMiss.NONE)
+    return TrackingStep(
+        state=update.state, edges=edges, found=found, miss=EdgeMiss.NONE, yaw_place_m=yaw_place_m(config, look.pose)
+    )
 
 
 def _by_profile(
@@ -308,4 +315,4 @@ def _missed(
         measured_px=None,
         nis=nis,
     )
-    return TrackingStep(state=predicted, edges=edges, found=None, miss=miss)
+    return TrackingStep(state=predicted, edges=edges, found=None, miss=miss, yaw_place_m=yaw_place_m(config, look.pose))

@@ -23,7 +23,10 @@ class ProfileConfig:
     dim_cost : and in addition where its brightness is not significant.
     layout_margin : summed gain at which other positions of line and lamps are adopted.
     layout_alike, layout_alike_stated : nats of that which count as one against what is known before any picture, and
-        for the covariance: errors of pictures are correlated.
+        for the covariance: errors of pictures are correlated. Of a clip of another renderer whose width was announced
+        0.75 to 0.85 times as wide, both edges 1.7 m too far in, 17, 13 and 10 of 36 frames were beyond three sigmas
+        with 8, 7, 8 and none with 12, none with 16; of 757 frames that track in train 0-29 and 500000-500029 three
+        with 8, one with 16.
     untried_m : displacement of the lines by a layout that was never compared, outwards.
     merged_share, merged_m : probability of a side line as bright as ground that is brighter than the pavement, where
         the ground is not as white as paint, and how far inside the edge such a line's outer side is.

@@ -7,6 +7,7 @@ from numba import njit
 
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.config import TrackerConfig
+from groundstation.onboard.edges.frame_geometry import yaw_place_m
 from groundstation.onboard.edges.line_kernel import ground_of, state_through
 from groundstation.onboard.edges.pose import NoseCameraPose
 
@@ -21,8 +22,8 @@ def pair_weight(
 ) -> float:
     """Return the weight of a pair: 0 unless parallel on the ground, along the runway, near it, and of its width.
 
-    Each of these is measured in the configuration's ``start_…``; beyond three of one, nine of the place, five of the
-    width, it is no runway, and the nearer the weightier.
+    Each of these is measured in the configuration's ``start_…``, its place also in what a lasting error of yaw moves
+    it by; beyond three of one, nine of the place, five of the width, it is no runway, and the nearer the weightier.
     """
     weight = _weight(
         crossings_px,
@@ -31,7 +32,7 @@ def pair_weight(
         pose.camera_threshold_m,
         kappa,
         config.start_turn_rad,
-        config.start_shift_m,
+        math.hypot(config.start_shift_m, yaw_place_m(config, pose)),
         config.guess.width_m,
         math.log(config.start_width),
     )

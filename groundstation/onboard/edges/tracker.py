@@ -125,7 +125,6 @@ class EdgeTracker:
             return EdgeStatus.COASTING
         config = self._config
         like = score(runway, config) >= config.least_score and _like_announced(runway, config, pose)
-        like = like and step.edges is not None and step.edges.nis <= config.tracked_picture_nis
         if usual is not None:
             like = like and _evenly_kept(step.found.contrast, usual) >= config.tracked_contrast
         return EdgeStatus.TRACKING if like or config.confirm_frames == 1 else EdgeStatus.ACQUIRING

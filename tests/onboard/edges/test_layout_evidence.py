@@ -178,7 +178,7 @@ def test_line_and_lamps_are_reported_by_name() -> None:
     assert even.line.outwards_m == pytest.approx(-0.75)
     assert even.line.sigma_m > 0.25
     markings.gains[2, 0] = -1000.0
-    markings.gains[1, 1] = 8.0 * np.log(3.0)
+    markings.gains[1, 1] = config.layout_alike_stated * np.log(3.0)
     lit = seen_marks(markings, config)
     assert lit.line.probability == pytest.approx(0.25)
     assert lit.lamps.probability == pytest.approx(0.75)

@@ -1,5 +1,6 @@
 """What the status says of a runway that is followed."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,11 @@ import pytest
 from groundstation.onboard.edges import tracker as tracker_module
 from groundstation.onboard.edges.camera_file import PoseNoise
 from groundstation.onboard.edges.config import TrackerConfig, with_noise
-from groundstation.onboard.edges.hypotheses import Hypothesis
+from groundstation.onboard.edges.frame_geometry import yaw_place_m
+from groundstation.onboard.edges.hypotheses import Hypothesis, score
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_tracking import TrackingStep, track_lines
+from groundstation.onboard.edges.lines import line_map, project_lines
 from groundstation.onboard.edges.markings import Change
 from groundstation.onboard.edges.report import EdgeStatus
 from groundstation.onboard.edges.search_band import RunwayGuess
@@ -63,6 +66,25 @@ def test_a_pair_of_another_width_than_a_runway_may_have_is_not_tracked(announced
     reports = [tracker.step(painted_runway(pose, seed=k), pose) for k in range(3)]
     assert all(report.edges is not None for report in reports)
     assert {report.status for report in reports} == {EdgeStatus.TRACKING if tracked else EdgeStatus.ACQUIRING}
+
+
+@pytest.mark.parametrize("announced_m", [13.5, 22.5])
+def test_a_pair_that_is_not_as_wide_as_announced_may_not_be_the_runway_s_edges(announced_m: float) -> None:
+    """The outer borders of shoulders were tracked at half a pixel, 6 px from the edges of a runway as announced."""
+    pose, sigmas = approach(), []
+    e = line_map(pose, KAPPA)
+    for guess_m in (announced_m, 18.0):
+        tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=RunwayGuess(width_m=guess_m)))
+        tracker.start(STATE)
+        edges = [tracker.step(painted_runway(pose, seed=k), pose) for k in range(3)][-1].edges
+        assert edges is not None
+        sigmas.append(np.sqrt(edges.covariance_px2.diagonal()))
+        for half_m in (0.5 * guess_m, 9.0):
+            lines = np.array([RUNWAY[0], RUNWAY[1], -half_m, half_m])
+            off = edges.crossings_px - project_lines(lines, e, edges.rows_px)[0]
+            assert off @ np.linalg.solve(edges.covariance_px2, off) < 4.0 * 9.0
+            assert (np.abs(off) < 3.0 * sigmas[-1]).all()
+    assert (sigmas[0] > 2.0 * sigmas[1]).all()
 
 
 @pytest.mark.parametrize(("yaw", "tracked"), [(0.0, True), (0.004, False)])
@@ -131,3 +153,20 @@ def test_a_pair_whose_edges_differ_is_not_tracked_in_the_picture_that_confirms_i
 
     monkeypatch.setattr(tracker_module, "track_hypotheses", differing)
     assert first_tracked() == usual + 1
+
+
+@pytest.mark.parametrize(("stated_rad", "better"), [(None, False), (math.radians(2.0), True)])
+def test_a_stated_error_of_yaw_is_no_evidence_against_a_pair_that_is_aside(
+    stated_rad: float | None, better: bool
+) -> None:
+    """Two degrees are 31 m across at 900 m: the runway of such a compass was never chosen, though it was stated."""
+    config = TrackerConfig(lasting_yaw_rad=stated_rad)
+    aside = RUNWAY + np.array([0.0, 0.0, 30.0, 30.0])
+    pair = Hypothesis(
+        state=LineState(mean=np.concatenate([aside, np.zeros(3)]), covariance=STATE.covariance),
+        edges=None, frames=5, missed=0, agreement=1.0, nis=4.0, lost=0.0,
+        yaw_place_m=yaw_place_m(config, replace(approach(), camera_threshold_m=np.array([0.0, 900.0, 40.0]))),
+    )  # fmt: skip
+    known = replace(pair, yaw_place_m=0.0)
+    assert (score(pair, config) > score(known, config) + 2.0) == better
+    assert (score(pair, config) == score(known, config)) != better
