@@ -1,6 +1,7 @@
 """Runway edges in drawn approaches: errors, misleading frames, coverage by contrast, each factor's share of harm.
 
-    python benchmarks/nose_bank.py [--set train|validate|test] [--first N] [--count N] [--pictures N] [--workers N]
+    python benchmarks/nose_bank.py [--set train|validate|test] [--first N] [--count N] [--pictures N] [--shoulders M]
+        [--workers N]
 
 Each seed draws an airfield, a light, a camera with its mount, a flight and a unit (`draw_nose_world`; the pictures of
 one: `groundstation onboard render --world SEED`), and `onboard edges` runs on its pictures. From `--first 500000` on
@@ -118,10 +119,12 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first world in its set")
     parser.add_argument("--count", type=int, default=40, help="number of approaches")
     parser.add_argument("--pictures", type=int, default=24, help="of each")
+    parser.add_argument("--shoulders", type=float, default=0.0, metavar="M", help="paved shoulders, darker by a fifth")
     add_study_arguments(parser, "nose-bank")
     options = parser.parse_args()
     seeds = [seed_of(WorldSet(options.set), options.first + k) for k in range(options.count)]
-    jobs = {str(seed): {"seed": seed, "pictures": options.pictures} for seed in seeds}
+    job = {"pictures": options.pictures} | ({"shoulders_m": options.shoulders} if options.shoulders else {})
+    jobs = {str(seed): {"seed": seed, **job} for seed in seeds}
     report(list(StudyRun.chosen("nose bank", options).values(scored_world, jobs).values()))
 
 

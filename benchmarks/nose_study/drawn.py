@@ -1,6 +1,7 @@
 """One drawn approach of benchmarks/nose_bank.py: rendered, tracked as `onboard edges` does, against its truth."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -16,6 +17,7 @@ from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.edges.undistortion import Undistorter
 from groundstation.onboard.edges.visual_odometry import VisualOdometry
 from groundstation.onboard.scenes.draw_nose_world import NoseWorld, draw_nose_world, reported_poses
+from groundstation.onboard.scenes.ground import Strip
 from groundstation.onboard.scenes.sequences import Renderer
 
 Array = NDArray[np.float64]
@@ -24,6 +26,8 @@ _LEAST_ROWS = 8.0
 # bands on both sides of an edge that are compared, m from it, and their least width and distance, px
 _INSIDE_M, _OUTSIDE_M, _LEAST_PX = (1.3, 3.8), (3.6, 6.1), 2.0
 _ROWS_A_BLOCK = 6
+# reflectance of a shoulder over the runway's
+_SHOULDER = 0.8
 
 
 def scored_world(job: dict[str, Any]) -> dict[str, Any]:
@@ -34,6 +38,8 @@ def scored_world(job: dict[str, Any]) -> dict[str, Any]:
     """
     cv2.setNumThreads(1)
     world = draw_nose_world(job["seed"], job["pictures"])
+    if job.get("shoulders_m"):
+        world = shouldered(world, job["shoulders_m"])
     flight, field = world.flight, world.flight.sequence.airfield
     flat = Undistorter(flight.setup.lens)
     guess = RunwayGuess(width_m=world.announced_m, length_m=field.length_m)
@@ -67,6 +73,22 @@ def scored_world(job: dict[str, Any]) -> dict[str, Any]:
             row["nees"] = float(off @ np.linalg.solve(covariance, off)) / 4.0
         rows.append(row)
     return {"seed": job["seed"], "factors": world.factors, "rows": rows}
+
+
+def shouldered(world: NoseWorld, width_m: float) -> NoseWorld:
+    """Return an approach whose runway has paved shoulders of this width at both sides, a fifth darker than itself."""
+    sequence = world.flight.sequence
+    field = sequence.airfield
+    colour = tuple(float(_SHOULDER * part) for part in field.surfaces.runway)
+    strips = tuple(
+        Strip(
+            x_m=side * 0.5 * (field.width_m + width_m), y_m=-0.5 * field.length_m, turn_rad=0.0,
+            width_m=width_m, length_m=field.length_m, colour=(colour[0], colour[1], colour[2]), mottle=0.08,
+        )
+        for side in (-1.0, 1.0)
+    )  # fmt: skip
+    sequence = replace(sequence, airfield=replace(field, strips=(*field.strips, *strips)))
+    return replace(world, flight=replace(world.flight, sequence=sequence))
 
 
 def _poses(world: NoseWorld, kappa: Array) -> Callable[[int, ImageArray], NoseCameraPose]:
