@@ -28,7 +28,7 @@ from groundstation.onboard.edges.gradient_descent import descend
 from groundstation.onboard.edges.kalman import LineState, update_crossings
 from groundstation.onboard.edges.line_state import C, D
 from groundstation.onboard.edges.line_tracking import TrackingStep, marks_of, plain_edges, profiled, track_lines
-from groundstation.onboard.edges.lines import angle_between, crossings_at, line_map, project_lines, state_from_crossings
+from groundstation.onboard.edges.lines import angle_between, line_map, project_lines, state_from_crossings
 from groundstation.onboard.edges.marking_removal import remove_markings
 from groundstation.onboard.edges.markings import Markings
 from groundstation.onboard.edges.pose import NoseCameraPose
@@ -43,8 +43,6 @@ _FIRST_SIGMA_PX = 3.0
 _ANNOUNCED_M = 3.0
 # pairs of a picture that are measured, those of the lowest energies
 _FIRST_PAIRS, _MORE_PAIRS = 4, 2
-# two pairs are the same lines up to so many px, or that part of their distance in the lower row
-_SAME_PX, _SAME_SHARE = 3.0, 0.08
 _MOST_NIS = 25.0
 # of a pair that was not measured yet: as expected of four crossings
 EXPECTED_NIS = 4.0
@@ -212,7 +210,7 @@ def continue_search(camera: TrackerCamera, search: PairSearch, most: int) -> Non
 
 def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
     """Return whether crossings (4,) in a search's picture are those of a pair that was followed there."""
-    return any(one.edges is not None and same_lines_px(one.edges, crossings_px, search.rows) for one in search.known)
+    return any(one.edges is not None and one.edges.are_lines(crossings_px, search.rows) for one in search.known)
 
 
 def track_hypotheses(
@@ -249,14 +247,7 @@ def same_lines(one: Hypothesis, other: Hypothesis) -> bool:
     """Return whether two pairs are the same lines of the picture."""
     if one.edges is None or other.edges is None:
         return False
-    return same_lines_px(other.edges, one.edges.crossings_px, one.edges.rows_px)
-
-
-def same_lines_px(edges: Edges, crossings_px: FloatArray, rows_px: FloatArray) -> bool:
-    """Return whether edges are the same lines of the picture as crossings (4,) with rows (2,)."""
-    there = crossings_at(edges.crossings_px, edges.rows_px, rows_px)
-    apart = max(_SAME_PX, _SAME_SHARE * float(crossings_px[3] - crossings_px[1]))
-    return bool(np.abs(there - crossings_px).max() < apart)
+    return other.edges.are_lines(one.edges.crossings_px, one.edges.rows_px)
 
 
 def _announced(

@@ -3,9 +3,15 @@
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.kalman import LineState
+from groundstation.onboard.edges.lines import crossings_at
 from groundstation.onboard.edges.seen_marks import SeenMarks
+
+# two pairs are the same lines up to so many px, or that part of their distance in the lower row
+_SAME_PX, _SAME_SHARE = 3.0, 0.08
 
 
 class EdgeStatus(Enum):
@@ -53,6 +59,12 @@ class Edges:
     measured_px: FloatArray | None
     nis: float
     marks: SeenMarks | None = None
+
+    def are_lines(self, crossings_px: FloatArray, rows_px: FloatArray) -> bool:
+        """Return whether they are the lines of the picture with crossings (4,) of rows (2,)."""
+        there = crossings_at(self.crossings_px, self.rows_px, rows_px)
+        apart = max(_SAME_PX, _SAME_SHARE * float(crossings_px[3] - crossings_px[1]))
+        return bool(np.abs(there - crossings_px).max() < apart)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
