@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import ImageArray
-from groundstation.onboard.edges.config import TrackerConfig, with_noise, without_log
+from groundstation.onboard.edges.config import config_by_poses
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
 from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, nose_pose
 from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_rows
@@ -43,12 +43,8 @@ def scored_world(job: dict[str, Any]) -> dict[str, Any]:
     flight, field = world.flight, world.flight.sequence.airfield
     flat = Undistorter(flight.setup.lens)
     guess = RunwayGuess(width_m=world.announced_m, length_m=field.length_m)
-    config = TrackerConfig(guess=guess)
-    tracker = EdgeTracker(
-        flat.kappa,
-        flight.setup.lens.image_size_px,
-        with_noise(config, world.noise) if world.poses else without_log(config),
-    )
+    config = config_by_poses(guess, world.noise if world.poses else None)
+    tracker = EdgeTracker(flat.kappa, flight.setup.lens.image_size_px, config)
     poses, renderer, rows = _poses(world, flat.kappa), Renderer(flight.sequence, flight.setup.lens), []
     lines = np.array([1.0, 0.0, -0.5 * field.width_m, 0.5 * field.width_m])
     for number, sample in enumerate(flight.frames):

@@ -11,7 +11,7 @@ import numpy as np
 from groundstation.arrays import ImageArray
 from groundstation.errors import InputError, ending_noted, os_words
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
-from groundstation.onboard.edges.config import TrackerConfig
+from groundstation.onboard.edges.config import TrackerConfig, config_by_poses
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.undistortion import Undistorter
@@ -114,7 +114,8 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
     config = ApproachConfig(inertial=unit.config, corners=request.corners)
     if request.runway is None and camera.width_sigma_m is not None:
         config = replace(config, width_sigma=camera.width_sigma_m / camera.guess.width_m)
-    navigator = NoseNavigator(_runway(request, camera), camera.lens, unit.mount, config)
+    tracker = config_by_poses(camera.guess, None if log is None else camera.noise)
+    navigator = NoseNavigator(_runway(request, camera), camera.lens, unit.mount, config, tracker)
     return _Flight(request, video, camera, navigator, log).run(samples, ground, progress)
 
 

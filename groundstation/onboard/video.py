@@ -8,7 +8,7 @@ from pathlib import Path
 
 from groundstation.errors import InputError, ending_noted, os_words
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
-from groundstation.onboard.edges.config import TrackerConfig, with_noise, without_log
+from groundstation.onboard.edges.config import config_by_poses
 from groundstation.onboard.edges.edges_file import NO_POSE, EdgesFile, corner_pixels
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
 from groundstation.onboard.edges.pose import NoseCameraPose
@@ -119,8 +119,7 @@ def _run(
 ) -> EdgesResult:
     flat = Undistorter(camera.lens)
     poses = _Poses(camera, log, flat)
-    config = TrackerConfig(guess=camera.guess)
-    config = without_log(config) if log is None else with_noise(config, camera.noise)
+    config = config_by_poses(camera.guess, None if log is None else camera.noise)
     tracker = EdgeTracker(flat.kappa, camera.lens.image_size_px, config)
     files = [request.out / "edges.csv", request.out / "edges.mp4"]
     tally, fault = _EdgeCounts(), None

@@ -10,14 +10,18 @@ import cv2
 import numpy as np
 import pytest
 
+from groundstation.arrays import FloatArray
 from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.onboard import fly_sinks as onboard_fly_sinks
 from groundstation.onboard.edges.camera_file import load_nose_camera
+from groundstation.onboard.edges.config import TrackerConfig, config_by_poses
 from groundstation.onboard.edges.imu_file import load_imu
+from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.edges.undistortion import Undistorter
 from groundstation.onboard.pose.inertial_filter import NavigationStatus, UpdateOutcome
 from groundstation.onboard.scenes.sequences import SEQUENCES
+from groundstation.onboard.visual_inertial import nose_navigator
 from groundstation.onboard.visual_inertial.corner_finder import NoCorners
 from groundstation.onboard.visual_inertial.ground_track import GroundTrackError, read_ground_track
 from groundstation.onboard.visual_inertial.nose_report import OTHER_WIDTH, NoseFix, NoseReport
@@ -150,6 +154,33 @@ def test_a_flight_without_a_pose_is_no_success(
     assert apart is not None
     assert float(apart[1]) == pytest.approx(SEQUENCES[0].airfield.width_m, abs=2.5)
     assert f" {OTHER_WIDTH}. " in shown.err.splitlines()[-1]
+
+
+@pytest.mark.parametrize("by_log", [True, False])
+def test_edges_are_tracked_with_the_tuning_for_their_poses(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, by_log: bool
+) -> None:
+    """Expected: what `[pose_noise]` states of a log's poses, and that of the pictures' motion where it has none."""
+    made: list[TrackerConfig] = []
+
+    class Seen(EdgeTracker):
+        def __init__(self, kappa: FloatArray, image_size_px: tuple[int, int], config: TrackerConfig) -> None:
+            made.append(config)
+            super().__init__(kappa, image_size_px, config)
+
+    monkeypatch.setattr(nose_navigator, "EdgeTracker", Seen)
+    camera, log = tmp_path / "nose.toml", tmp_path / "imu.csv"
+    camera.write_text((flight / "nose.toml").read_text() + "\n[pose_noise]\nattitude_deg = 0.4\nposition_m = 2.5\n")
+    left_out = () if by_log else ("roll_deg", "pitch_deg", "yaw_deg")
+    with log.open("w", newline="") as stream:
+        samples = rows(flight / "imu.csv")
+        out = csv.DictWriter(stream, [name for name in samples[0] if name not in left_out], extrasaction="ignore")
+        out.writeheader()
+        out.writerows(samples)
+    run(flight, tmp_path / "out", "--no-rerun", camera=camera, imu=log)
+    read = load_nose_camera(camera)
+    assert made[0] == config_by_poses(read.guess, read.noise if by_log else None)
+    assert made[0].position_sigma_m[0] == (2.5 if by_log else 0.3)
 
 
 def test_every_outcome_has_words() -> None:

@@ -152,6 +152,12 @@ def with_noise(config: TrackerConfig, noise: PoseNoise) -> TrackerConfig:
     )
 
 
+def config_by_poses(guess: RunwayGuess, noise: PoseNoise | None) -> TrackerConfig:
+    """Return the tuning for a log's poses with their stated noise; None: for poses by the motion between pictures."""
+    config = TrackerConfig(guess=guess)
+    return without_log(config) if noise is None else with_noise(config, noise)
+
+
 def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> TrackerConfig:
     """Return the paper's tracker: gradient descent from the prediction, U and Q as printed, nothing doubted."""
     return TrackerConfig(

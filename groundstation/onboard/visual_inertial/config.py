@@ -32,8 +32,8 @@ class ApproachConfig:
     reach_px : search distance of a side or a corner from the detected thresholds, at least and at most.
     search_px : largest search distance of both thresholds up and down; while the pose is external the far
         one then within ``height_share`` of the runway's picture.
-    settled_after, width_share : number of successive frames with tracked edges, and their agreement with the runway's
-        width, before the first pose is used.
+    settled_after, width_share : number of successive frames with tracked edges, which the tracker has compared for at
+        least three before, and their agreement with the runway's width, before the first pose is used.
     least_height_px : the thresholds' distance in the picture below which no corners are used.
     near_sigma_px, far_sigma_px, susan_sigma_px : errors of each picture beyond a fit's own covariance.
     side_sigma_m, side_sigma_px : constant distance between a tracked edge and the pavement over the flight, on the
@@ -61,7 +61,7 @@ class ApproachConfig:
     reach_px: tuple[float, float] = (2.0, 3.5)
     search_px: float = 12.0
     height_share: float = 0.15
-    settled_after: int = 6
+    settled_after: int = 3
     width_share: float = 0.25
     least_height_px: float = 5.0
     near_sigma_px: float = 0.3

@@ -2,7 +2,7 @@
 
 The edge tracker takes an external pose (a navigation log, or visual odometry) as long as there is one: with the
 filter's pose, edges and filter would confirm each other. Without one, it uses the filter's, once that is
-trusted.
+trusted. Only edges that the tracker itself calls *tracking* go into the filter.
 """
 
 from dataclasses import replace
@@ -16,7 +16,7 @@ from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_state import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix
-from groundstation.onboard.edges.report import EdgeReport, Edges
+from groundstation.onboard.edges.report import EdgeReport, Edges, EdgeStatus
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.pose.inertial_filter import (
@@ -57,17 +57,28 @@ class NoseNavigator:
     runway : its surveyed corners.
     lens : of the camera; its distortion is left out, as pictures come without.
     mount : of the camera on the body.
+    tracker : tuning for edges by the external poses; the announced runway in it is replaced by ``runway``.
     """
 
-    def __init__(self, runway: Runway, lens: Lens, mount: CameraMount, config: ApproachConfig | None = None) -> None:
+    def __init__(
+        self,
+        runway: Runway,
+        lens: Lens,
+        mount: CameraMount,
+        config: ApproachConfig | None = None,
+        tracker: TrackerConfig | None = None,
+    ) -> None:
         self._runway, self._mount = runway, mount
         self._config = config or ApproachConfig()
         self._lens = replace(lens, distortion=np.zeros(5))
         self._kappa = intrinsic_matrix(lens)
         guess = RunwayGuess(width_m=runway.width_m, length_m=runway.length_m)
-        self._tracker_config = TrackerConfig(guess=guess)
-        self._tracker = EdgeTracker(self._kappa, lens.image_size_px, self._tracker_config)
-        self._inside = self._alone = self._confirmed = False
+        by_others = TrackerConfig() if tracker is None else tracker
+        self._tracker = EdgeTracker(self._kappa, lens.image_size_px, replace(by_others, guess=guess))
+        # by the filter's own poses, whose noise is not that of the external ones
+        self._own_config = TrackerConfig(guess=guess)
+        self._own_tracker: EdgeTracker | None = None
+        self._inside = self._confirmed = False
         self._used = 0
         self._in_a_row = 0
         self._scatter = 1.0
@@ -120,11 +131,12 @@ class NoseNavigator:
         tracker_pose = self._choose_tracker_pose(outside)
         if tracker_pose is None:
             return self._report(t_s, None, None, None, None, None)
-        edges = self._tracker.step(image, tracker_pose)
+        edges = (self._own_tracker or self._tracker).step(image, tracker_pose)
+        tracked = edges.status is EdgeStatus.TRACKING
+        self._in_a_row = self._in_a_row + 1 if tracked else 0
         if edges.edges is None or edges.edges.measured_px is None:
-            self._in_a_row = 0
             return self._report(t_s, tracker_pose, edges, None, None, None)
-        if not self._settled(edges.edges):
+        if not tracked or not self._settled(edges.edges):
             report = self._report(t_s, tracker_pose, edges, None, None, None)
             return replace(report, other_width_m=None if self._as_wide(edges.edges) else _apart_m(edges.edges))
         own = self._own() if self._inside else None
@@ -143,18 +155,17 @@ class NoseNavigator:
     def _choose_tracker_pose(self, outside: NoseCameraPose | None) -> NoseCameraPose | None:
         """Return the pose for the tracker: the external one as long as it exists, to avoid feedback.
 
-        With the filter's first one the tracker restarts, at the surveyed edges.
+        By the filter's poses another tracker follows them, which starts at the surveyed edges.
         """
         if not self._inside and self._trusted():
             self._inside = True
         if outside is not None or not self._inside:
-            self._alone = False
+            self._own_tracker = None
             return outside
         own = self._own()
-        if own is not None and not self._alone:
-            self._alone = True
-            self._tracker = EdgeTracker(self._kappa, self._lens.image_size_px, self._tracker_config)
-            self._tracker.start(self._surveyed())
+        if own is not None and self._own_tracker is None:
+            self._own_tracker = EdgeTracker(self._kappa, self._lens.image_size_px, self._own_config)
+            self._own_tracker.start(self._surveyed())
         return own
 
     def _own(self) -> NoseCameraPose | None:
@@ -166,7 +177,7 @@ class NoseNavigator:
 
     def _surveyed(self) -> LineState:
         """Return the edges by the survey: in the filter's own frame they are there, within its errors."""
-        tracker, half = self._tracker_config, 0.5 * self._runway.width_m
+        tracker, half = self._own_config, 0.5 * self._runway.width_m
         covariance = np.zeros((7, 7))
         covariance[1, 1] = _START_TURN_RAD**2
         covariance[C, C] = covariance[D, D] = _START_SHIFT_M**2
@@ -190,7 +201,6 @@ class NoseNavigator:
 
     def _settled(self, edges: Edges) -> bool:
         """Return whether the edges may start a filter, or continue one that is trusted."""
-        self._in_a_row += 1
         return self._as_wide(edges) and (self._inside or self._in_a_row > self._config.settled_after)
 
     def _as_wide(self, edges: Edges) -> bool:

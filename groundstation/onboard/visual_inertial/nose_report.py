@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.pose import NoseCameraPose
-from groundstation.onboard.edges.report import EdgeMiss, EdgeReport
+from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 from groundstation.onboard.pose.inertial_filter import NavigationStatus, PoseInnovation
 from groundstation.onboard.pose.pose_solver import RunwayPose
 from groundstation.onboard.visual_inertial.corner_finder import FoundCorners, NoCorners
 
+NOT_TRACKED = "not like the announced runway, or still compared with other lines"
 OTHER_WIDTH = "not as far apart as the runway is wide"
 # why a picture gave no edges of its own
 MISSES: Mapping[EdgeMiss, str] = {
@@ -68,7 +69,9 @@ class NoseReport:
         if self.other_width_m is not None:
             return OTHER_WIDTH
         miss = MISSES[self.edges.miss]
-        return miss or ("followed too briefly" if self.edges.edges is not None else "none yet")
+        if miss or self.edges.edges is None:
+            return miss or "none yet"
+        return "followed too briefly" if self.edges.status is EdgeStatus.TRACKING else NOT_TRACKED
 
     @property
     def outcome(self) -> str:

@@ -13,7 +13,7 @@ USED = frozenset({UpdateOutcome.STARTED.value, UpdateOutcome.USED.value, UpdateO
 WORDS: Mapping[str, str] = {
     "no_pose": "no pose to look for edges by",
     "no_edges": "no edges found",
-    "edges_alone": "edges that were not trusted yet, or were only predicted",
+    "edges_alone": "edges that were not tracking, not trusted yet, or were only predicted",
     "no_fit": "corners that fit no pose",
     NoCorners.OUT_OF_PICTURE: "edges, but the runway's corners outside the picture",
     NoCorners.FLAT: "edges, but a runway seen too flat",

@@ -1,11 +1,12 @@
 """A rendered approach of a few pictures, made once."""
 
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
 
 from groundstation.arrays import ImageArray
-from groundstation.onboard.edges.pose import Attitude, nose_pose
+from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, nose_pose
 from groundstation.onboard.fly import series_of
 from groundstation.onboard.pose.agreement import PositionTrack
 from groundstation.onboard.scenes.nose_flight import (
@@ -35,19 +36,24 @@ def short_flight() -> tuple[NoseFlight, list[ImageArray]]:
     return flight, [picture for _, picture in flight.pictures()]
 
 
-def ground_series(flight: NoseFlight, pictures: list[ImageArray]) -> PositionTrack:
-    """Return the aircraft's own positions of the flight."""
-    navigator = NoseNavigator(flight.runway, flight.setup.lens, flight.setup.mount)
+def given_to(
+    navigator: NoseNavigator, flight: NoseFlight, pictures: list[ImageArray]
+) -> Iterator[tuple[float, ImageArray, NoseCameraPose]]:
+    """Yield the time, the picture and the navigation's pose of each picture, the inertial samples having been taken."""
     attitude, place = navigation_poses(flight, np.random.default_rng(5))
     mount = Attitude(pitch_rad=float(np.radians(CAMERA_PITCH_DEG)))
-    fixes, fed = [], 0
+    fed = 0
     for sample, picture in zip(flight.frames, pictures, strict=True):
         while fed <= sample:
             navigator.process_imu(flight.motion.samples[fed])
             fed += 1
         roll, pitch, yaw = (float(a) for a in attitude[sample])
         reported = nose_pose(place[sample], Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw), mount)
-        fix = navigator.update(float(flight.motion.t_s[sample]), picture, reported).fix
-        if fix is not None:
-            fixes.append(fix)
-    return series_of(fixes)
+        yield float(flight.motion.t_s[sample]), picture, reported
+
+
+def ground_series(flight: NoseFlight, pictures: list[ImageArray]) -> PositionTrack:
+    """Return the aircraft's own positions of the flight."""
+    navigator = NoseNavigator(flight.runway, flight.setup.lens, flight.setup.mount)
+    fixes = [navigator.update(*given).fix for given in given_to(navigator, flight, pictures)]
+    return series_of([fix for fix in fixes if fix is not None])

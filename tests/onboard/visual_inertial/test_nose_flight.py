@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from groundstation.geometry.rotation import (
     rotation_z,
     wxyz_from_matrix,
 )
+from groundstation.onboard.edges.report import EdgeReport, EdgeStatus
+from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.pose.agreement import compare_positions
 from groundstation.onboard.pose.inertial_filter import (
     CameraMount,
@@ -34,7 +37,8 @@ from groundstation.onboard.visual_inertial.config import ApproachConfig
 from groundstation.onboard.visual_inertial.consider_parameters import ConsiderFilterBank
 from groundstation.onboard.visual_inertial.corner_finder import FoundCorners
 from groundstation.onboard.visual_inertial.nose_navigator import NoseNavigator
-from tests.onboard.visual_inertial.short_flight import FRAMES, ground_series, night_flight, short_flight
+from groundstation.onboard.visual_inertial.nose_report import NOT_TRACKED
+from tests.onboard.visual_inertial.short_flight import FRAMES, given_to, ground_series, night_flight, short_flight
 
 
 @pytest.mark.parametrize("make", [nose_flight, jsbsim_nose_flight])
@@ -116,6 +120,25 @@ def test_without_pictures_it_coasts_and_reports_it() -> None:
     assert lost.outcomes["used"] <= 16
     assert (lost.sigma_m[-1] > seen.sigma_m[-1]).all()
     assert np.abs(lost.error_m[-1] / lost.sigma_m[-1]).max() < 3.5
+
+
+def test_edges_that_the_tracker_is_not_sure_of_are_not_fused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: pictures that are *acquiring* go into no filter, and say so; those after them do at once."""
+    step, number = EdgeTracker.step, iter(range(FRAMES))
+    doubted = range(11, 15)
+
+    def doubting(self: EdgeTracker, *given: Any) -> EdgeReport:
+        report = step(self, *given)
+        return replace(report, status=EdgeStatus.ACQUIRING) if next(number) in doubted else report
+
+    monkeypatch.setattr(EdgeTracker, "step", doubting)
+    flight, pictures = short_flight()
+    navigator = NoseNavigator(flight.runway, flight.setup.lens, flight.setup.mount)
+    reports = [navigator.update(*given) for given in given_to(navigator, flight, pictures)]
+    outcomes = [report.outcome for report in reports]
+    assert [outcomes[k] for k in doubted] == ["edges_alone"] * len(doubted)
+    assert {reports[k].detail for k in doubted} == {NOT_TRACKED}
+    assert outcomes[10] == outcomes[15] == "used"
 
 
 def test_a_constant_error_passes_the_filter_by_its_sensitivity(rng: np.random.Generator) -> None:
