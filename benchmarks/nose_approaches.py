@@ -92,7 +92,7 @@ def by_pictures(clip: NoseClip) -> Poses:
     if clip.camera.start is None:
         raise SystemExit(f"{clip.folder / 'nose.toml'}: start: got nothing, wanted a [start] table")
     odometry = VisualOdometry(clip.kappa, clip.camera.start)
-    return lambda k: odometry.step(clip.pictures[k])
+    return lambda k: odometry.step(float(clip.t_s[k]), clip.pictures[k]).pose
 
 
 def show(name: str, scores: list[ClipScore]) -> None:

@@ -12,6 +12,7 @@ from groundstation.arrays import ImageArray
 from groundstation.onboard.edges.config import config_by_poses
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
 from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, nose_pose
+from groundstation.onboard.edges.pose_drift import NO_DRIFT, PoseDrift
 from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_rows
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.edges.undistortion import Undistorter
@@ -50,7 +51,7 @@ def scored_world(job: dict[str, Any]) -> dict[str, Any]:
     for number, sample in enumerate(flight.frames):
         truth = flight.pose(sample)
         image = flat.flat(renderer.picture(truth, sample))
-        report, e = tracker.step(image, poses(number, image)), line_map(truth, flat.kappa)
+        report, e = tracker.step(image, *poses(number, image)), line_map(truth, flat.kappa)
         size = flight.setup.lens.image_size_px
         band = band_rows(
             truth,
@@ -87,7 +88,7 @@ def shouldered(world: NoseWorld, width_m: float) -> NoseWorld:
     return replace(world, flight=replace(world.flight, sequence=sequence))
 
 
-def _poses(world: NoseWorld, kappa: Array) -> Callable[[int, ImageArray], NoseCameraPose]:
+def _poses(world: NoseWorld, kappa: Array) -> Callable[[int, ImageArray], tuple[NoseCameraPose, PoseDrift]]:
     """Return the pose of a picture by its number, as the navigation has it, or by the pictures' own motion."""
     attitude, place = reported_poses(world)
     own = [
@@ -95,9 +96,14 @@ def _poses(world: NoseWorld, kappa: Array) -> Callable[[int, ImageArray], NoseCa
         for at, a in zip(place[world.flight.frames], attitude[world.flight.frames], strict=True)
     ]
     if world.poses:
-        return lambda number, image: own[number]
-    odometry = VisualOdometry(kappa, own[0])
-    return lambda number, image: odometry.step(image)
+        return lambda number, image: (own[number], NO_DRIFT)
+    odometry, t_s = VisualOdometry(kappa, own[0]), world.flight.motion.t_s[world.flight.frames]
+
+    def by_motion(number: int, image: ImageArray) -> tuple[NoseCameraPose, PoseDrift]:
+        step = odometry.step(float(t_s[number]), image)
+        return step.pose, PoseDrift(new_turn_rad=step.turn_rad, new_shift_m=step.shift_m)
+
+    return by_motion
 
 
 def contrast(image: ImageArray, crossings_px: Array, rows_px: Array, width_m: float) -> float:

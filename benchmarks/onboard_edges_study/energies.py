@@ -67,7 +67,7 @@ def prediction(sequence: Sequence, frames: list[NoseFrame]) -> dict[str, Array]:
             threshold_from_camera=frame.reported.threshold_from_camera @ turn,
             camera_threshold_m=frame.reported.camera_threshold_m + shift,
         )
-        seen = odometry.step(frame.image)
+        seen = odometry.step(frame.t_s, frame.image).pose
         for name, crossings in (
             ("3-D, IMU", project_lines(lines, line_map(imu, KAPPA), rows)[0]),
             ("3-D, pictures", project_lines(lines, line_map(seen, KAPPA), rows)[0]),

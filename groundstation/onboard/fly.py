@@ -13,9 +13,9 @@ from groundstation.errors import InputError, ending_noted, os_words
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
 from groundstation.onboard.edges.config import TrackerConfig, config_by_poses
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
-from groundstation.onboard.edges.pose import NoseCameraPose
+from groundstation.onboard.edges.picture_poses import PicturePose, PicturePoses
+from groundstation.onboard.edges.pose_drift import NO_DRIFT
 from groundstation.onboard.edges.undistortion import Undistorter
-from groundstation.onboard.edges.visual_odometry import VisualOdometry
 from groundstation.onboard.fly_sinks import FlyRecording, draw_sight
 from groundstation.onboard.pose.agreement import PositionTrack, compare_positions
 from groundstation.onboard.pose.inertial_filter import ImuSample
@@ -63,7 +63,7 @@ class FlyResult:
 
     ``agrees`` is True without a ground track; ``agreement`` is the result in words. ``unused`` is the reason
     why no picture's pose was used; empty where one was. ``damage`` describes the pictures that could not be decoded,
-    None where all could.
+    None where all could. ``pose_lines``: `PicturePoses.lines`.
     """
 
     outcomes: dict[str, int]
@@ -74,6 +74,7 @@ class FlyResult:
     files: tuple[Path, ...]
     fault: InputError | None
     damage: str | None
+    pose_lines: tuple[str, ...] = ()
 
 
 def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] = lambda done, total: None) -> FlyResult:
@@ -135,9 +136,7 @@ class _Flight:
         self._request, self._video, self._camera = request, video, camera
         self._navigator, self._log = navigator, log
         self._flat = Undistorter(camera.lens)
-        self._odometry: VisualOdometry | None = None
-        if log is None and camera.start is not None:
-            self._odometry = VisualOdometry(self._flat.kappa, camera.start)
+        self._poses = PicturePoses(self._flat.kappa, camera, log)
 
     def run(
         self,
@@ -193,6 +192,7 @@ class _Flight:
             files=(*tables.files, *files),
             fault=fault,
             damage=self._video.lost_line(),
+            pose_lines=self._poses.lines(),
         )
 
     def _reports(self, samples: Sequence[ImuSample]) -> Iterator[tuple[VideoFrame, NoseReport]]:
@@ -204,26 +204,25 @@ class _Flight:
                 fed += 1
             image = self._flat.flat(frame.image)
             outside = self._outside(frame.t_s, image)
-            yield frame, self._navigator.update(frame.t_s, image, outside, self._height(outside))
+            pose, drift = (None, NO_DRIFT) if outside is None else (outside.pose, outside.drift)
+            yield frame, self._navigator.update(frame.t_s, image, pose, self._height(outside), drift)
 
-    def _height(self, outside: NoseCameraPose | None) -> KnownHeight | None:
+    def _height(self, outside: PicturePose | None) -> KnownHeight | None:
         """Return the log's height; the pictures' own motion has no other than that of the runway."""
-        if self._log is None or outside is None:
+        if outside is None or not outside.logged:
             return None
         noise, usual = self._camera.noise, TrackerConfig()
         return KnownHeight(
-            up_m=float(outside.camera_threshold_m[2]),
+            up_m=float(outside.pose.camera_threshold_m[2]),
             lasting_m=noise.lasting_height_m or usual.lasting_height_m,
             noise_m=usual.position_sigma_m[2] if noise.position_m is None else noise.position_m,
         )
 
-    def _outside(self, t_s: float, image: ImageArray) -> NoseCameraPose | None:
+    def _outside(self, t_s: float, image: ImageArray) -> PicturePose | None:
         """Return a pose from the log, or from the pictures' motion as long as the filter needs one."""
-        if self._log is not None:
-            return self._log.pose(t_s)
-        if self._odometry is None or self._navigator.needs_no_external_pose:
+        if self._log is None and self._navigator.needs_no_external_pose:
             return None
-        return self._odometry.step(image)
+        return self._poses.of(t_s, image)
 
 
 def series_of(fixes: Sequence[NoseFix]) -> PositionTrack:
@@ -241,5 +240,6 @@ def format_fly_summary(result: FlyResult) -> str:
     lines = [
         f"{pictures} pictures: " + ", ".join(f"{name} {n}" for name, n in sorted(result.outcomes.items())),
         "trajectory: " + ", ".join(f"{name} {n}" for name, n in sorted(result.statuses.items())),
+        *result.pose_lines,
     ]
     return "\n".join([*lines, result.agreement] if result.agreement else lines)

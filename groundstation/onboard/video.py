@@ -11,14 +11,13 @@ from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera,
 from groundstation.onboard.edges.config import config_by_poses
 from groundstation.onboard.edges.edges_file import NO_POSE, EdgesFile, corner_pixels
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
-from groundstation.onboard.edges.pose import NoseCameraPose
+from groundstation.onboard.edges.picture_poses import PicturePoses
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.edges.undistortion import Undistorter
-from groundstation.onboard.edges.visual_odometry import VisualOdometry
 from groundstation.onboard.sinks import EdgesRecording, draw_edges
 from groundstation.sinks.overlay_video import OverlayVideo
-from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other_times
+from groundstation.sources.video_file import VideoFile, refuse_other_times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +46,8 @@ _NO_RUNWAY = (
 class EdgesResult:
     """The result: frames by status, frames without a measurement by reason, files, and a fault during the run.
 
-    ``damage`` describes the frames that could not be decoded, None where all could; they have no row.
+    ``damage`` describes the frames that could not be decoded, None where all could; they have no row. ``pose_lines``:
+    `PicturePoses.lines`.
     """
 
     statuses: dict[str, int]
@@ -55,6 +55,7 @@ class EdgesResult:
     files: tuple[Path, ...]
     fault: InputError | None
     damage: str | None
+    pose_lines: tuple[str, ...] = ()
 
 
 def track_edges(
@@ -95,21 +96,6 @@ class _EdgeCounts:
             self.misses[report.miss.value] += 1
 
 
-class _Poses:
-    """A pose for each frame: the log's, or from the pictures where there is no log."""
-
-    def __init__(self, camera: NoseCamera, log: PoseLog | None, flat: Undistorter) -> None:
-        self._log = log
-        self._odometry = None
-        if log is None and camera.start is not None:
-            self._odometry = VisualOdometry(flat.kappa, camera.start)
-
-    def of(self, frame: VideoFrame, picture: Undistorter) -> NoseCameraPose | None:
-        if self._log is not None:
-            return self._log.pose(frame.t_s)
-        return None if self._odometry is None else self._odometry.step(picture.flat(frame.image))
-
-
 def _run(
     request: EdgesRequest,
     video: VideoFile,
@@ -118,7 +104,7 @@ def _run(
     progress: Callable[[int, int | None], None],
 ) -> EdgesResult:
     flat = Undistorter(camera.lens)
-    poses = _Poses(camera, log, flat)
+    poses = PicturePoses(flat.kappa, camera, log)
     config = config_by_poses(camera.guess, None if log is None else camera.noise)
     tracker = EdgeTracker(flat.kappa, camera.lens.image_size_px, config)
     files = [request.out / "edges.csv", request.out / "edges.mp4"]
@@ -133,14 +119,15 @@ def _run(
         opened.enter_context(ending_noted(lambda: f"edges.csv ends after {table.rows} frames"))
         try:
             for frame in video.frames():
-                pose = poses.of(frame, flat)
-                report = None if pose is None else tracker.step(flat.flat(frame.image), pose)
+                image = flat.flat(frame.image)
+                found = poses.of(frame.t_s, image)
+                report = None if found is None else tracker.step(image, found.pose, found.drift)
                 edges = None if report is None else report.edges
                 corners = None if edges is None else flat.original(corner_pixels(edges))
                 table.write(frame.index, frame.t_s, report, corners)
                 overlay.write(draw_edges(frame.image, frame.index, frame.t_s, report, corners))
                 if recording is not None:
-                    recording.write(frame.image, frame.t_s, report, corners, pose)
+                    recording.write(frame.image, frame.t_s, report, corners, None if found is None else found.pose)
                 tally.count(report)
                 progress(tally.frames, video.count)
         except InputError as error:
@@ -151,6 +138,7 @@ def _run(
         files=tuple(files),
         fault=fault,
         damage=video.lost_line(),
+        pose_lines=poses.lines(),
     )
 
 
@@ -161,6 +149,7 @@ def format_edges_summary(result: EdgesResult) -> str:
     misses = {name: count for name, count in result.misses.items() if name != "none"}
     if misses:
         lines.append("without a measurement: " + ", ".join(f"{name} {n}" for name, n in sorted(misses.items())))
+    lines += result.pose_lines
     if frames and result.statuses.get(NO_POSE) == frames:
         lines.append(_NO_POSES)
     elif frames and misses.get(EdgeMiss.NO_BAND.value) == frames:

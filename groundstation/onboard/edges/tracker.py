@@ -36,6 +36,7 @@ from groundstation.onboard.edges.line_tracking import TrackingStep, side_lines_o
 from groundstation.onboard.edges.lines import angle_between
 from groundstation.onboard.edges.markings import Change
 from groundstation.onboard.edges.pose import NoseCameraPose
+from groundstation.onboard.edges.pose_drift import NO_DRIFT, PoseDrift, with_drift
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 
 # pieces of work that following the runway counts for, with its descent: more than it takes, so that there is room
@@ -70,6 +71,8 @@ class EdgeTracker:
         self._compared = 0
         self._unchecked = 0
         self._noisier = 1.0
+        # with the attitude's noise that was learnt
+        self._tuned, self._drift = config, NO_DRIFT
 
     def start(self, state: LineState) -> None:
         """Continue from known lines."""
@@ -79,8 +82,10 @@ class EdgeTracker:
         self._forget()
         self._unchecked = 0
 
-    def step(self, image: ImageArray, pose: NoseCameraPose) -> EdgeReport:
-        """Take one picture (h, w, 3) uint8 BGR and its pose."""
+    def step(self, image: ImageArray, pose: NoseCameraPose, drift: PoseDrift = NO_DRIFT) -> EdgeReport:
+        """Take one picture (h, w, 3) uint8 BGR and its pose, with what that is wrong by besides the tuning."""
+        self._drift = drift
+        self._lookout = replace(self._lookout, config=with_drift(self._tuned, drift))
         if self._runway is not None:
             return self._track(self._runway, image, pose)
         if self._open:
@@ -134,11 +139,14 @@ class EdgeTracker:
         config = self._config
         if not config.estimate_noise or step.edges is None or not math.isfinite(step.edges.nis):
             return
+        if self._drift != NO_DRIFT:
+            return  # innovations of a pose that has drifted tell nothing of the others
         # innovations are of all that is assumed, so that the noise alone grows by more
         excess = min(step.edges.nis, _MOST_NIS) / EXPECTED_NIS - 1.0
         self._noisier = min(max(self._noisier + _LEARNED * self._noisier * excess, 1.0), _MOST_NOISIER)
         sigma = config.attitude_sigma_rad * math.sqrt(self._noisier)
-        self._lookout = replace(self._lookout, config=replace(config, attitude_sigma_rad=sigma))
+        self._tuned = replace(config, attitude_sigma_rad=sigma)
+        self._lookout = replace(self._lookout, config=self._tuned)
 
     def _doubted(self, runway: Hypothesis, image: ImageArray, pose: NoseCameraPose) -> bool:
         """Return whether Algorithm 1 has found a better pair; if so, all are compared again."""

@@ -9,6 +9,7 @@ picture to the second (Eq. 37 as printed maps the other way). d is the distance 
 camera (the sign of n towards the ground), averaged over the points as in step 7; "−R₁t₁" there is −R₁ᵀt₁.
 """
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -23,6 +24,8 @@ from groundstation.onboard.edges.pose import NoseCameraPose, ground_from_pixels
 _BELOW_HORIZON_PX = 6.0
 # the skyline is on the homography's line at infinity
 _ABOVE_HORIZON_PX = 20.0
+# of an aircraft whose motion no picture has shown: the inertial filter's prior of its speed, and a rate (chosen)
+_UNKNOWN_SPEED_M_S, _UNKNOWN_RATE_RAD_S = 50.0, math.radians(10.0)
 
 
 class CornerKind(Enum):
@@ -248,31 +251,83 @@ def composed(pose: NoseCameraPose, motion: Motion) -> NoseCameraPose:
     )
 
 
+def motion_between(first: NoseCameraPose, second: NoseCameraPose) -> Motion:
+    """Return the motion of known poses."""
+    camera_from_threshold = first.threshold_from_camera.T
+    return Motion(
+        first_from_second=camera_from_threshold @ second.threshold_from_camera,
+        second_in_first_m=camera_from_threshold @ (second.camera_threshold_m - first.camera_threshold_m),
+        inliers=0,
+    )
+
+
+def share_of(motion: Motion, share: float) -> Motion:
+    """Return the motion of a share of the time at the same rates; above 1 it goes on."""
+    turn = np.asarray(cv2.Rodrigues(motion.first_from_second)[0], np.float64).ravel()
+    return Motion(
+        first_from_second=rotation_from_vector(share * turn),
+        second_in_first_m=share * motion.second_in_first_m,
+        inliers=motion.inliers,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OdometryStep:
+    """A picture's pose, the motion (None for the first picture), and how sure it is.
+
+    ``failure`` is why the picture gave no motion, None where it did. The motion is then the last one at the same rates,
+    and ``turn_rad`` and ``shift_m`` are its size, as sigmas: 0 for a motion that was measured.
+    """
+
+    pose: NoseCameraPose
+    motion: Motion | None
+    failure: NoMotion | None = None
+    turn_rad: float = 0.0
+    shift_m: float = 0.0
+
+
 class VisualOdometry:
-    """Poses from pictures alone, from a first pose on; where a picture gives no motion the last motion continues."""
+    """Poses from pictures alone, from a first pose on; where a picture gives no motion the last rates continue.
+
+    Attributes
+    ----------
+    pose : of the last picture. failures : of all pictures that gave no motion, why.
+    """
 
     def __init__(self, kappa: FloatArray, start: NoseCameraPose, config: MotionConfig | None = None) -> None:
         self._kappa = kappa
         self._config = config or MotionConfig()
         self._features: CornerFeatures | None = None
+        self._t_s = math.nan
         self._last: Motion | None = None
+        self._last_s = 0.0
         self.pose = start
         self.failures: list[NoMotion] = []
 
-    def step(self, image: ImageArray) -> NoseCameraPose:
+    def step(self, t_s: float, image: ImageArray) -> OdometryStep:
         """Take the next picture (h, w, 3) and return its pose; the first one has the pose that it was started with."""
-        if self._features is None:
-            self._features = ground_features(image, self.pose, self._kappa, self._config)
-            return self.pose
         features = ground_features(image, self.pose, self._kappa, self._config)
-        first, second = matched(self._features, features, self._config.ratio)
+        before, self._features = self._features, features
+        interval_s, self._t_s = t_s - self._t_s, t_s
+        if before is None:
+            return OdometryStep(pose=self.pose, motion=None)
+        first, second = matched(before, features, self._config.ratio)
         motion = recover_motion(first, second, self.pose, self._kappa, self._config)
         if isinstance(motion, NoMotion):
             self.failures.append(motion)
-            motion_used = self._last
+            return self._continued(interval_s, motion)
+        self._last, self._last_s = motion, interval_s
+        self.pose = composed(self.pose, motion)
+        return OdometryStep(pose=self.pose, motion=motion)
+
+    def _continued(self, interval_s: float, failure: NoMotion) -> OdometryStep:
+        """Return a picture's pose by the last rates; at rest where there are none, as far as an aircraft may come."""
+        if self._last is None or self._last_s <= 0.0:
+            motion = Motion(first_from_second=np.eye(3), second_in_first_m=np.zeros(3), inliers=0)
+            turn_rad, shift_m = interval_s * _UNKNOWN_RATE_RAD_S, interval_s * _UNKNOWN_SPEED_M_S
         else:
-            motion_used = self._last = motion
-        if motion_used is not None:
-            self.pose = composed(self.pose, motion_used)
-        self._features = features
-        return self.pose
+            motion = share_of(self._last, interval_s / self._last_s)
+            turn_rad = float(np.linalg.norm(cv2.Rodrigues(motion.first_from_second)[0]))
+            shift_m = float(np.linalg.norm(motion.second_in_first_m))
+        self.pose = composed(self.pose, motion)
+        return OdometryStep(pose=self.pose, motion=motion, failure=failure, turn_rad=turn_rad, shift_m=shift_m)

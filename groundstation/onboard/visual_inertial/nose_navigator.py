@@ -16,6 +16,7 @@ from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_state import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix
+from groundstation.onboard.edges.pose_drift import NO_DRIFT, PoseDrift
 from groundstation.onboard.edges.report import EdgeReport, Edges, EdgeStatus
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.tracker import EdgeTracker
@@ -122,8 +123,12 @@ class NoseNavigator:
         image: ImageArray,
         outside: NoseCameraPose | None,
         height: KnownHeight | None = None,
+        drift: PoseDrift = NO_DRIFT,
     ) -> NoseReport:
-        """Take a picture (h, w, 3) uint8 BGR, with a pose from outside and a known height as far as there are any."""
+        """Take a picture (h, w, 3) uint8 BGR, with a pose from outside and a known height as far as there are any.
+
+        ``drift`` : what the pose from outside is wrong by besides the tracker's tuning.
+        """
         self._height = height
         if self._last is not None and t_s > self._last.t_s:
             # the sample before holds until the next: the state is brought to the picture's time
@@ -131,7 +136,8 @@ class NoseNavigator:
         tracker_pose = self._choose_tracker_pose(outside)
         if tracker_pose is None:
             return self._report(t_s, None, None, None, None, None)
-        edges = (self._own_tracker or self._tracker).step(image, tracker_pose)
+        own_tracker = self._own_tracker
+        edges = own_tracker.step(image, tracker_pose) if own_tracker else self._tracker.step(image, tracker_pose, drift)
         tracked = edges.status is EdgeStatus.TRACKING
         self._in_a_row = self._in_a_row + 1 if tracked else 0
         if edges.edges is None or edges.edges.measured_px is None:

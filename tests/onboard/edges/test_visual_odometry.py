@@ -87,7 +87,7 @@ def test_poses_from_rendered_pictures_stay_near_the_truth(refine: bool) -> None:
     """After 0.5 s and 11 m: within 1 m and 0.5°; the decomposition alone only has to give a motion at all."""
     kappa, frames = intrinsic_matrix(NOSE_LENS), rendered()
     odometry = VisualOdometry(kappa, frames[0].truth, MotionConfig(refine=refine))
-    poses = [odometry.step(frame.image) for frame in frames]
+    poses = [odometry.step(frame.t_s, frame.image).pose for frame in frames]
     metres, turn = apart(poses[-1], frames[-1].truth)
     if refine:
         assert not odometry.failures
@@ -96,3 +96,29 @@ def test_poses_from_rendered_pictures_stay_near_the_truth(refine: bool) -> None:
     else:
         assert len(odometry.failures) < 5
         assert np.isfinite(metres)
+
+
+def test_a_picture_without_motion_gets_the_last_rates_for_its_own_interval() -> None:
+    """Expected: three times the motion in three times the time, its size as sigmas, and the failure told."""
+    frames = rendered()
+    odometry = VisualOdometry(intrinsic_matrix(NOSE_LENS), frames[0].truth)
+    first, second = (odometry.step(frame.t_s, frame.image) for frame in frames[:2])
+    assert first.failure is second.failure is None
+    assert first.shift_m == second.shift_m == 0.0
+    interval_s = frames[1].t_s - frames[0].t_s
+    blank = np.full_like(frames[0].image, 128)
+    lost = odometry.step(frames[1].t_s + 3.0 * interval_s, blank)
+    assert lost.failure is NoMotion.FEW_MATCHES
+    assert odometry.failures == [NoMotion.FEW_MATCHES]
+    metres, turn = apart(first.pose, second.pose)
+    assert apart(second.pose, lost.pose)[0] == pytest.approx(3.0 * metres)
+    assert (lost.shift_m, lost.turn_rad) == pytest.approx((3.0 * metres, 3.0 * turn))
+
+
+def test_without_any_motion_the_aircraft_may_have_gone_far() -> None:
+    odometry = VisualOdometry(KAPPA, approach())
+    blank = np.full((480, 640, 3), 128, np.uint8)
+    odometry.step(0.0, blank)
+    lost = odometry.step(0.2, blank)
+    assert lost.shift_m == pytest.approx(10.0)
+    assert lost.turn_rad == pytest.approx(math.radians(2.0))

@@ -123,7 +123,7 @@ def test_without_pictures_it_coasts_and_reports_it() -> None:
 
 
 def test_edges_that_the_tracker_is_not_sure_of_are_not_fused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: pictures that are *acquiring* go into no filter, and say so; those after them do at once."""
+    """Expected: *acquiring* pictures go into no filter, and say so, nor do the first three that track after them."""
     step, number = EdgeTracker.step, iter(range(FRAMES))
     doubted = range(11, 15)
 
@@ -138,7 +138,8 @@ def test_edges_that_the_tracker_is_not_sure_of_are_not_fused(monkeypatch: pytest
     outcomes = [report.outcome for report in reports]
     assert [outcomes[k] for k in doubted] == ["edges_alone"] * len(doubted)
     assert {reports[k].detail for k in doubted} == {NOT_TRACKED}
-    assert outcomes[10] == outcomes[15] == "used"
+    assert outcomes[15:18] == ["edges_alone"] * 3
+    assert outcomes[10] == outcomes[18] == "used"
 
 
 def test_a_constant_error_passes_the_filter_by_its_sensitivity(rng: np.random.Generator) -> None:
