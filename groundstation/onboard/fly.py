@@ -12,7 +12,7 @@ from groundstation.arrays import ImageArray
 from groundstation.errors import InputError, ending_noted, os_words
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
 from groundstation.onboard.edges.config import TrackerConfig, config_by_poses
-from groundstation.onboard.edges.imu_file import PoseLog, load_imu
+from groundstation.onboard.edges.imu_file import PoseLog, load_imu, refused_line
 from groundstation.onboard.edges.picture_poses import PicturePose, PicturePoses
 from groundstation.onboard.edges.pose_drift import NO_DRIFT
 from groundstation.onboard.edges.undistortion import Undistorter
@@ -63,7 +63,7 @@ class FlyResult:
 
     ``agrees`` is True without a ground track; ``agreement`` is the result in words. ``unused`` is the reason
     why no picture's pose was used; empty where one was. ``damage`` describes the pictures that could not be decoded,
-    None where all could. ``pose_lines``: `PicturePoses.lines`.
+    None where all could. ``pose_lines``: rows of the log that are not used, and `PicturePoses.lines`.
     """
 
     outcomes: dict[str, int]
@@ -192,7 +192,7 @@ class _Flight:
             files=(*tables.files, *files),
             fault=fault,
             damage=self._video.lost_line(),
-            pose_lines=self._poses.lines(),
+            pose_lines=(*refused_line(self._log, request.imu), *self._poses.lines()),
         )
 
     def _reports(self, samples: Sequence[ImuSample]) -> Iterator[tuple[VideoFrame, NoseReport]]:

@@ -10,7 +10,7 @@ from groundstation.errors import InputError, ending_noted, os_words
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
 from groundstation.onboard.edges.config import config_by_poses
 from groundstation.onboard.edges.edges_file import NO_POSE, EdgesFile, corner_pixels
-from groundstation.onboard.edges.imu_file import PoseLog, load_imu
+from groundstation.onboard.edges.imu_file import PoseLog, load_imu, refused_line
 from groundstation.onboard.edges.picture_poses import PicturePoses
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport
 from groundstation.onboard.edges.tracker import EdgeTracker
@@ -47,7 +47,7 @@ class EdgesResult:
     """The result: frames by status, frames without a measurement by reason, files, and a fault during the run.
 
     ``damage`` describes the frames that could not be decoded, None where all could; they have no row. ``pose_lines``:
-    `PicturePoses.lines`.
+    rows of the log that are not used, and `PicturePoses.lines`.
     """
 
     statuses: dict[str, int]
@@ -138,7 +138,7 @@ def _run(
         files=tuple(files),
         fault=fault,
         damage=video.lost_line(),
-        pose_lines=poses.lines(),
+        pose_lines=(*refused_line(log, request.imu), *poses.lines()),
     )
 
 

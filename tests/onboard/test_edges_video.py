@@ -94,6 +94,22 @@ def test_frames_outside_the_imu_table_have_no_pose(flight: Path, tmp_path: Path)
     assert (tmp_path / "out" / "edges.csv").read_text().count("no_pose") == FRAMES - 3
 
 
+def test_a_log_at_one_hertz_is_carried_on_and_its_row_on_the_ground_left_out(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: the first picture's row and the pictures' motion after it; a touchdown refuses a row, not the file."""
+    lines = (flight / "imu.csv").read_text().splitlines()
+    x, y, z, *attitude = lines[-1].split(",")[1:]
+    after = [f"1.0,{x},{y},{z},{','.join(attitude)}", f"2.0,{x},{y},-0.2,{','.join(attitude)}"]
+    sparse = tmp_path / "sparse.csv"
+    sparse.write_text("\n".join([*lines[:2], *after]) + "\n")
+    assert run(flight, tmp_path / "out", "--no-rerun", "--imu", str(sparse)) == 0
+    told = capsys.readouterr().out
+    assert f"{FRAMES} frames: acquiring 3, tracking {FRAMES - 3}" in told
+    assert f"poses: 1 of the table, {FRAMES - 1} in its gaps by the motion between pictures" in told
+    assert "sparse.csv: 1 row is at or below the threshold's height and not used, the first in line 4" in told
+
+
 def test_an_interrupted_run_says_where_its_table_ends(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -224,6 +240,9 @@ def test_places_on_earth_become_poses_over_the_threshold(tmp_path: Path) -> None
     np.testing.assert_allclose(pose.camera_threshold_m, [0.0, 300.0, 20.0], atol=0.6)
     np.testing.assert_allclose(pose.threshold_from_camera[:, 2], [0.0, -1.0, 0.0], atol=1e-9)
     assert log.pose(0.5) is None  # a gap of a second
+    at_a_row = log.pose(1.0)
+    assert at_a_row is not None
+    np.testing.assert_allclose(at_a_row.camera_threshold_m, pose.camera_threshold_m, atol=1e-9)
     assert log.pose(7.0) is None
     (tmp_path / "nose.toml").write_text(LENS + "[runway]\nlat_deg = 30.0\n")
     assert "lon_deg" in complaint(CameraFileError, lambda: load_nose_camera(tmp_path / "nose.toml"))

@@ -271,6 +271,11 @@ def share_of(motion: Motion, share: float) -> Motion:
     )
 
 
+def turn_of(motion: Motion) -> float:
+    """Return the angle of a motion's rotation, rad."""
+    return float(np.linalg.norm(cv2.Rodrigues(motion.first_from_second)[0]))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OdometryStep:
     """A picture's pose, the motion (None for the first picture), and how sure it is.
@@ -298,6 +303,8 @@ class VisualOdometry:
         self._kappa = kappa
         self._config = config or MotionConfig()
         self._features: CornerFeatures | None = None
+        # a picture whose features are not needed yet
+        self._unread: ImageArray | None = None
         self._t_s = math.nan
         self._last: Motion | None = None
         self._last_s = 0.0
@@ -306,6 +313,9 @@ class VisualOdometry:
 
     def step(self, t_s: float, image: ImageArray) -> OdometryStep:
         """Take the next picture (h, w, 3) and return its pose; the first one has the pose that it was started with."""
+        if self._unread is not None:
+            self._features = ground_features(self._unread, self.pose, self._kappa, self._config)
+            self._unread = None
         features = ground_features(image, self.pose, self._kappa, self._config)
         before, self._features = self._features, features
         interval_s, self._t_s = t_s - self._t_s, t_s
@@ -320,6 +330,12 @@ class VisualOdometry:
         self.pose = composed(self.pose, motion)
         return OdometryStep(pose=self.pose, motion=motion)
 
+    def restart(self, t_s: float, image: ImageArray, pose: NoseCameraPose) -> None:
+        """Continue from a picture whose pose is known; the last motion is that of two known poses."""
+        if self._unread is not None and t_s > self._t_s:
+            self._last, self._last_s = motion_between(self.pose, pose), t_s - self._t_s
+        self.pose, self._t_s, self._unread = pose, t_s, image
+
     def _continued(self, interval_s: float, failure: NoMotion) -> OdometryStep:
         """Return a picture's pose by the last rates; at rest where there are none, as far as an aircraft may come."""
         if self._last is None or self._last_s <= 0.0:
@@ -327,7 +343,6 @@ class VisualOdometry:
             turn_rad, shift_m = interval_s * _UNKNOWN_RATE_RAD_S, interval_s * _UNKNOWN_SPEED_M_S
         else:
             motion = share_of(self._last, interval_s / self._last_s)
-            turn_rad = float(np.linalg.norm(cv2.Rodrigues(motion.first_from_second)[0]))
-            shift_m = float(np.linalg.norm(motion.second_in_first_m))
+            turn_rad, shift_m = turn_of(motion), float(np.linalg.norm(motion.second_in_first_m))
         self.pose = composed(self.pose, motion)
         return OdometryStep(pose=self.pose, motion=motion, failure=failure, turn_rad=turn_rad, shift_m=shift_m)

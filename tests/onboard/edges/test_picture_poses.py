@@ -1,18 +1,24 @@
 """Poses of pictures: where they come from, what they are wrong by, and what the tracker makes of it."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.onboard.edges.camera_file import NoseCamera, load_nose_camera
 from groundstation.onboard.edges.config import TrackerConfig, without_log
+from groundstation.onboard.edges.imu_file import PoseLog
 from groundstation.onboard.edges.kalman import LineState
-from groundstation.onboard.edges.picture_poses import PicturePoses
+from groundstation.onboard.edges.picture_poses import PicturePose, PicturePoses
+from groundstation.onboard.edges.pose import Attitude
 from groundstation.onboard.edges.pose_drift import NO_DRIFT, PoseDrift, with_drift
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.tracker import EdgeTracker
+from groundstation.onboard.edges.visual_odometry import motion_between, turn_of
+from groundstation.onboard.scenes.nose_flight import attitude_of
 from groundstation.onboard.scenes.sequences import SEQUENCES, NoseFrame, Renderer
 from groundstation.onboard.video import EdgesResult, format_edges_summary
 from tests.onboard.edges.seen import KAPPA, RUNWAY, SIZE, approach, painted_runway
@@ -52,8 +58,82 @@ def test_a_motion_that_no_picture_shows_is_told_and_makes_the_edges_less_sure(
         statuses={"tracking": 4}, misses={}, files=(), fault=None, damage=None, pose_lines=poses.lines()
     )
     summary = format_edges_summary(result)
-    assert "no motion between 1 pictures and the one before" in summary
-    assert "1 too few points of the ground match" in summary
+    words = "without motion from the picture before, the last motion goes on: 1 (1 too few points of the ground match)"
+    assert words in summary
+
+
+def logged(t_s: list[float], frames: list[NoseFrame]) -> PoseLog:
+    """Return a log of rows at these times: the exact poses, between pictures linearly, at rest before and after."""
+    own_s = [frame.t_s for frame in frames]
+    body_from_camera = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    turns = [frame.truth.threshold_from_camera @ body_from_camera.T for frame in frames]
+    numbers = np.array(
+        [
+            [*frame.truth.camera_threshold_m, *attitude_of(wxyz_from_matrix(turn))]
+            for frame, turn in zip(frames, turns, strict=True)
+        ]
+    )
+    inside = np.array([[np.interp(t, own_s, column) for column in numbers.T] for t in t_s])
+    return PoseLog(np.array(t_s), inside[:, :3], inside[:, 3:], Attitude())
+
+
+def off(found: PicturePose | None, frame: NoseFrame) -> tuple[float, float]:
+    """Return how far a pose is from the truth, m and rad."""
+    assert found is not None
+    apart = motion_between(frame.truth, found.pose)
+    return float(np.linalg.norm(apart.second_in_first_m)), turn_of(apart)
+
+
+def test_in_a_logs_gap_the_motion_between_pictures_goes_on_from_its_last_row(
+    camera: NoseCamera, frames: list[NoseFrame]
+) -> None:
+    """Expected: a row of the first picture alone, poses of all; each motion adds what `without_log` has for one."""
+    first_s = frames[0].t_s
+    log = logged([first_s, first_s + 0.9], frames)
+    assert log.has_gaps
+    poses = PicturePoses(KAPPA, camera, log)
+    found = [poses.of(frame.t_s, frame.image) for frame in frames]
+    assert found[0] is not None
+    assert found[0].logged
+    assert found[0].drift == NO_DRIFT
+    for k, (one, frame) in enumerate(zip(found[1:], frames[1:], strict=True), start=1):
+        assert one is not None
+        assert not one.logged
+        metres, turn_rad = off(one, frame)
+        assert metres < 1.0
+        assert turn_rad < math.radians(0.5)
+        assert one.drift.shift_m == pytest.approx(math.sqrt(k) * 1.2)
+        assert one.drift.turn_rad == pytest.approx(math.sqrt(k) * math.radians(0.4))
+    assert poses.lines() == ("poses: 1 of the table, 4 in its gaps by the motion between pictures",)
+    assert poses.of(first_s + 5.0, frames[-1].image) is None
+
+
+def test_a_row_between_two_pictures_takes_over_by_its_share_of_their_motion(
+    camera: NoseCamera, frames: list[NoseFrame]
+) -> None:
+    """Expected: the first picture lies between rows; then half a motion after the row, as exact as the row."""
+    first_s = frames[0].t_s
+    log = logged([first_s - 0.45, first_s + 0.25, first_s + 0.95], frames)
+    poses = PicturePoses(KAPPA, camera, log)
+    found = [poses.of(frame.t_s, frame.image) for frame in frames]
+    nearest = log.pose(first_s + 0.25)
+    assert found[0] is not None
+    assert nearest is not None
+    away_m = float(np.linalg.norm(found[0].pose.camera_threshold_m - nearest.camera_threshold_m))
+    assert found[0].drift.shift_m == pytest.approx(away_m)
+    third = found[3]
+    assert third is not None
+    assert third.drift.shift_m == pytest.approx(math.sqrt(0.5) * 1.2)
+    assert off(third, frames[3])[0] < 0.3
+    lost = poses.of(first_s + 0.45, np.full_like(frames[0].image, 128))
+    assert lost is not None
+    assert lost.drift.shift_m > 1.2
+    assert "(1 too few points of the ground match)" in poses.lines()[-1]
+
+
+def test_far_from_any_row_no_first_pose_is_made_up(camera: NoseCamera, frames: list[NoseFrame]) -> None:
+    log = logged([frames[0].t_s - 2.0, frames[0].t_s + 2.0], frames)
+    assert PicturePoses(KAPPA, camera, log).of(frames[0].t_s, frames[0].image) is None
 
 
 def test_what_a_pose_is_wrong_by_goes_into_the_picture_that_has_it_alone() -> None:
