@@ -113,6 +113,7 @@ LIGHTS: dict[str, OtherLight] = {
     "dark": OtherLight(gain=0.15, warmth=1.1, noise=5.0),
     "snow": OtherLight(noise=3.0, snow=215.0),
     "rough snow": OtherLight(noise=3.0, snow=215.0, kept=1.0),
+    "dim rough snow": OtherLight(gain=0.55, noise=3.0, snow=215.0, kept=1.0),
     "no paint": OtherLight(noise=3.0, snow=215.0, kept=0.6, paint=0.0),
     "nothing": OtherLight(noise=3.0, snow=204.0, kept=0.6, paint=0.0),
     "white": OtherLight(noise=4.0, snow=208.0, kept=0.1),

@@ -18,6 +18,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
+from groundstation.onboard.edges.hidden_paint import PaintSight, whiteness
 from groundstation.onboard.edges.layout_evidence import is_bright, seen_at_all
 from groundstation.onboard.edges.line_shape import shaped
 from groundstation.onboard.edges.markings import (
@@ -47,9 +48,8 @@ from groundstation.onboard.edges.profile_kernel import moments
 # usual colour about the edges, 0 to 1, below which lamps are assumed on until layouts have been compared: as in
 # `paint` 95 of 255 grey levels, well above night (60 to 80) and below day (from 125 on); dusk is on either side
 _DARK_COLOUR = 0.37
-# colours from which on ground may be, and is, as white as paint, and how much surer it is then that it hides a line;
-# how much of that is not the same at all ends
-_WHITE, _SURER, _UNLIKE = (0.76, 0.84), 3.0, 0.25
+# how much surer it is that ground as white as paint hides a line; how much of that is not the same at all ends
+_SURER, _UNLIKE = 3.0, 0.25
 # lamps that are seen where they stand, any width
 _PLAIN = ProfileView()
 
@@ -101,7 +101,10 @@ def edges_by_profile(
     crossings, light = guess_px + OUTWARDS * moved, _excess(fit, moved)[1]
     fine = _profiles(image, crossings, rows_px, px_per_m, view, (1.0, config.fine), config)
     fit = _fitted(fine, markings, config.fine, config)
-    return replace(_result(fit, crossings, px_per_m, markings, light, config, change=change), evidence=seen)
+    width_m = float(((crossings[2:] - crossings[:2]) / px_per_m).mean())
+    sight = PaintSight(image=image, rows_px=rows_px, width_m=width_m)
+    found = _result(fit, crossings, px_per_m, markings, light, config, sight, change=change)
+    return replace(found, evidence=seen)
 
 
 def _fitted(profiles: EdgeProfiles, markings: Markings, reach: int, config: ProfileConfig) -> ProfileFit:
@@ -121,6 +124,7 @@ def _result(
     markings: Markings,
     light: FloatArray,
     config: ProfileConfig,
+    sight: PaintSight,
     *,
     change: Change,
 ) -> EdgeMeasurement:
@@ -140,7 +144,7 @@ def _result(
     excess[1] = light
     markings = _remembered(markings, excess, noise_at(fit, moved), config)
     scale = OUTWARDS * np.tile(px_per_m, 2)
-    merged_m2 = _merged_m2(markings, levels, config) * (1.0 - _UNLIKE + _UNLIKE * np.eye(4))
+    merged_m2 = _merged_m2(markings, levels, sight, crossings, config) * (1.0 - _UNLIKE + _UNLIKE * np.eye(4))
     return EdgeMeasurement(
         crossings_px=crossings + OUTWARDS * moved,
         covariance_px2=spreads + config.floor_px**2 * np.eye(4),
@@ -153,7 +157,9 @@ def _result(
     )
 
 
-def _merged_m2(markings: Markings, levels: FloatArray, config: ProfileConfig) -> float:
+def _merged_m2(
+    markings: Markings, levels: FloatArray, sight: PaintSight, crossings: FloatArray, config: ProfileConfig
+) -> float:
     """Return the second moment, m², of a side line that is as bright as the ground, or of ground taken for one.
 
     Where the ground is brighter than the pavement, as snow is, paint may not be told from it: the edge is farther out
@@ -164,7 +170,7 @@ def _merged_m2(markings: Markings, levels: FloatArray, config: ProfileConfig) ->
     if not is_bright(between):
         return 0.0
     # ground as white as paint, snow by day, hides a line for sure
-    white = min(max((float(levels[:, :, 1].mean()) - _WHITE[0]) / (_WHITE[1] - _WHITE[0]), 0.0), 1.0)
+    white = whiteness(levels[:, :, :2].mean(axis=(0, 1)), sight.level(crossings))
     share = min(config.merged_share * (1.0 + _SURER * white), 1.0)
     line_m = layout_at(markings.places, config, markings).line_m
     if line_m is None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import FloatArray
+from groundstation.onboard.edges import hidden_paint
 from groundstation.onboard.edges.line_tracking import side_lines_of
 from groundstation.onboard.edges.lines import line_map, project_lines
 from groundstation.onboard.edges.markings import initial_markings
@@ -15,12 +16,15 @@ from groundstation.onboard.edges.search_band import RunwayGuess
 from tests.onboard.edges.seen import KAPPA, ROWS, RUNWAY, approach, painted_runway
 
 CONFIG = ProfileConfig()
+Colour = tuple[int, int, int]
 
 
-def open_m2(outside: tuple[int, int, int], *, line: bool, usual: ProfileConfig = CONFIG) -> FloatArray:
+def open_m2(
+    outside: Colour, *, line: bool, usual: ProfileConfig = CONFIG, inside: Colour = (120, 120, 124)
+) -> FloatArray:
     """Return what a hidden line adds to the second moment of the edges, (4,) m²."""
     pose = approach()
-    image = painted_runway(pose, inside=(120, 120, 124), outside=outside)
+    image = painted_runway(pose, inside=inside, outside=outside)
     crossings, _ = project_lines(RUNWAY, line_map(pose, KAPPA), ROWS)
     px_per_m = (crossings[2:] - crossings[:2]) / 18.0
     markings = initial_markings(usual, dark=False)
@@ -50,6 +54,16 @@ def test_a_wide_runways_line_hides_as_much_more_of_it() -> None:
     wide = side_lines_of(CONFIG, RunwayGuess(width_m=44.0))
     bright = open_m2((190, 190, 190), line=False, usual=wide)
     np.testing.assert_allclose(bright, CONFIG.merged_share * (0.9 + CONFIG.merged_m) ** 2)
+
+
+@pytest.mark.parametrize(("inside", "outside"), [((120, 120, 124), (212, 212, 216)), ((66, 66, 68), (117, 117, 119))])
+def test_where_no_paint_is_resolved_neutral_ground_hides_it_for_sure(
+    monkeypatch: pytest.MonkeyPatch, inside: Colour, outside: Colour
+) -> None:
+    """The same snow at 55 % of the exposure was no longer white, and the edges four times as sure."""
+    monkeypatch.setattr(hidden_paint, "_RESOLVED_PX_PER_M", 99.0)
+    hidden = (CONFIG.line_width_m + CONFIG.merged_m) ** 2
+    np.testing.assert_allclose(open_m2(outside, line=False, inside=inside), hidden)
 
 
 @pytest.mark.parametrize("line", [False, True])
