@@ -159,7 +159,7 @@ PLACES: dict[str, tuple[str, ...]] = {
         "On ~ other views at 1 px ~ became # (",
     ),
     "nose camera to a trajectory, worst of twenty: RMSE y; NEES (6) of an epoch": (
-        "| night 28003 | _ | ~/#/~ |",
-        "| night 28003 | _ | _ | _ | _ | # |",
+        "| haze 29502 | _ | ~/#/~ |",
+        "| haze 29502 | _ | _ | _ | _ | # |",
     ),
 }
