@@ -38,6 +38,8 @@ from groundstation.onboard.edges.strip import refine_edges, search_edges
 _LEAST_ABOVE = 6.0
 # runways as wide have the wider side lines
 _WIDE_RUNWAY_M = 30.0
+# of the announced width; narrower than Algorithm 1's pairs, which have 0.29 of it: two lines on one edge are no pair
+_LEAST_WIDTH = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,11 +74,11 @@ def track_lines(
     """
     config = camera.config
     predicted = predict(state, process_noise(config, state))
-    look = frame_geometry(camera, pose, predicted)
+    pair = abs(float(predicted.mean[C] - predicted.mean[D])) > _LEAST_WIDTH * config.guess.width_m
+    look = frame_geometry(camera, pose, predicted) if pair else None
     if look is None:
-        return TrackingStep(
-            state=predicted, edges=None, found=None, miss=EdgeMiss.NO_BAND, yaw_place_m=yaw_place_m(config, pose)
-        )
+        miss = EdgeMiss.NO_BAND if pair else EdgeMiss.NO_PAIR
+        return TrackingStep(state=predicted, edges=None, found=None, miss=miss, yaw_place_m=yaw_place_m(config, pose))
     if thorough and config.profile is not None:
         found = _by_profile(config, config.profile, image, look, predicted, markings, layouts=layouts)
     else:

@@ -15,7 +15,7 @@ from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_tracking import TrackingStep, track_lines
 from groundstation.onboard.edges.lines import line_map, project_lines
 from groundstation.onboard.edges.markings import Change
-from groundstation.onboard.edges.report import EdgeStatus
+from groundstation.onboard.edges.report import EdgeMiss, EdgeStatus
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.tracker import EdgeTracker
 from tests.onboard.edges.seen import KAPPA, RUNWAY, SIZE, approach, painted_runway
@@ -153,6 +153,21 @@ def test_a_pair_whose_edges_differ_is_not_tracked_in_the_picture_that_confirms_i
 
     monkeypatch.setattr(tracker_module, "track_hypotheses", differing)
     assert first_tracked() == usual + 1
+
+
+def test_two_lines_on_one_edge_are_no_pair() -> None:
+    """A pair whose lines had met at an edge ended the run: no width, and so no scale."""
+    pose = approach()
+    tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=RunwayGuess(width_m=18.0)))
+    one = np.concatenate([RUNWAY[:3], RUNWAY[2:3], np.zeros(3)])
+    tracker.start(LineState(mean=one, covariance=STATE.covariance))
+    reports = [tracker.step(painted_runway(pose, seed=k), pose) for k in range(16)]
+    first = [report for report in reports if report.edges is None]
+    assert len(first) >= 3
+    assert {report.miss for report in first} == {EdgeMiss.NO_PAIR}
+    assert EdgeStatus.TRACKING not in {report.status for report in first}
+    # and the runway is found after them
+    assert reports[-1].status is EdgeStatus.TRACKING
 
 
 @pytest.mark.parametrize(("stated_rad", "better"), [(None, False), (math.radians(2.0), True)])
