@@ -133,6 +133,7 @@ def test_the_runways_size_is_never_assumed_silently(
     assert run(flight, tmp_path / "out", "--runways", str(table), "--runway", "LFRS_03", camera=camera) == 1
     assert "runways.json: got airport 'LFRS'; wanted one of runways.json: nothing" in capsys.readouterr().err
     assert load_nose_camera(camera).unsaid == missing
+    assert load_nose_camera(camera).guess.width_announced == ("width_m" not in missing)
 
 
 def test_a_flight_without_a_pose_is_no_success(

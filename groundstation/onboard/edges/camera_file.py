@@ -101,6 +101,7 @@ def load_nose_camera(path: Path) -> NoseCamera:
     guess = RunwayGuess(
         width_m=runway.number("width_m", usual.width_m, minimum=1.0, maximum=200.0),
         length_m=runway.number("length_m", usual.length_m, minimum=20.0, maximum=10_000.0),
+        width_announced="width_m" in runway,
     )
     heading = math.radians(runway.number("heading_deg", 0.0))
     return NoseCamera(

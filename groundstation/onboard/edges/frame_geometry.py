@@ -133,6 +133,8 @@ def width_prior(announced_m: float, pose: NoseCameraPose, state: LineState) -> W
 
 def other_pair_noise(config: TrackerConfig, look: FrameGeometry, state: LineState) -> FloatArray:
     """Return the second moment (4, 4) px² of the runway's edges about a pair's that is not as wide as announced."""
+    if not config.guess.width_announced:
+        return np.zeros((4, 4))
     width_m = max(abs(float(state.mean[C] - state.mean[D])), 1e-3)
     px_per_m = np.abs(look.predicted[2:] - look.predicted[:2]) / width_m
     outwards = np.zeros((4, 2))

@@ -182,7 +182,7 @@ def scale_of(look: FrameGeometry, state: LineState) -> FloatArray:
 def side_lines_of(config: ProfileConfig, runway: RunwayGuess) -> ProfileConfig:
     """Return the configuration for a runway of the announced width, with side lines as wide as in Annex 14."""
     width_m = config.wide_line_width_m if runway.width_m >= _WIDE_RUNWAY_M else config.line_width_m
-    return replace(config, line_width_m=width_m, announced_m=runway.width_m)
+    return replace(config, line_width_m=width_m, announced_m=runway.width_m if runway.width_announced else None)
 
 
 def lamps_seen(camera_m: FloatArray, mean: FloatArray, height_m: float) -> LampParallax:

@@ -28,7 +28,8 @@ class RunwayGuess:
 
     Attributes
     ----------
-    width_m, length_m : width only limits plausible pairs of edges; the band ends before the far end.
+    width_m, length_m : width limits plausible pairs of edges; the band ends before the far end.
+    width_announced : the width is this runway's, and counts as evidence and in the covariance; a usual one does not.
     margin_m : kept off both ends, for the error of the position.
     margin_px, margin_share : kept off in the picture too, for the error of the attitude: px, but at most a
         share of the rows.
@@ -37,6 +38,7 @@ class RunwayGuess:
 
     width_m: float = 20.0
     length_m: float = 500.0
+    width_announced: bool = True
     margin_m: float = 6.0
     margin_px: float = 6.0
     margin_share: float = 0.15

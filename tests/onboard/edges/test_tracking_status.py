@@ -155,6 +155,18 @@ def test_a_pair_whose_edges_differ_is_not_tracked_in_the_picture_that_confirms_i
     assert first_tracked() == usual + 1
 
 
+def test_a_usual_width_that_is_not_announced_adds_nothing_to_the_covariance() -> None:
+    pose, sigmas = approach(), []
+    for announced in (True, False):
+        guess = RunwayGuess(width_m=22.5, width_announced=announced)
+        tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=guess))
+        tracker.start(STATE)
+        edges = [tracker.step(painted_runway(pose, seed=k), pose) for k in range(3)][-1].edges
+        assert edges is not None
+        sigmas.append(np.sqrt(edges.covariance_px2.diagonal()))
+    assert (sigmas[0] > 2.0 * sigmas[1]).all()
+
+
 def test_two_lines_on_one_edge_are_no_pair() -> None:
     """A pair whose lines had met at an edge ended the run: no width, and so no scale."""
     pose = approach()
