@@ -18,7 +18,7 @@ from groundstation.files.new_folder import make_folder, removed_if_empty
 from groundstation.messages import Event, ReferenceFix
 from groundstation.replay.initial_state import initial_state
 from groundstation.replay.provenance import provenance
-from groundstation.replay.recorded_references import fixes_by_other_rig, learns_as_recorded
+from groundstation.replay.recorded_references import LearningReferences, learning_references
 from groundstation.replay.recording_replay import (
     ReplayRecorder,
     apply_filter_resets,
@@ -29,7 +29,6 @@ from groundstation.replay.reference_prior import ReferencePrior
 from groundstation.replay.replay_inputs import (
     ReplayInputs,
     known_positions,
-    learning_fixes,
     load_inputs,
     reference_time_notes,
 )
@@ -79,10 +78,10 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         unmodified = request.unmodified and not inputs.other_weights
         comparison = OutputComparisonSink() if session.recorded is not None and unmodified else None
         on_recorded_output = comparison.recorded if comparison is not None else lambda line: None
-        source = session_source(session, request.from_s, request.to_s, on_recorded_output)
+        fixes = learning_references(request, inputs)
+        source = session_source(session, request.from_s, request.to_s, on_recorded_output, fixes.in_place)
         opened.enter_context(source)
-        fixes = learning_fixes(request, inputs) or fixes_by_other_rig(request, inputs)
-        learns = bool(fixes) or learns_as_recorded(request, inputs)
+        learns = fixes.learns
         written = provenance(request, session, json.dumps(config_to_mapping(config), sort_keys=True))
         initial = initial_state(request, inputs, source.span_s[0])
         make_folder(request.out)
@@ -108,7 +107,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
             outputs.smoothed.want = pipeline.smooth(outputs.smoothed.found)
         prepared_s, span_s = time.perf_counter() - began_s, source.span_s[1] - source.span_s[0]
         outputs.open_approach(session, pipeline, source.span_s[0], opened)
-        events = outputs.taken(_events(source, session, fixes))
+        events = outputs.taken(_events(source, session, fixes.by_time))
         outcome = run_pipeline(events, pipeline, outputs.sinks(), lambda done: progress(done, source.epoch_count))
         outputs.finish_approach()
     pipeline.finish_smoothing()
@@ -131,10 +130,12 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
     )
 
 
-def _events(source: FolderSource | RecordingSource, session: Session, fixes: list[ReferenceFix]) -> Iterable[Event]:
-    """Return the events of a source with the reference fixes that the filter learns from."""
+def _events(
+    source: FolderSource | RecordingSource, session: Session, fixes: list[ReferenceFix] | None
+) -> Iterable[Event]:
+    """Return the events of a source, with ``fixes`` for the filter to learn from instead of its own, if given."""
     recorded = apply_filter_resets(source) if session.recorded is not None else source
-    return with_reference(without_reference_fixes(recorded) if fixes else recorded, fixes)
+    return recorded if fixes is None else with_reference(without_reference_fixes(recorded), fixes)
 
 
 def _registered_heads(request: ReplayRequest, session: Session) -> RegisteredHeads | None:
@@ -164,10 +165,10 @@ def _why_unseen(inputs: ReplayInputs, outputs: ReplayOutputs, span_s: tuple[floa
     return list(outputs.checks.why_nothing_was_seen(known_positions(inputs, span_s)))
 
 
-def _pipeline_notes(pipeline: Pipeline, fixes: list[ReferenceFix]) -> list[str]:
+def _pipeline_notes(pipeline: Pipeline, fixes: LearningReferences) -> list[str]:
     """Return notes on rejected data, on head angles, and on reference fixes of which none was used."""
     notes = list(describe_counts(pipeline.counts))
-    if fixes and pipeline.reference_used_until_s is None:
+    if fixes.given and pipeline.reference_used_until_s is None:
         notes.append("no DGPS fix updated the filter: no target was tracked at their times, or no state may change")
     return notes + pipeline.heads.notes()
 

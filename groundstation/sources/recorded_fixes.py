@@ -4,7 +4,8 @@ A recording has positions of the nose at session time, as clock and antenna of t
 receiver said. Another rig corrects what the receiver said, which its own one gives back.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,6 +48,29 @@ def recorrected_fixes(
     ``antenna_moved_m`` (3,) is the other antenna less the first, from the nose: x forward, y right, z down, along the
     direction of flight as in `nose_from_antenna`. ``clock_later_s`` is by how much more the log's clock is ahead.
     """
+    ordered, moved_m = _moved(fixes, antenna_moved_m)
+    return [
+        replace(fix, t_s=fix.t_s - clock_later_s, position_runway_m=fix.position_runway_m + by_m)
+        for fix, by_m in zip(ordered, moved_m, strict=True)
+    ]
+
+
+def recorrected_in_place(
+    fixes: Sequence[ReferenceFix], antenna_moved_m: FloatArray, clock_later_s: float
+) -> Callable[[ReferenceFix], ReferenceFix]:
+    """Return what corrects each of ``fixes`` where it occurs among the events, as `recorrected_fixes` does."""
+    ordered, moved_m = _moved(fixes, antenna_moved_m)
+    at = {fix.t_s: by_m for fix, by_m in zip(ordered, moved_m, strict=True)}
+
+    def corrected(fix: ReferenceFix) -> ReferenceFix:
+        position_m = fix.position_runway_m + at.get(fix.t_s, 0.0)
+        return replace(fix, t_s=fix.t_s - clock_later_s, position_runway_m=position_m)
+
+    return corrected
+
+
+def _moved(fixes: Sequence[ReferenceFix], antenna_moved_m: FloatArray) -> tuple[list[ReferenceFix], FloatArray]:
+    """Return the fixes in time order, one of each stamp, and by how much (n, 3) m another antenna moves their noses."""
     ordered = sorted({fix.t_s: fix for fix in fixes}.values(), key=lambda fix: fix.t_s)
     series = ReferenceSeries(
         t_s=np.array([fix.t_s for fix in ordered], dtype=np.float64),
@@ -54,8 +78,4 @@ def recorrected_fixes(
         sigma_m=np.array([fix.sigma_m for fix in ordered], dtype=np.float64).reshape(-1, 3),
     )
     # n = p - R a with R along the flight, of antenna and nose alike: n' = n - R (a' - a)
-    moved = nose_from_antenna(series, antenna_moved_m)
-    return [
-        ReferenceFix(t_s=float(t) - clock_later_s, position_runway_m=position, sigma_m=sigma)
-        for t, position, sigma in zip(moved.t_s, moved.position_m, moved.sigma_m, strict=True)
-    ]
+    return ordered, nose_from_antenna(series, antenna_moved_m).position_m - series.position_m

@@ -15,7 +15,7 @@ import numpy as np
 from groundstation.errors import RecordingError, SessionError
 from groundstation.files.image_header import MAX_PICTURE_PX
 from groundstation.files.read_budget import ReadBudget
-from groundstation.messages import Epoch, Event, Frame, PixelMeasurement
+from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, ReferenceFix
 from groundstation.picture import PartialPicture, PicturePart
 from groundstation.recording.event_codec import (
     DroppedNote,
@@ -82,6 +82,7 @@ class RecordingSource:
     ----------
     session : with ``recorded``.
     on_output : called with each recorded output of an epoch or a heartbeat, a line of JSON.
+    reference : makes the position of a reference receiver by the session's rig of a recorded one, if they differ.
     """
 
     def __init__(
@@ -92,6 +93,7 @@ class RecordingSource:
         to_s: float | None = None,
         *,
         on_output: Callable[[bytes], None] = lambda line: None,
+        reference: Callable[[ReferenceFix], ReferenceFix] | None = None,
     ) -> None:
         self.epoch_count = 0
         self.span_s = (0.0, 0.0)
@@ -103,7 +105,7 @@ class RecordingSource:
         self._on_output = on_output
         # without another rig an early recording is replayed as it was flown
         before = recorded.rig if recorded.rig_replaced else session.rig
-        self._recorrection = Recorrection(before, session.rig, session.applied_axes)
+        self._recorrection = Recorrection(before, session.rig, session.applied_axes, reference)
         self._sizes = {s.name: s.lens.image_size_px for s in session.rig.stations}
         self._open = ExitStack()
         self._reader: McapReader

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 
 from groundstation.errors import RigError
-from groundstation.messages import Epoch, Event, Frame, FrameAngles, PixelMeasurement, PtuSample
+from groundstation.messages import Epoch, Event, Frame, FrameAngles, PixelMeasurement, PtuSample, ReferenceFix
 from groundstation.rig.ptu_axes import AxisCorrection
 from groundstation.rig.rig import EQUAL_CLOCKS, ClockModel, Rig, Station
 
@@ -18,12 +18,20 @@ Clock = Callable[[float], float]
 class Recorrection:
     """Maps events, in their order, from one rig to another; events of stations that one of them lacks stay.
 
+    Positions of a reference receiver stay, too, but for what ``reference`` makes of them.
     A rig without axes is that of the angles: they stay, as those of stations in ``applied``, which have no readings.
     Raises `RigError` where the readings are not known any more: of a head whose backlash was corrected by other axes.
     """
 
-    def __init__(self, recorded: Rig, wanted: Rig, applied: Collection[str] = ()) -> None:
+    def __init__(
+        self,
+        recorded: Rig,
+        wanted: Rig,
+        applied: Collection[str] = (),
+        reference: Callable[[ReferenceFix], ReferenceFix] | None = None,
+    ) -> None:
         self._applied = applied
+        self._reference = reference
         self._cameras: dict[str, Clock] = {}
         self._heads: dict[str, Callable[[PtuSample], PtuSample]] = {}
         for station in wanted.stations:
@@ -39,7 +47,7 @@ class Recorrection:
     @property
     def is_needed(self) -> bool:
         """Whether any event changes."""
-        return bool(self._cameras or self._heads)
+        return bool(self._cameras or self._heads or self._reference)
 
     def of(self, events: Iterator[Event]) -> Iterator[Event]:
         """Yield the events."""
@@ -56,6 +64,8 @@ class Recorrection:
         if isinstance(event, Epoch) and self._cameras:
             moved = [self._cameras[name](event.t_s) if name in self._cameras else event.t_s for name in event.stations]
             return replace(event, t_s=sum(moved) / len(moved)) if moved else event
+        if isinstance(event, ReferenceFix) and self._reference is not None:
+            return self._reference(event)
         return event
 
     def _add_head(self, own: Station, station: Station, path: str) -> None:

@@ -7,16 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.messages import DgpsFix
-from groundstation.replay.replay import ReplayRequest, replay
+from groundstation.messages import DgpsFix, Event, PtuSample, ReferenceFix
+from groundstation.recording.recorder import PATIENT, Recorder
+from groundstation.replay.replay import ReplayRequest, ReplayResult, replay
 from groundstation.rig.dgps import RigReference
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.session_folder import write_session_folder
-from groundstation.sources.recorded_fixes import recorded_fixes, recorrected_fixes
+from groundstation.sources.recorded_fixes import recorded_fixes, recorrected_fixes, recorrected_in_place
 from groundstation.sources.reference_fixes import reference_fixes
+from groundstation.sources.session_source import session_source
 
 pytestmark = pytest.mark.usefixtures("unrendered_figures")
 
@@ -42,14 +44,38 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
         antenna_sigma_m=np.full(3, 0.02),
     )
     (folder / "known.toml").write_text(rig_to_toml(replace(scenario.rig, reference=known)))
+    # a recording of operation has an identity of its own
+    (folder / "any.toml").write_text(rig_to_toml(replace(scenario.rig, reference=replace(known, session=""))))
     run(folder, "first", folder / "session", learn_until_s=1e6, record=folder / "flight.mcap")
     return folder
 
 
 def run(folder: Path, name: str, session: Path, **how: object) -> Path:
-    request = ReplayRequest(session=session, out=folder / name, to_s=TO_S, rerun=False, report=False, **how)
-    assert replay(request).fault is None
+    assert result_of(folder, name, session, **how).fault is None
     return folder / name
+
+
+def result_of(folder: Path, name: str, session: Path, **how: object) -> ReplayResult:
+    how = {"to_s": TO_S, **how}
+    return replay(ReplayRequest(session=session, out=folder / name, rerun=False, report=False, **how))
+
+
+def events_of(path: Path, rig: Path | None = None) -> list[Event]:
+    with session_source(load_session(path, rig)) as source:
+        return list(source)
+
+
+def in_operation(flight: Path, path: Path, events: list[Event]) -> Path:
+    """Record events, in their order of arrival, as `groundstation live` does."""
+    session = load_session(flight / "flight.mcap")
+    assert session.recorded is not None
+    header = session.recorded.header
+    about = header.files["session.toml"].replace(b'notes = ""', b'notes = "recorded in operation"')
+    assert about != header.files["session.toml"]
+    with Recorder(path, session.rig, replace(header, files={**header.files, "session.toml": about}), PATIENT) as file:
+        for event in events:
+            file.take(event)
+    return path
 
 
 def track(out: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -100,3 +126,53 @@ def test_one_position_alone_has_no_direction(flight: Path) -> None:
     (found,) = recorrected_fixes(first, ANTENNA_M, LATE_S)
     np.testing.assert_array_equal(found.position_runway_m, first[0].position_runway_m)
     assert recorrected_fixes([], ANTENNA_M, LATE_S) == []
+
+
+def test_one_stamp_of_the_future_moves_no_position(flight: Path, tmp_path: Path) -> None:
+    """Expected: corrected where they arrived. Merged by time, all of them came at a reading stamped 1000 s ahead."""
+    events = events_of(flight / "flight.mcap")
+    third = len(events) // 3
+    ahead = PtuSample(t_s=events[third].t_s + 1000.0, station="left", pan_rad=0.0, tilt_rad=0.0)
+    as_sent = in_operation(flight, tmp_path / "sent.mcap", events)
+    with_bad = in_operation(flight, tmp_path / "bad.mcap", [*events[:third], ahead, *events[third:]])
+    # the whole recording: a part has no stamps outside of it
+    by_rig = {"rig": flight / "any.toml", "to_s": None}
+    wanted, sigma_m = track(run(tmp_path, "wanted", as_sent, **by_rig))
+    found, _ = track(run(tmp_path, "found", with_bad, **by_rig))
+    assert len(found) == len(wanted) > 50
+    assert np.max(np.abs(found - wanted)[:, 1] / sigma_m) < 0.2
+
+
+def test_positions_of_operation_are_corrected_where_they_arrived(flight: Path, tmp_path: Path) -> None:
+    """Expected: by clock and antenna, each at its place; also one that arrives late, and two of the same stamp."""
+    events = events_of(flight / "flight.mcap")
+    places = [k for k, event in enumerate(events) if isinstance(event, ReferenceFix)]
+    second, ninth = events[places[1]], events[places[8]]
+    assert isinstance(second, ReferenceFix)
+    again = replace(second, sigma_m=np.full(3, 0.5))
+    events[places[8] : places[8] + 1] = [again]
+    events.append(ninth)
+    given = [event for event in events if isinstance(event, ReferenceFix)]
+    path = in_operation(flight, tmp_path / "flight.mcap", events)
+    session = load_session(path)
+    assert session.recorded is not None
+    corrected = recorrected_in_place(recorded_fixes(session.recorded), ANTENNA_M, LATE_S)
+    with session_source(session, reference=corrected) as source:
+        found = list(source)
+    assert [type(event) for event in found] == [type(event) for event in events]
+    moved = [event for event in found if isinstance(event, ReferenceFix)]
+    np.testing.assert_allclose([fix.t_s for fix in moved], [fix.t_s - LATE_S for fix in given], atol=1e-12)
+    np.testing.assert_array_equal([fix.sigma_m for fix in moved], [fix.sigma_m for fix in given])
+    by_m = [np.linalg.norm(a.position_runway_m - b.position_runway_m) for a, b in zip(moved, given, strict=True)]
+    np.testing.assert_allclose(by_m, np.linalg.norm(ANTENNA_M), rtol=1e-6)
+
+
+def test_positions_that_have_moved_out_of_the_part_are_not_used(flight: Path, tmp_path: Path) -> None:
+    """Expected: a clock by which none is of the part leaves none, instead of all as they were recorded."""
+    session = load_session(flight / "flight.mcap")
+    away = RigReference(offset_s=1000.0, offset_sigma_s=0.001)
+    (tmp_path / "away.toml").write_text(rig_to_toml(replace(session.rig, reference=away)))
+    result = result_of(tmp_path, "out", flight / "flight.mcap", rig=tmp_path / "away.toml", from_s=0.0, to_s=6.0)
+    assert result.fault is None
+    assert result.evaluation.summary["calibration"]["learnt_until_s"] is None
+    assert any("no DGPS fix updated the filter" in note for note in result.evaluation.summary["faults"])
