@@ -15,6 +15,7 @@ from calibration.flight.parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_p
 from calibration.flight.problem import DGPS_OFFSET, FlightProblem
 from calibration.flight.rig import estimated_clocks, solved_rig
 from calibration.rig_output import require_toml_name
+from calibration.session_axes import written_axes
 from calibration.session_clocks import written_clocks
 from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
@@ -62,7 +63,7 @@ class TimingCalibration:
     by_pictures, motions : by station; empty unless pictures were requested.
     by_flight : the solution of the flight with only the clocks free, or None.
     rig : with the estimated clocks; those from the pictures where there are both.
-    clock_note : whether it has clocks of the session; empty where the session has none of its own.
+    notes : on what the rig has of the session: its clocks, and the axes that its angles are corrected by.
     """
 
     session: Session
@@ -70,7 +71,7 @@ class TimingCalibration:
     motions: dict[str, StationMotion]
     by_flight: FlightFit | None
     rig: Rig
-    clock_note: str = ""
+    notes: tuple[str, ...] = ()
 
     def flight_ptu(self, name: str) -> ClockDifference | None:
         """Return the lag of a PTU's readings relative to its camera's clock, by the flight."""
@@ -108,9 +109,15 @@ def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = l
         rig = timed_rig(session.rig, fits, request.one_ptu_clock)
         estimated = _timed_clocks(fits, request.one_ptu_clock)
     clocked = written_clocks(session, rig, estimated)
-    _write(request.out, session.name, clocked.rig)
+    turned = written_axes(session, clocked.rig)
+    _write(request.out, session.name, turned.rig)
     return TimingCalibration(
-        session=session, by_pictures=fits, motions=motions, by_flight=flight, rig=clocked.rig, clock_note=clocked.note
+        session=session,
+        by_pictures=fits,
+        motions=motions,
+        by_flight=flight,
+        rig=turned.rig,
+        notes=tuple(note for note in (clocked.note, turned.note) if note),
     )
 
 

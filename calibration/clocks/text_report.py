@@ -25,7 +25,7 @@ def format_timing(found: TimingCalibration) -> str:
         lines += [*_station(found, name, fit), ""]
     if found.by_flight is not None:
         lines += [*_flight(found), ""]
-    lines += [*_cameras(found), *_compared(found), *([found.clock_note] if found.clock_note else [])]
+    lines += [*_cameras(found), *_compared(found), *found.notes]
     lines += ["", "verdict:", *(f"  {line}" for line in _verdict(found))]
     return "\n".join(lines)
 

@@ -24,6 +24,7 @@ from calibration.flight.start import StartingPoint, find_start
 from calibration.flight.text_report import format_flight_report, rig_header
 from calibration.flight.verdict import judge_flight
 from calibration.rig_output import require_toml_name
+from calibration.session_axes import written_axes
 from calibration.session_clocks import written_clocks
 from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
@@ -113,8 +114,9 @@ def calibrate_flight(
     steps()
     _require_fit(session, fit)
     clocked = written_clocks(session, solved_rig(session.rig, fit, session.identity), estimated_clocks(fit))
-    rig = clocked.rig
-    notes += [clocked.note] if clocked.note else []
+    turned = written_axes(session, clocked.rig)
+    rig = turned.rig
+    notes += [note for note in (clocked.note, turned.note) if note]
     verdict = judge_flight(rig, fit)
     report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna, verdict)])
     _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
