@@ -8,10 +8,11 @@ import numpy as np
 
 from calibration.clocks.image_motion import StationMotion, gather_motion
 from calibration.clocks.ptu_clock_fit import TimingFit, solve_timing
+from calibration.clocks.timed_errors import shared_errors, timed_errors
 from calibration.flight.covariance import solve_flight
 from calibration.flight.fit import FlightFit
 from calibration.flight.observations import gather_flight
-from calibration.flight.parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_parameters
+from calibration.flight.parameters import KNOWN_CLOCK_S, choose_parameters
 from calibration.flight.problem import DGPS_OFFSET, FlightProblem
 from calibration.flight.rig import estimated_clocks, solved_rig
 from calibration.rig_output import require_toml_name
@@ -124,24 +125,26 @@ def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = l
 def timed_rig(rig: Rig, fits: dict[str, TimingFit], one_ptu_clock: bool = False) -> Rig:
     """Return the rig with the PTUs' clocks found; with one clock of all PTUs, the first's, and the cameras' by it.
 
-    What these clocks had in common with other parameters belongs to their former values, and goes.
+    What these clocks had in common with other parameters belongs to their former values, and goes. Only differences to
+    a camera's clock were measured: they have its error in common with it, and what else it is correlated with.
     """
-    timed_names = [f"{name}.offset" for name in _timed_clocks(fits, one_ptu_clock)]
-    rig = replace(rig, shared_covariance=rig.shared_covariance.without(timed_names))
-    if not one_ptu_clock or len(fits) < 2:
-        return replace(rig, stations=tuple(_ptu_timed(s, fits[s.name]) if s.name in fits else s for s in rig.stations))
-    reference = next(iter(fits.values()))
+    errors = timed_errors(rig, fits, one_ptu_clock)
+    sigmas = errors.sigmas
+    timed_names = {f"{name}.offset" for name in _timed_clocks(fits, one_ptu_clock)}
+    shared = shared_errors(errors, set(rig.shared_covariance.names) - timed_names)
+    rig = replace(rig, shared_covariance=shared)
+    reference = next(iter(fits.values())) if one_ptu_clock else None
     stations = []
     for station in rig.stations:
         fit = fits.get(station.name)
         if fit is None:
             stations.append(station)
             continue
-        timed = _ptu_timed(station, reference)
-        if fit is not reference:
+        timed = _ptu_timed(station, reference or fit, sigmas[f"{station.name}.ptu_clock.offset"])
+        if reference is not None and fit is not reference:
             # the PTU is right by the first camera; this camera's clock shows more by the difference
             camera = station.camera_clock or ClockModel()
-            sigma = max(float(np.hypot(fit.sigma_s, reference.sigma_s)), FLOOR_CLOCK_S)
+            sigma = sigmas[f"{station.name}.camera_clock.offset"]
             later = reference.offset_s - fit.offset_s
             timed = replace(timed, camera_clock=replace(camera, offset_s=camera.offset_s + later, sigma_s=sigma))
         stations.append(timed)
@@ -154,12 +157,12 @@ def _timed_clocks(fits: dict[str, TimingFit], one_ptu_clock: bool) -> frozenset[
     return frozenset([*(f"{name}.ptu_clock" for name in fits), *(f"{name}.camera_clock" for name in cameras)])
 
 
-def _ptu_timed(station: Station, fit: TimingFit) -> Station:
+def _ptu_timed(station: Station, fit: TimingFit, sigma_s: float) -> Station:
     before, drift = station.ptu_clock, fit.drift
     # the drift was found about the middle of the recording, a clock's stands for zero of the device's time
     offset = before.offset_s * (1.0 + drift) + fit.offset_s - drift * fit.middle_s
     scale = (1.0 + before.drift_ppm * 1e-6) * (1.0 + drift)
-    clock = ClockModel(offset_s=offset, drift_ppm=(scale - 1.0) * 1e6, sigma_s=max(fit.sigma_s, FLOOR_CLOCK_S))
+    clock = ClockModel(offset_s=offset, drift_ppm=(scale - 1.0) * 1e6, sigma_s=sigma_s)
     return replace(station, ptu_clock=clock, ptu_clock_given=True)
 
 
