@@ -2,7 +2,7 @@
 
 `midpoint` is the paper's CV_T, the middle of the rays' common perpendicular; `triangulate` refines it to the
 maximum-likelihood point, which weighs each ray by its own noise, and gives its covariance. Neither is fed
-back into the filter, except to start it.
+back into the filter, except to start it. Pixels of a rolling shutter come moved by the filter's velocity and rates.
 """
 
 import math

@@ -302,7 +302,6 @@ class FrameUpdate:
             (angles.pan_rad, angles.tilt_rad),
             self._pointing_sigma_rad(record, angles),
             camera.station.readout_s,
-            self._encoders.rates(record.station),
         )
         self._epochs.add(
             EpochView(

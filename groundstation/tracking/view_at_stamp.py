@@ -1,12 +1,9 @@
 """A camera's share of a triangulation, as of a picture exposed at its stamp, for the rows of a shutter."""
 
-import math
-
 import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.detection_messages import Detection
-from groundstation.estimation.encoders import HeadRates
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.triangulation import TriangulationView
 from groundstation.geometry.rolling_shutter import row_delay_s
@@ -20,28 +17,37 @@ def view_at_stamp(
     angles_rad: tuple[float, float],
     sigma_rad: float,
     readout_s: float,
-    rates: HeadRates,
 ) -> TriangulationView:
     """Return a detection with the angles of its picture's stamp, at which the filter is.
 
     The pixel is moved back by what the filter's head and target move it until its row is exposed: a millisecond's worth
-    of 5 °/s is 0.005°. Of that the head's rate is the uncertain part, which counts as an error of the angles; the rest
-    stays what the camera shows, whatever the filter makes of it.
+    of 5 °/s is 0.005°. What the filter does not know of that motion is an error of the pixel; the rest stays what
+    the camera shows, whatever the filter makes of it.
     """
     delay_s = row_delay_s(found.v_px, geometry.image_size_px[1], readout_s)
+    moved_px, covariance_px2 = _moved_px(ekf, geometry.name, delay_s)
     return TriangulationView(
         station=geometry,
-        pixel=np.array([found.u_px, found.v_px]) - _moved_px(ekf, geometry.name, delay_s),
-        covariance_px2=found.covariance_px2,
+        pixel=np.array([found.u_px, found.v_px]) - moved_px,
+        covariance_px2=found.covariance_px2 + covariance_px2,
         pan_rad=angles_rad[0],
         tilt_rad=angles_rad[1],
-        angle_sigma_rad=math.hypot(sigma_rad, delay_s * rates.sigma_rad_s),
+        angle_sigma_rad=sigma_rad,
     )
 
 
-def _moved_px(ekf: StationEkf, station: str, delay_s: float) -> FloatArray:
-    """Return by how much the target's pixel (2,) moves from the stamp to so long after it."""
+def _moved_px(ekf: StationEkf, station: str, delay_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return by how much the target's pixel (2,) moves from the stamp to so long after it, with its covariance (2, 2).
+
+    The covariance is that of the target's velocity and the head's rates. Errors of place and angles are left out: they
+    change the difference of the two pixels by a small share of what they change either by.
+    """
     if delay_s == 0.0:
-        return np.zeros(2)
+        return np.zeros(2), np.zeros((2, 2))
     stamp, exposed = ekf.predict_pixel(station), ekf.predict_pixel(station, delay_s)
-    return np.zeros(2) if stamp is None or exposed is None else exposed.pixel - stamp.pixel
+    if stamp is None or exposed is None:
+        return np.zeros(2), np.zeros((2, 2))
+    rates = ekf.layout.rates.get(station, slice(0, 0))
+    moving = np.r_[ekf.layout.velocity, rates]
+    J = (exposed.jacobian - stamp.jacobian)[:, moving]
+    return exposed.pixel - stamp.pixel, J @ ekf.covariance[np.ix_(moving, moving)] @ J.T

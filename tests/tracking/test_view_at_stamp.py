@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.encoders import HeadRates
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.aim import aim_at
@@ -53,21 +53,20 @@ def shown(rig: Rig, name: str, place: FloatArray, velocity: FloatArray, angles: 
     return pixel
 
 
-def view(rig: Rig, name: str, readout_s: float) -> TriangulationView:
+def view(rig: Rig, name: str, readout_s: float, velocity_sigma_m_s: float = 1.0) -> TriangulationView:
     """Return one camera's view by a filter that knows target and heads."""
     ekf = StationEkf({s.name: s.geometry() for s in rig.stations}, rig.names, EstimationConfig())
     ekf.predict_to(0.0)
     for station in rig.names:
         pan, tilt = aimed(rig, station, PLACE).tolist()
         pan_rate, tilt_rate = RATES[station].tolist()
-        ekf.set_angles(station, (pan, tilt), (pan_rate, tilt_rate), SIGMA_RAD)
-    ekf.start_target(PLACE, VELOCITY, np.eye(6))
+        ekf.set_angles(station, (pan, tilt), (pan_rate, tilt_rate), SIGMA_RAD, RATE_SIGMA_RAD_S)
+    ekf.start_target(PLACE, VELOCITY, np.diag([1.0] * 3 + [velocity_sigma_m_s**2] * 3))
     angles = aimed(rig, name, PLACE)
     u, v = shown(rig, name, PLACE, VELOCITY, angles).tolist()
     found = labelled_detection(PixelMeasurement(t_s=0.0, station=name, epoch=0, u_px=u, v_px=v), 0.5)
-    rates = HeadRates(*RATES[name].tolist(), RATE_SIGMA_RAD_S)
     pan, tilt = angles.tolist()
-    return view_at_stamp(ekf, rig[name].geometry(), found, (pan, tilt), SIGMA_RAD, readout_s, rates)
+    return view_at_stamp(ekf, rig[name].geometry(), found, (pan, tilt), SIGMA_RAD, readout_s)
 
 
 def test_views_of_turning_heads_meet_where_the_target_is() -> None:
@@ -81,12 +80,50 @@ def test_views_of_turning_heads_meet_where_the_target_is() -> None:
     assert np.abs(off.point_runway_m - PLACE).max() > 5.0
 
 
-def test_the_rate_s_own_error_counts() -> None:
-    known = view(rolling(), "left", READOUT_S)
-    plain = view(rolling(), "left", 0.0)
-    assert plain.angle_sigma_rad == SIGMA_RAD
+@pytest.mark.parametrize("velocity_sigma_m_s", [0.0, 4.0, 15.0])
+def test_what_the_filter_does_not_know_of_the_motion_counts(velocity_sigma_m_s: float) -> None:
+    """Expected: the delay times what velocity and rates are uncertain by, as the pixel moves with place and angles."""
+    rig = rolling()
+    known = view(rig, "left", READOUT_S, velocity_sigma_m_s)
+    plain = view(rig, "left", 0.0, velocity_sigma_m_s)
     delay_s = row_delay_s(float(plain.pixel[1]), 960, READOUT_S)
-    assert known.angle_sigma_rad == pytest.approx(np.hypot(SIGMA_RAD, delay_s * RATE_SIGMA_RAD_S), rel=1e-9)
+    pan, tilt = aimed(rig, "left", PLACE) + delay_s * RATES["left"]
+    seen = rig["left"].geometry().project(PLACE + delay_s * VELOCITY, float(pan), float(tilt))
+    assert seen is not None
+    sigmas = delay_s * np.array([velocity_sigma_m_s] * 3 + [RATE_SIGMA_RAD_S] * 2)
+    moved_px = seen.jacobian * sigmas
+    assert known.covariance_px2 - plain.covariance_px2 == pytest.approx(moved_px @ moved_px.T, rel=1e-6, abs=1e-9)
+    assert known.angle_sigma_rad == plain.angle_sigma_rad == SIGMA_RAD
+
+
+def test_chi2_of_views_allows_for_a_velocity_that_is_off() -> None:
+    """Expected: the residual of two views that were moved back by drawn velocities is as large as they state."""
+    rig, rng, sigma_m_s, n = rolling(), np.random.default_rng(1), 15.0, 200
+    geometry, chi2 = {s.name: s.geometry() for s in rig.stations}, []
+    for _ in range(n):
+        guess = VELOCITY + sigma_m_s * rng.normal(size=3)
+        ekf = StationEkf(geometry, rig.names, EstimationConfig())
+        ekf.predict_to(0.0)
+        angles = {name: aimed(rig, name, PLACE) for name in rig.names}
+        for name in rig.names:
+            pan, tilt = angles[name].tolist()
+            told = RATES[name] + RATE_SIGMA_RAD_S * rng.normal(size=2)
+            ekf.set_angles(name, (pan, tilt), (float(told[0]), float(told[1])), SIGMA_RAD, RATE_SIGMA_RAD_S)
+        ekf.start_target(PLACE, guess, np.diag([1e-6] * 3 + [sigma_m_s**2] * 3))
+        for name in rig.names:
+            true = shown(rig, name, PLACE, VELOCITY, angles[name])
+            u, v = (true + 0.5 * rng.normal(size=2)).tolist()
+            found = labelled_detection(PixelMeasurement(t_s=0.0, station=name, epoch=0, u_px=u, v_px=v), 0.5)
+            pan, tilt = angles[name].tolist()
+            moved = view_at_stamp(ekf, geometry[name], found, (pan, tilt), 0.0, READOUT_S)
+            at = geometry[name].project(PLACE, pan, tilt)
+            assert at is not None
+            off = moved.pixel - at.pixel
+            chi2.append(float(off @ np.linalg.solve(moved.covariance_px2, off)))
+    # two cameras see the same wrong velocity: only the sum of one is independent from draw to draw
+    for k in range(2):
+        low, high = scipy.stats.chi2.ppf([0.001, 0.999], 2 * n)
+        assert low < sum(chi2[k::2]) < high
 
 
 def look(rig: Rig, name: str, rates: tuple[float, float] | None, t_s: float = 0.0) -> StationLook:
