@@ -17,6 +17,7 @@ from groundstation.rig.rig_notes import rig_notes
 from groundstation.rig.stations_apart import require_one_sight
 from groundstation.session import Session, Truth, load_dgps, load_session, load_truth
 from groundstation.session.time_units import TIME_UNITS_S
+from groundstation.sources.recorrection import without_axes_now
 from groundstation.sources.reference_fixes import reference_fixes
 from groundstation.tracking.config import Config, with_weights
 
@@ -61,7 +62,7 @@ def load_inputs(request: ReplayRequest) -> ReplayInputs:
     truth = load_truth(session, broken.append, table_notes.append)
     notes += table_notes
     notes += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
-    notes += _clock_notes(session)
+    notes += _clock_notes(session) + _axes_notes(session)
     prior = reference_prior(session, config.estimation)
     notes += prior.notes
     return ReplayInputs(
@@ -172,6 +173,20 @@ def _usable_session(request: ReplayRequest) -> Session:
         got = "the session folder itself"
         raise InputError(str(request.out), got=got, wanted="another folder: results would replace recordings")
     return session
+
+
+def _axes_notes(session: Session) -> list[str]:
+    """Return a note on stations whose recorded axes the rig in use does not have: angles become readings."""
+    recorded = session.recorded
+    if recorded is None or not recorded.rig_replaced:
+        return []
+    names = without_axes_now(recorded.rig, session.rig, session.applied_axes)
+    if not names:
+        return []
+    return [
+        f"the rig has no ptu_axes of {', '.join(names)}, the recording's has: the devices' readings are used as angles;"
+        " is the rig of a folder that an earlier version converted?"
+    ]
 
 
 def _clock_notes(session: Session) -> list[str]:

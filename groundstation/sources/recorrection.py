@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from groundstation.errors import RigError
 from groundstation.messages import Epoch, Event, Frame, FrameAngles, PixelMeasurement, PtuSample, ReferenceFix
-from groundstation.rig.ptu_axes import AxisCorrection
+from groundstation.rig.ptu_axes import AxisCorrection, PtuAxes
 from groundstation.rig.rig import EQUAL_CLOCKS, ClockModel, Rig, Station
 
 Clock = Callable[[float], float]
@@ -19,8 +19,9 @@ class Recorrection:
     """Maps events, in their order, from one rig to another; events of stations that one of them lacks stay.
 
     Positions of a reference receiver stay, too, but for what ``reference`` makes of them.
-    A rig without axes is that of the angles: they stay, as those of stations in ``applied``, which have no readings.
-    Raises `RigError` where the readings are not known any more: of a head whose backlash was corrected by other axes.
+    Angles of stations in ``applied``, which have no readings, stay. Where the readings are not known any more, of a
+    head whose backlash was corrected, a rig without axes is that of the angles, as in a folder converted from them:
+    they stay. Raises `RigError` for one with other axes.
     """
 
     def __init__(
@@ -71,10 +72,12 @@ class Recorrection:
     def _add_head(self, own: Station, station: Station, path: str) -> None:
         clocks, axes = _differ(own.ptu_clock, station.ptu_clock), own.ptu_axes
         same = replace(axes, lean_rad=0.0) == replace(station.ptu_axes, lean_rad=0.0)
-        unchanged = same or station.ptu_axes.is_ideal_apart_from_lean or station.name in self._applied
+        hidden = _hides_readings(axes)
+        bare = hidden and station.ptu_axes.is_ideal_apart_from_lean
+        unchanged = same or bare or station.name in self._applied
         if not clocks and unchanged:
             return
-        if not unchanged and (axes.pan_backlash_rad or axes.tilt_backlash_rad):
+        if hidden and not unchanged:
             got = f"other axes of {station.name} than the recorded ones, whose backlash has been taken out"
             raise RigError(f"{path}: station {station.name}: ptu_axes", got=got, wanted="the recorded ones")
         clock = _clock(own.ptu_clock, station.ptu_clock) if clocks else None
@@ -88,6 +91,24 @@ class Recorrection:
             return replace(sample, t_s=t_s, pan_rad=pan_rad, tilt_rad=tilt_rad)
 
         self._heads[station.name] = corrected
+
+
+def without_axes_now(recorded: Rig, wanted: Rig, applied: Collection[str] = ()) -> list[str]:
+    """Return the stations whose readings `Recorrection` takes for angles, and whose recorded angles are corrected."""
+    return [
+        station.name
+        for station in wanted.stations
+        if station.name in recorded.names
+        and station.name not in applied
+        and not (station.fixed or recorded[station.name].fixed)
+        and station.ptu_axes.is_ideal_apart_from_lean
+        and not recorded[station.name].ptu_axes.is_ideal_apart_from_lean
+        and not _hides_readings(recorded[station.name].ptu_axes)
+    ]
+
+
+def _hides_readings(axes: PtuAxes) -> bool:
+    return axes.pan_backlash_rad != 0.0 or axes.tilt_backlash_rad != 0.0
 
 
 def _differ(one: ClockModel, other: ClockModel) -> bool:

@@ -76,6 +76,8 @@ def test_a_converted_folder_means_the_same_by_any_rig(tmp_path: Path, packing: t
     other, bare = rig_file(tmp_path / "other.toml", OTHER), rig_file(tmp_path / "bare.toml", {})
     for rig in (None, first / "rig.toml", other, bare):
         require_same(by(second, rig), by(first, rig))
+        if packing[0].endswith(".mcap"):
+            require_same(by(first.parent / packing[0], rig), by(first, rig))
     assert by(first, other) != by(first) != by(first, bare)
 
 

@@ -11,6 +11,8 @@ from groundstation.errors import RigError
 from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample
 from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.recording.recorder import Recorder
+from groundstation.replay.replay_inputs import load_inputs
+from groundstation.replay.replay_request import ReplayRequest
 from groundstation.rig.ptu_axes import AxisCorrection, PtuAxes
 from groundstation.rig.rig import EQUAL_CLOCKS, ClockModel, Rig
 from groundstation.rig.rig_toml import rig_to_toml
@@ -120,9 +122,23 @@ def test_an_early_recording_of_operation_has_readings(tmp_path: Path) -> None:
             assert (one.pan_rad, one.tilt_rad) == pytest.approx((two.pan_rad, two.tilt_rad), abs=1e-9)
 
 
-def test_a_rig_without_axes_is_that_of_the_angles() -> None:
-    """Expected: what `convert` writes next to corrected angles, laid over the recording, moves none."""
+def test_a_rig_without_axes_is_that_of_angles_whose_readings_are_hidden() -> None:
+    """Expected: what `convert` writes next to angles of corrected backlash, laid over the recording, moves none."""
     assert not Recorrection(rig_with(OTHER_AXES, 0.0, 0.0), rig_with(PtuAxes(), 0.0, 0.0)).is_needed
+
+
+def test_a_rig_without_axes_takes_known_readings_for_angles(tmp_path: Path) -> None:
+    """Expected: as it does the readings of the folder converted from the recording; a replay notes it."""
+    bare = tmp_path / "bare.toml"
+    bare.write_text(rig_to_toml(rig_with(PtuAxes(), 0.0, 0.0)))
+    path = recorded(tmp_path, rig_with(AXES, 0.0, 0.0))
+    for one, two in zip(replayed(path, bare), session_events(rig_with(PtuAxes(), 0.0, 0.0)), strict=True):
+        if isinstance(one, PtuSample):
+            assert isinstance(two, PtuSample)
+            assert (one.pan_rad, one.tilt_rad) == pytest.approx((two.pan_rad, two.tilt_rad), abs=1e-9)
+    said = [load_inputs(ReplayRequest(session=path, out=tmp_path / "out", rig=rig)).notes for rig in (None, bare)]
+    words = "the rig has no ptu_axes of left, the recording's has: the devices' readings are used as angles"
+    assert [any(note.startswith(words) for note in notes) for notes in said] == [False, True]
 
 
 def test_angles_of_pictures_and_stations_without_a_difference_stay() -> None:
