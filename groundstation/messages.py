@@ -22,6 +22,7 @@ from groundstation.detection_messages import OutcomeKind as OutcomeKind
 from groundstation.detection_messages import PointHypothesis as PointHypothesis
 from groundstation.detection_messages import RecognisedPixel as RecognisedPixel
 from groundstation.detection_messages import TrackOutcome as TrackOutcome
+from groundstation.geometry.head_rates import HeadRates
 from groundstation.picture import Picture
 
 
@@ -242,9 +243,8 @@ class CameraReport:
     status, result : the outcome; a `Detection`, or a `Miss` with its reason.
     roi : where the detector looked, if it did.
     predicted_px, predicted_covariance_px2 : (2,) and (2, 2) of the target point expected before looking, if any.
-    pan_rad, tilt_rad : the station's angles at mid-exposure, as the filter used them; None without a reading.
-    innovation : None unless the filter judged the pixel.
-    elapsed_s : time of the detection.
+    pan_rad, tilt_rad, rates : of the head at mid-exposure, as used and by the filter before the pixel; None if unknown.
+    innovation, elapsed_s : None unless the filter judged the pixel; time of the detection.
     channel_contrast : in some frames, the silhouette's contrast-to-noise on each channel, also the paper's saturation.
     image : the picture, if reports keep them.
     recognised : of a frame that was searched whole, the likeliest aircraft, also if it is not the target.
@@ -267,6 +267,7 @@ class CameraReport:
     image: Picture | None = None
     recognised: RecognisedPixel | None = None
     track_id: int | None = None
+    rates: HeadRates | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

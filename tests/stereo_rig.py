@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.estimation.encoders import HeadRates
 from groundstation.geometry.camera import Lens
+from groundstation.geometry.head_rates import HeadRates
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Epoch, Event, PixelMeasurement, PtuSample
 from groundstation.rig.rig import ClockModel, Rig, Station

@@ -14,6 +14,7 @@ from groundstation.estimation.encoder_offset import NO_OFFSET, EncoderOffset
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.variance_check import sigma_of
 from groundstation.geometry.angles import wrap_rad
+from groundstation.geometry.head_rates import HeadRates
 from groundstation.messages import PtuSample
 from groundstation.rig.rig import Station
 
@@ -38,14 +39,6 @@ class _Known(NamedTuple):
 
 
 _NOTHING = _Known()
-
-
-class HeadRates(NamedTuple):
-    """Rates of a head's axes, rad/s, and one sigma of either."""
-
-    pan_rad_s: float
-    tilt_rad_s: float
-    sigma_rad_s: float
 
 
 class EncoderState(NamedTuple):
@@ -172,10 +165,11 @@ class EncoderFeed:
         """Return the filter's rates of a head at the filter time; zero of a fixed station."""
         if station not in self._ekf.layout.rates:
             return HeadRates(0.0, 0.0, 0.0)
-        where, P = self._ekf.layout.rates[station], self._ekf.covariance
+        where, angles, P = self._ekf.layout.rates[station], self._ekf.layout.angles[station], self._ekf.covariance
         pan_rate, tilt_rate = self._ekf.state[where].tolist()
         variance = max(P[where.start, where.start], P[where.start + 1, where.start + 1])
-        return HeadRates(pan_rate, tilt_rate, sigma_of(variance, f"rates of {station}"))
+        pan, tilt = P[angles, where].diagonal().tolist()
+        return HeadRates(pan_rate, tilt_rate, sigma_of(variance, f"rates of {station}"), (pan, tilt))
 
     def _off(self, sample: PtuSample, ahead_s: float) -> float:
         """Return the distance of a reading from its prediction, ``ahead_s`` after the filter time."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from groundstation.errors import InputError
-from groundstation.geometry.angles import wrap_rad
 from groundstation.integrity.approach_advice import (
     AdviceConfig,
     AdviceLevel,
@@ -33,8 +32,6 @@ from groundstation.messages import (
 )
 from groundstation.rig.rig import Rig
 
-# between two frames of a station whose angles tell its rates: chosen, as long as heads hold a rate
-_RATE_S = 0.25
 # pairs whose looks are kept until their estimate comes: some seconds at any frame rate
 _MOST_PAIRS = 256
 _WITHOUT_TARGET = (TrackStatus.SEARCHING, TrackStatus.ACQUIRING, TrackStatus.LOST)
@@ -132,7 +129,7 @@ class ApproachIntegrity:
 
     def _take_camera(self, report: CameraReport) -> None:
         """Keep the look of a pixel that the filter used, for the estimate of its pair."""
-        before, self._stations[report.station] = self._stations.get(report.station), report
+        self._stations[report.station] = report
         found, accepted = report.result, report.innovation is not None and report.innovation.accepted
         if not (isinstance(found, Detection) and report.status.used and accepted):
             return
@@ -146,7 +143,7 @@ class ApproachIntegrity:
             tilt_rad=report.tilt_rad,
             noise_px2=found.noise_px2,
             lasting_px2=found.covariance_px2 - found.noise_px2,
-            rates_rad_s=_rates(before, report),
+            rates=report.rates,
         )
         while len(self._looks) > _MOST_PAIRS:
             del self._looks[next(iter(self._looks))]
@@ -208,17 +205,6 @@ class ApproachIntegrity:
         self._told = told
         level = "info" if advice.level is AdviceLevel.GO else "warning"
         return (TrackEvent(t_s=self._now_s, level=level, text=f"approach: {advice.level}, {advice.reason}"),)
-
-
-def _rates(before: CameraReport | None, report: CameraReport) -> tuple[float, float] | None:
-    """Return a head's rates of pan and tilt, rad/s, by two frames in turn; None where they are too far apart."""
-    if before is None or not 0.0 < report.t_s - before.t_s <= _RATE_S:
-        return None
-    if None in (before.pan_rad, before.tilt_rad, report.pan_rad, report.tilt_rad):
-        return None
-    pairs = ((report.pan_rad, before.pan_rad), (report.tilt_rad, before.tilt_rad))
-    pan, tilt = (wrap_rad((now or 0.0) - (then or 0.0)) / (report.t_s - before.t_s) for now, then in pairs)
-    return pan, tilt
 
 
 def _finite(known: Kinematics) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, parameter_indices, project_with_calibration
+from groundstation.geometry.head_rates import HeadRates
 from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.geometry.station import StationGeometry
 from groundstation.landing_site.fault_table import FaultHypothesis, FaultTable, StationFault
@@ -24,13 +25,14 @@ from groundstation.rig.rig import Rig
 
 # parameters of a fault: two of the picture or of the axes, one of a clock, three of the target point
 DIRECTIONS = 3
+_STANDING = HeadRates(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StationLook:
     """One station's pixel (2,) with its angles in rad; px² of the noise of one frame and of what lasts, (2, 2) each.
 
-    The angles are the stamp's; ``rates_rad_s`` of pan and tilt are for the rows of a rolling shutter, None if unknown.
+    The angles are the stamp's; the head's ``rates`` are for the rows of a rolling shutter, None if unknown.
     """
 
     station: str
@@ -40,7 +42,7 @@ class StationLook:
     tilt_rad: float
     noise_px2: FloatArray
     lasting_px2: FloatArray
-    rates_rad_s: tuple[float, float] | None = None
+    rates: HeadRates | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,7 +108,7 @@ class FaultGeometry:
         self._geometries: Mapping[str, StationGeometry] = {s.name: s.geometry() for s in rig.stations}
         self._fixed = {s.name: s.fixed for s in rig.stations}
         self._readout_s = {s.name: s.readout_s for s in rig.stations}
-        self._angle_variance = {s.name: 0.0 if s.fixed else s.angle_sigma_rad**2 for s in rig.stations}
+        self._angle_sigma_rad = {s.name: 0.0 if s.fixed else s.angle_sigma_rad for s in rig.stations}
         prior = rig_prior(rig)
         self._columns = {name: _columns(name, prior) for name in rig.names}
         self._root = _root(prior.covariance)
@@ -160,18 +162,20 @@ class FaultGeometry:
     ) -> "_StationRow | None":
         """Return a station's rows; None where the target is not in front of it."""
         geometry = self._geometries[look.station]
-        pan_rate, tilt_rate = look.rates_rad_s or (0.0, 0.0)
+        rates, sigma_rad = look.rates or _STANDING, self._angle_sigma_rad[look.station]
         delay_s = row_delay_s(float(look.pixel[1]), geometry.image_size_px[1], self._readout_s[look.station])
-        if look.rates_rad_s is None and not self._fixed[look.station]:
+        if look.rates is None and not self._fixed[look.station]:
             # a head that follows the target shows it in the same pixel whenever its row is exposed
             delay_s = 0.0
         point = position_m + (look.t_s + delay_s - t_s) * velocity_m_s
-        pan_rad, tilt_rad = look.pan_rad + delay_s * pan_rate, look.tilt_rad + delay_s * tilt_rate
+        pan_rad, tilt_rad = look.pan_rad + delay_s * rates.pan_rad_s, look.tilt_rad + delay_s * rates.tilt_rad_s
         seen = project_with_calibration(geometry, point, pan_rad, tilt_rad)
         if seen is None:
             return None
         by_point, by_angle = seen.jacobian[:, :3], seen.jacobian[:, 3:]
-        noise = look.noise_px2 + self._angle_variance[look.station] * by_angle @ by_angle.T
+        # readings' noise is in the rates as in the angles
+        variances = np.array(rates.angle_variances_rad2(sigma_rad, delay_s))
+        noise = look.noise_px2 + by_angle * variances @ by_angle.T
         moved = by_point @ velocity_m_s
         size_px = self._table.detection_spans * self._span_m * geometry.lens.focal_px / seen.depth_m
         effects = {

@@ -22,6 +22,7 @@ from groundstation.estimation.trajectory_curve import Knot
 from groundstation.estimation.updates.pixel_model import PixelPrediction
 from groundstation.estimation.variance_check import require_definite
 from groundstation.geometry.angles import wrap_rad
+from groundstation.geometry.head_rates import HeadRates
 from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.integrity.station_exclusion import StationVerdict
 from groundstation.messages import (
@@ -62,11 +63,12 @@ def span_prior_sigma(span_m: float | None) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Angles:
-    """A station's pan and tilt at an exposure, with one sigma of each, in rad."""
+    """A station's pan and tilt at an exposure, with one sigma of each, in rad, and their rates."""
 
     pan_rad: float
     tilt_rad: float
     sigma_rad: float
+    rates: HeadRates
 
 
 class _Outcome(NamedTuple):
@@ -185,14 +187,15 @@ class FrameUpdate:
             image=record.image if self._keep_images and isinstance(record, Frame) else None,
             recognised=likeliest_aircraft(found),
             track_id=self._track_manager.track_id,
+            rates=None if angles is None else angles.rates,
         )
 
     def _angles(self, ready: ReadyFrame) -> _Angles | None:
         """Return the angles at the exposure: interpolated, or the filter's if a reading is missing or rejected."""
         record, angles = ready.record, ready.angles
-        station = self._cameras[record.station].station
-        if station.fixed:
-            return _Angles(pan_rad=0.0, tilt_rad=0.0, sigma_rad=0.0)
+        rates = self._encoders.rates(record.station)
+        if self._cameras[record.station].station.fixed:
+            return _Angles(pan_rad=0.0, tilt_rad=0.0, sigma_rad=0.0, rates=rates)
         if self._encoders.is_frozen(record.station):
             return None
         pan, tilt = self._ekf.angles(record.station)
@@ -201,12 +204,11 @@ class FrameUpdate:
             sigma = self._encoders.noise_rad(record.station) * angles.variance_share**0.5
             off = max(abs(wrap_rad(angles.pan_rad - pan)), abs(wrap_rad(angles.tilt_rad - tilt)))
             if off <= self._config.estimation.encoder_gate_sigma * math.hypot(sigma, doubt):
-                return _Angles(pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad, sigma_rad=sigma)
-        if isinstance(angles, InterpolatedAngles):
-            return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt)
+                return _Angles(pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad, sigma_rad=sigma, rates=rates)
         age = self._encoders.age_s(record.station, record.t_s)
-        if angles is AngleFault.ENDED and age <= self._config.synchronise.max_gap_s:
-            return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt)
+        ended = angles is AngleFault.ENDED and age <= self._config.synchronise.max_gap_s
+        if ended or isinstance(angles, InterpolatedAngles):
+            return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt, rates=rates)
         return None
 
     def _search(self, record: Frame | PixelMeasurement, angles: _Angles) -> list[CameraCandidate]:

@@ -18,7 +18,7 @@ from groundstation.detection.panorama import (
 )
 from groundstation.errors import RigError
 from groundstation.estimation.encoder_offset import OffsetEstimator
-from groundstation.estimation.encoders import HeadRates
+from groundstation.geometry.head_rates import HeadRates
 from groundstation.messages import Frame, FrameAngles, PtuSample
 from groundstation.picture import as_picture
 from groundstation.rig.rig import Rig

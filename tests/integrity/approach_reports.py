@@ -140,4 +140,5 @@ def camera_of(
         tilt_rad=look.tilt_rad,
         innovation=Innovation(residual=np.zeros(2), covariance=look.noise_px2, nis=0.0, dof=2, accepted=accepted),
         elapsed_s=0.0,
+        rates=look.rates,
     )

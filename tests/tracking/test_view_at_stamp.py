@@ -1,5 +1,6 @@
 """Rows of a rolling shutter in what cameras are compared by: triangulation, cross-check and protection levels."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,19 +9,25 @@ import scipy.stats
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.encoders import EncoderFeed
+from groundstation.estimation.state_model import PTU_ACCELERATION_PSD_RAD2_S3
 from groundstation.estimation.station_ekf import StationEkf
 from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.aim import aim_at
+from groundstation.geometry.head_rates import HeadRates
 from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.integrity.approach_integrity import ApproachIntegrity
 from groundstation.integrity.fault_geometry import FaultGeometry, StationLook
 from groundstation.landing_site.fault_table import FaultTable
-from groundstation.messages import PixelMeasurement, StepReport
+from groundstation.messages import PixelMeasurement, PtuSample, StepReport
 from groundstation.rig.rig import Rig
 from groundstation.simulation.standard_cases import standard_rig
+from groundstation.tracking.config import Config
 from groundstation.tracking.labelled_pixel import labelled_detection
+from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.view_at_stamp import view_at_stamp
 from tests.integrity.approach_reports import SITE, camera_of, kinematics_at
+from tests.stereo_rig import aim, flight_events, glide, make_rig
 
 READOUT_S = 0.025
 PLACE, VELOCITY = np.array([1.0, 300.0, 17.0]), np.array([0.0, -40.0, -2.0])
@@ -126,7 +133,7 @@ def test_chi2_of_views_allows_for_a_velocity_that_is_off() -> None:
         assert low < sum(chi2[k::2]) < high
 
 
-def look(rig: Rig, name: str, rates: tuple[float, float] | None, t_s: float = 0.0) -> StationLook:
+def look(rig: Rig, name: str, rates: HeadRates | None, t_s: float = 0.0) -> StationLook:
     known = kinematics_at(t_s)
     # the head at its own rate, from where it has the target at zero
     angles = aimed(rig, name, kinematics_at(0.0).position_runway_m) + t_s * RATES[name]
@@ -139,7 +146,7 @@ def look(rig: Rig, name: str, rates: tuple[float, float] | None, t_s: float = 0.
         tilt_rad=tilt,
         noise_px2=0.25 * np.eye(2),
         lasting_px2=np.zeros((2, 2)),
-        rates_rad_s=rates,
+        rates=rates,
     )
 
 
@@ -153,21 +160,104 @@ def test_protection_levels_see_no_fault_in_a_turning_head() -> None:
         assert rows is not None
         return rows.residual
 
-    right = [look(rig, name, (float(RATES[name][0]), float(RATES[name][1]))) for name in rig.names]
+    right = [look(rig, name, HeadRates(*RATES[name].tolist(), 0.0)) for name in rig.names]
     assert np.abs(residual(right)).max() < 0.01
-    assert np.abs(residual([replace(one, rates_rad_s=None) for one in right])).max() > 1.0
+    assert np.abs(residual([replace(one, rates=None) for one in right])).max() > 1.0
 
 
-def test_rates_are_those_of_two_frames_in_turn() -> None:
-    """Expected: one frame alone tells no rate; neither do two that are a second apart."""
+def test_rates_are_those_of_the_report() -> None:
+    """Expected: the filter's of each frame, with their sigma, of the first frame too; none where it has none."""
     rig = rolling()
     watch = ApproachIntegrity(rig, SITE)
     for epoch, t_s in enumerate((0.0, 0.05, 1.05)):
-        seen = [replace(look(rig, name, None, min(t_s, 0.05)), t_s=t_s) for name in rig.names]
-        cameras = tuple(camera_of(one, epoch) for one in seen)
-        watch.take(StepReport(cameras=cameras), t_s)
-    for name in rig.names:
-        rates = watch._looks[1][name].rates_rad_s
-        assert rates == pytest.approx(tuple(RATES[name]), abs=1e-9)
-        assert watch._looks[0][name].rates_rad_s is None
-        assert watch._looks[2][name].rates_rad_s is None
+        known = {n: None if epoch == 1 else HeadRates(*RATES[n].tolist(), 0.01, (1e-6, 2e-6)) for n in rig.names}
+        seen = [replace(look(rig, name, known[name], min(t_s, 0.05)), t_s=t_s) for name in rig.names]
+        watch.take(StepReport(cameras=tuple(camera_of(one, epoch) for one in seen)), t_s)
+        assert {name: watch._looks[epoch][name].rates for name in rig.names} == known
+
+
+def test_the_pipeline_reports_the_rates_of_heads() -> None:
+    """Expected: those at which the heads turn, within their sigma; known better than a head may turn."""
+    rig, lag_s, step_s = make_rig(), 0.2, 0.001
+    pipeline, off = Pipeline(rig, Config()), []
+    for event in flight_events(rig, glide, np.random.default_rng(0), duration_s=4.0, pan_lag_s=lag_s):
+        for report in pipeline.step(event).cameras:
+            if report.t_s < 1.0:
+                continue
+            assert report.rates is not None
+            told, geometry = report.rates, rig[report.station].geometry()
+            after, before = (np.array(aim(geometry, glide(report.t_s - lag_s + d))) for d in (step_s, -step_s))
+            true = (after - before) / (2.0 * step_s)
+            assert 0.0 < told.sigma_rad_s < math.radians(2.0)
+            off.append(np.abs([told.pan_rad_s, told.tilt_rad_s] - true).max() / told.sigma_rad_s)
+    assert len(off) > 40
+    assert max(off) < 5.0
+
+
+@pytest.mark.parametrize("rate_hz", [20, 60, 200])
+@pytest.mark.parametrize("readout_s", [READOUT_S, -READOUT_S])
+def test_residuals_are_as_large_as_the_readings_noise_makes_them(rate_hz: int, readout_s: float) -> None:
+    """Expected: χ² of four degrees of freedom, of heads that accelerate as the filter assumes, by its rates of them.
+
+    A row before the stamp and one after it: the errors of angle and rate have one sign, and add up in one of them.
+    """
+    n, rng, sigma_rad, sigma_px = 200, np.random.default_rng(3), math.radians(0.01), 0.05
+    plain = standard_rig(resolution_rad=0.0, sigma_rad=sigma_rad)
+    rig = replace(plain, stations=tuple(replace(s, readout_s=readout_s) for s in plain.stations))
+    geometry = FaultGeometry(rig, SITE.runway, FaultTable(), span_m=2.0, constant_px=0.1)
+    stations, known, chi2 = {s.name: s.geometry() for s in rig.stations}, kinematics_at(0.0), 0.0
+    for _ in range(n):
+        ekf = StationEkf(stations, rig.names, EstimationConfig())
+        encoders, looks = EncoderFeed(ekf, {s.name: s for s in rig.stations}, EstimationConfig()), []
+        # angles and rates at each reading, such that at the last one the target is where it should be
+        path = {name: drawn_path(rig, name, rate_hz, rng) for name in rig.names}
+        read = np.zeros((2, 2))
+        for k in range(_READINGS):
+            t_s = (k + 1 - _READINGS) / rate_hz
+            ekf.predict_to(t_s)
+            for row, name in enumerate(rig.names):
+                read[row] = path[name][k, :2] + sigma_rad * rng.normal(size=2)
+                pan, tilt = read[row].tolist()
+                assert encoders.read(PtuSample(t_s=t_s, station=name, pan_rad=pan, tilt_rad=tilt)) is None
+        for row, name in enumerate(rig.names):
+            angles, turned, delay_s, pixel = path[name][-1, :2], path[name][-1, 2:], 0.0, np.zeros(2)
+            for _ in range(5):
+                place = known.position_runway_m + delay_s * known.velocity_runway_m_s
+                seen = stations[name].project(place, *(angles + delay_s * turned).tolist())
+                assert seen is not None
+                pixel = seen.pixel
+                delay_s = row_delay_s(float(pixel[1]), stations[name].image_size_px[1], readout_s)
+            looks.append(
+                StationLook(
+                    station=name,
+                    t_s=0.0,
+                    pixel=pixel + sigma_px * rng.normal(size=2),
+                    pan_rad=float(read[row, 0]),
+                    tilt_rad=float(read[row, 1]),
+                    noise_px2=sigma_px**2 * np.eye(2),
+                    lasting_px2=np.zeros((2, 2)),
+                    rates=encoders.rates(name),
+                )
+            )
+        rows = geometry.rows(0.0, known.position_runway_m, known.velocity_runway_m_s, looks)
+        assert rows is not None
+        chi2 += float(rows.residual @ rows.weight @ rows.residual)
+    low, high = scipy.stats.chi2.ppf([0.001, 0.999], 4 * n)
+    assert low < chi2 < high
+
+
+_READINGS = 15
+
+
+def drawn_path(rig: Rig, name: str, rate_hz: int, rng: np.random.Generator) -> FloatArray:
+    """Return angles and rates (n, 4) of a head at each reading, accelerated by the filter's white noise."""
+    dt, q = 1.0 / rate_hz, PTU_ACCELERATION_PSD_RAD2_S3
+    root = np.linalg.cholesky(q * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]]))
+    path = np.zeros((_READINGS, 4))
+    path[0, 2:] = RATES[name]
+    for k in range(1, _READINGS):
+        step = root @ rng.normal(size=(2, 2))
+        path[k, :2] = path[k - 1, :2] + dt * path[k - 1, 2:] + step[0]
+        path[k, 2:] = path[k - 1, 2:] + step[1]
+    path[:, :2] += aimed(rig, name, kinematics_at(0.0).position_runway_m) - path[-1, :2]
+    return path
