@@ -25,7 +25,7 @@ def view_at_stamp(
     the camera shows, whatever the filter makes of it.
     """
     delay_s = row_delay_s(found.v_px, geometry.image_size_px[1], readout_s)
-    moved_px, covariance_px2 = _moved_px(ekf, geometry.name, delay_s)
+    moved_px, covariance_px2 = _moved_px(ekf, geometry, delay_s)
     return TriangulationView(
         station=geometry,
         pixel=np.array([found.u_px, found.v_px]) - moved_px,
@@ -36,7 +36,7 @@ def view_at_stamp(
     )
 
 
-def _moved_px(ekf: StationEkf, station: str, delay_s: float) -> tuple[FloatArray, FloatArray]:
+def _moved_px(ekf: StationEkf, geometry: StationGeometry, delay_s: float) -> tuple[FloatArray, FloatArray]:
     """Return by how much the target's pixel (2,) moves from the stamp to so long after it, with its covariance (2, 2).
 
     The covariance is that of the target's velocity and the head's rates. Errors of place and angles are left out: they
@@ -44,6 +44,7 @@ def _moved_px(ekf: StationEkf, station: str, delay_s: float) -> tuple[FloatArray
     """
     if delay_s == 0.0:
         return np.zeros(2), np.zeros((2, 2))
+    station = geometry.name
     stamp, exposed = ekf.predict_pixel(station), ekf.predict_pixel(station, delay_s)
     if stamp is None or exposed is None:
         return np.zeros(2), np.zeros((2, 2))
