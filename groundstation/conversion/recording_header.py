@@ -17,7 +17,8 @@ def build_header(
 ) -> RecordingHeader:
     """Return the header of a run on a session; ``rig_file`` None is the session's own.
 
-    Without another rig an early recording of operation is replayed uncorrected, as it was flown, and so are its events.
+    Without another rig an early recording of operation is replayed as it was flown, uncorrected and by the DGPS clock
+    of the station's name, and so are its events.
     """
     recorded = session.recorded
     rig = session.folder / RIG if rig_file is None else rig_file
@@ -37,4 +38,5 @@ def build_header(
         learns_from_reference=learns_from_reference,
         left_out=tuple(sorted(session.left_out)),
         corrected=recorded is None or recorded.header.corrected or rig_file is not None,
+        clock_by_identity=recorded is None or recorded.header.clock_by_identity or rig_file is not None,
     )

@@ -48,7 +48,7 @@ def session_part(session: Session, from_s: float | None, to_s: float | None) -> 
     """Return a part of a session; the margin is what the evaluation looks for an offset in."""
     config = EvaluationConfig()
     reference = None if session.has_clocks else session.rig.reference
-    known = None if reference is None else reference.clock_for(session.identity)
+    known = None if reference is None else reference.clock_for(session.clock_identity)
     return SessionPart(
         from_s=from_s,
         to_s=to_s,

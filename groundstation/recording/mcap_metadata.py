@@ -40,6 +40,8 @@ class RecordingHeader:
     learns_from_reference : whether reference positions update the filter.
     left_out : stations that session.toml may name and the rig does not have.
     corrected : whether stamps and readings are corrected by the rig; those of early recordings of operation are not.
+    clock_by_identity : whether the rig's DGPS clock of a named session was that of the run only if it names this run:
+        earlier recordings of operation took it by the station's name, which all of them have.
     """
 
     name: str
@@ -49,6 +51,7 @@ class RecordingHeader:
     learns_from_reference: bool = False
     left_out: tuple[str, ...] = ()
     corrected: bool = True
+    clock_by_identity: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +73,7 @@ def header_values(header: RecordingHeader) -> dict[str, str]:
         "taught": json.dumps(header.learns_from_reference),
         "left_out": json.dumps(list(header.left_out)),
         "corrected": json.dumps(header.corrected),
+        "clock_by_identity": json.dumps(header.clock_by_identity),
         "initial": json.dumps(None if header.initial is None else _initial_values(header.initial)),
         "version": __version__,
         "python": platform.python_version(),
@@ -89,6 +93,7 @@ def parse_header(contents: McapContents, where: str) -> RecordingHeader:
     missing = [name for name in (SESSION, RIG, CONFIG) if name not in contents.attachments]
     if missing:
         raise RecordingError(where, got=f"no {missing[0]} in it", wanted="one, as in each recording of this program")
+    in_operation = IN_OPERATION.encode() in contents.attachments[SESSION]
     initial, left_out = _json(about, "initial", where), _json(about, "left_out", where)
     if not isinstance(left_out, list) or not all(isinstance(name, str) for name in left_out):
         raise RecordingError(f"{where}: left_out", got=quoted(left_out), wanted="a list of stations")
@@ -99,7 +104,8 @@ def parse_header(contents: McapContents, where: str) -> RecordingHeader:
         initial=None if initial is None else _initial(TomlTable(initial, f"{where}: initial", RecordingError)),
         learns_from_reference=_json(about, "taught", where) is True,
         left_out=tuple(left_out),
-        corrected=about.get("corrected") == "true" or IN_OPERATION.encode() not in contents.attachments[SESSION],
+        corrected=about.get("corrected") == "true" or not in_operation,
+        clock_by_identity=about.get("clock_by_identity") == "true" or not in_operation,
     )
 
 

@@ -54,7 +54,8 @@ def references_by_rig(request: ReplayRequest, inputs: ReplayInputs) -> LearningR
     session, now = inputs.session, inputs.prior
     if session.recorded is None or not learns_as_recorded(request, inputs):
         return LearningReferences(learns=False)
-    before = reference_prior(replace(session, rig=session.recorded.rig), inputs.config.estimation)
+    run = replace(session, rig=session.recorded.rig, recorded=replace(session.recorded, rig_replaced=False))
+    before = reference_prior(run, inputs.config.estimation)
     moved_m, later_s = _antenna_m(now) - _antenna_m(before), now.offset_s - before.offset_s
     if later_s == 0.0 and not np.any(moved_m):
         return LearningReferences(learns=True)

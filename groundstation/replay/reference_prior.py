@@ -38,7 +38,7 @@ def reference_prior(session: Session, config: EstimationConfig) -> ReferencePrio
     offset_s, known_sigma_s = 0.0, None
     if not session.has_clocks:
         sigma_s = config.reference_clock_sigma_s
-        known = None if reference is None else reference.clock_for(session.identity)
+        known = None if reference is None else reference.clock_for(session.clock_identity)
         if reference is not None and known is not None:
             offset_s, sigma_s = known, reference.offset_sigma_s
             known_sigma_s = sigma_s

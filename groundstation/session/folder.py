@@ -131,6 +131,13 @@ class Session:
         return f"{self.name} {self.date}".strip() if self.in_operation else self.name
 
     @property
+    def clock_identity(self) -> str:
+        """What a named DGPS clock is to name: the identity, or the name alone where an earlier run took it by that."""
+        recorded = self.recorded
+        by_name = recorded is not None and not (recorded.rig_replaced or recorded.header.clock_by_identity)
+        return self.name if by_name else self.identity
+
+    @property
     def detections_only(self) -> bool:
         """Whether target pixels come from detections.csv instead of pictures."""
         return not self.media

@@ -7,19 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from groundstation.conversion.recording_header import build_header
 from groundstation.live.record import live_header, live_reference, open_recorder
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_set_up import reference_tuning
 from groundstation.live.set_up_report import report_set_up
 from groundstation.live.station_file import StationFile
-from groundstation.messages import Epoch
+from groundstation.messages import Epoch, ReferenceFix
+from groundstation.recording.mcap_reader import McapReader
+from groundstation.replay.recorded_references import learning_references
 from groundstation.replay.recording_replay import load_replay_config
 from groundstation.replay.reference_prior import reference_prior
+from groundstation.replay.replay_inputs import load_inputs
+from groundstation.replay.replay_request import ReplayRequest
 from groundstation.rig.dgps import RigReference
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
 from groundstation.simulation.simulated_station_file import simulated_station_file
+from groundstation.sources.session_source import session_source
 from groundstation.tracking.config import Config, load_config
 
 
@@ -115,6 +121,65 @@ def test_recordings_of_one_station_are_told_apart_by_their_start(
     found = replace(rig, reference=RigReference(session=first.identity, offset_s=0.08, offset_sigma_s=0.002))
     offsets = [reference_prior(replace(s, rig=found), config.estimation).offset_s for s in sessions]
     assert offsets == [0.08, 0.0]
+
+
+SENT_S = [1.0 + 0.1 * k for k in range(20)]
+
+
+def recorded_fixes(folder: Path, *, clock_by_identity: bool) -> Path:
+    """Record positions of a receiver, as a station whose rig names the clock of its name does."""
+    file = with_named_clock(folder, simulated_station_file(folder, 30.0, None).name)
+    rig, config = load_rig(file.rig), reference_tuning(load_config(None), file.reference)
+    header = replace(live_header(file, config), clock_by_identity=clock_by_identity)
+    path = folder / "flight.mcap"
+    with open_recorder(path, rig, header) as recorder:
+        for k, t_s in enumerate(SENT_S):
+            position_m = np.array([0.0, 800.0 - 40.0 * t_s, 20.0])
+            recorder.take(ReferenceFix(t_s=t_s, position_runway_m=position_m, sigma_m=np.full(3, 0.02)))
+            recorder.take(Epoch(t_s=t_s + 0.01, epoch=k, stations=rig.names))
+    return path
+
+
+def replayed_times(path: Path, rig: Path | None = None) -> tuple[float, list[float]]:
+    """Return the clock that a replay begins with, and the times of the positions that it learns from."""
+    request = ReplayRequest(session=path, out=path.parent / "out", rig=rig)
+    inputs = load_inputs(request)
+    with session_source(inputs.session, reference=learning_references(request, inputs).in_place) as source:
+        return inputs.prior.offset_s, [event.t_s for event in source if isinstance(event, ReferenceFix)]
+
+
+def test_a_clock_that_an_earlier_run_took_by_name_is_not_taken_twice(tmp_path: Path) -> None:
+    """Expected: replayed with it, as flown; by a rig that names the run, that one's clock instead, not on top of it."""
+    path = recorded_fixes(tmp_path, clock_by_identity=False)
+    assert replayed_times(path) == (0.08, SENT_S)
+    session = load_session(path)
+    # a replay's own recording of it is of the same events, or of those by another rig
+    for rig in (None, tmp_path / "any.toml"):
+        (tmp_path / "any.toml").write_text(rig_to_toml(session.rig))
+        again = build_header(session, rig, Config(), initial=None, learns_from_reference=True)
+        assert again.clock_by_identity is (rig is not None)
+    for name, offset_s in (("same", 0.08), ("other", 0.05), ("none", None)):
+        known = RigReference(session=session.identity, offset_s=offset_s, offset_sigma_s=0.002)
+        (tmp_path / f"{name}.toml").write_text(rig_to_toml(replace(session.rig, reference=known)))
+    assert replayed_times(path, tmp_path / "same.toml") == (0.08, SENT_S)
+    by_other, by_none = (replayed_times(path, tmp_path / f"{name}.toml") for name in ("other", "none"))
+    assert (by_other[0], by_none[0]) == (0.05, 0.0)
+    np.testing.assert_allclose(by_other[1], np.array(SENT_S) + 0.03, atol=1e-12)
+    np.testing.assert_allclose(by_none[1], np.array(SENT_S) + 0.08, atol=1e-12)
+
+
+def test_a_recording_says_that_its_clock_is_by_identity(tmp_path: Path) -> None:
+    """Expected: of a run that did not use the named clock, a rig that names the run corrects the times received."""
+    path = recorded_fixes(tmp_path, clock_by_identity=True)
+    with McapReader(path) as reader:
+        assert reader.contents().metadata["groundstation"]["clock_by_identity"] == "true"
+    assert replayed_times(path) == (0.0, SENT_S)
+    session = load_session(path)
+    known = RigReference(session=session.identity, offset_s=0.08, offset_sigma_s=0.002)
+    (tmp_path / "named.toml").write_text(rig_to_toml(replace(session.rig, reference=known)))
+    offset_s, times_s = replayed_times(path, tmp_path / "named.toml")
+    assert offset_s == 0.08
+    np.testing.assert_allclose(times_s, np.array(SENT_S) - 0.08, atol=1e-12)
 
 
 def test_a_clock_that_is_no_sessions_is_used_and_said(tmp_path: Path) -> None:
