@@ -90,5 +90,5 @@ def _angles_at(t_s: FloatArray, readings: FloatArray) -> FloatArray:
 def _rates_at(t_s: FloatArray, readings: FloatArray) -> FloatArray:
     """Return the rates of pan and tilt (n, 2), rad/s: of the readings around each time, or as far as they reach."""
     before, after = (np.clip(t_s + side, readings[0, 0], readings[-1, 0]) for side in (-_RATE_S, _RATE_S))
-    lasted_s = np.maximum(after - before, _RATE_S)
-    return (_angles_at(after, readings) - _angles_at(before, readings)) / lasted_s[:, None]
+    span_s = np.maximum(after - before, _RATE_S)
+    return (_angles_at(after, readings) - _angles_at(before, readings)) / span_s[:, None]

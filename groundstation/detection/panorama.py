@@ -8,7 +8,9 @@ picture shows too little ground, or does not fit, it says so.
 Behind a rolling shutter each row is exposed at its own time, and a head that turns has other angles then. The rows are
 laid where a rate puts them, and what comes out are the angles of the instant at which the rows that were used were
 exposed, weighed as the fit weighs them: the ground is in the lower rows, which is not the middle of the picture, whose
-time the stamp is. Those angles do not depend on the rate, to the first order of its error.
+time the stamp is. Where the same rows tell pan and tilt, those angles do not depend on the rate, to the first order of
+its error. Where others tell either, horizontal borders near the horizon and poles below it, they do by half of the time
+between these rows: 0.002° for an error of 1 °/s and 20 ms of readout.
 """
 
 from dataclasses import dataclass, replace
@@ -280,8 +282,8 @@ class HeadRegistration:
             inside = known > 0.999
             if int(inside.sum()) < _LEAST_PIXELS:
                 return RegistrationFault.NO_TEXTURE
-            moved_on = None if turned is None else turned[inside]
-            by_tilt = (self._places(rows[inside], pan, tilt + epsilon, moved_on) - places[inside]) / epsilon * step
+            turned_there = None if turned is None else turned[inside]
+            by_tilt = (self._places(rows[inside], pan, tilt + epsilon, turned_there) - places[inside]) / epsilon * step
             gx, gy = by_x[inside], by_y[inside]
             # by a pixel's angle of pan and of tilt: azimuth rises with pan, so that the column falls
             columns = np.column_stack(
