@@ -125,7 +125,7 @@ def yaw_place_m(config: TrackerConfig, pose: NoseCameraPose) -> float:
 
 
 def width_prior(announced_m: float, pose: NoseCameraPose, state: LineState) -> WidthPrior:
-    """Return what is known of the runway's width, with the height's part in a width that a picture shows."""
+    """Return what is known of a runway announced so wide, m, with the height's part in a width that a picture shows."""
     height_m2 = float(state.covariance[UP, UP]) if state.mean.size > UP else 0.0
     above_m = max(float(pose.camera_threshold_m[2]), 1.0)
     return WidthPrior(announced_m=announced_m, scale_sigma=math.sqrt(height_m2) / above_m)
