@@ -18,8 +18,8 @@ import numpy as np
 from calibration.flight.observations import read_angles
 from calibration.panorama.mosaic import PanoramaFrame, frame_of, make_mosaic
 from groundstation.arrays import FloatArray
-from groundstation.detection.panorama import HeadRegistration, RegisteredAngles
 from groundstation.geometry.aim import aim_at
+from groundstation.registration.head_registration import HeadRegistration, RegisteredAngles
 from groundstation.rig.rig import Station
 from groundstation.session import Session, load_session
 from groundstation.sources.frame_table import read_frames

@@ -20,7 +20,7 @@ from calibration.stars.simulated.star_field import star_field
 from calibration.stars.simulated.star_renderer import hot_pixel_map, render_stars
 from calibration.stars.sky import SkyOverSite
 from calibration.stars.star_angles import StarAngles
-from groundstation.detection.panorama import RegisteredAngles
+from groundstation.registration.head_registration import RegisteredAngles
 
 NOISE_DEG, WITHHELD_DEG = 0.01, 0.5
 DRIFT_PX = np.array([1.5, 0.5])

@@ -1,7 +1,7 @@
 """A landmark's pixel in a picture, from another picture in which it is known: by the motion of the image around it.
 
 A patch around the mark is searched for in the whole picture by normalised correlation, then its shift is refined by
-the registration of `groundstation.detection.registration`, which states the sigma.
+the registration of `groundstation.registration.translation`, which states the sigma.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box, clip
-from groundstation.detection.registration import Float32Array, grey_of, refine, textured
+from groundstation.registration.translation import Float32Array, grey_of, refine, textured
 
 # half the side of the patch, px: a mark and what is close to it, which moves as it does
 HALF_PX = 32

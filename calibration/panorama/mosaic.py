@@ -11,15 +11,8 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.detection.panorama import (
-    HALVED,
-    STANDING,
-    GroundPanorama,
-    HeadRegistration,
-    PictureRays,
-    RegisteredAngles,
-    halved_grey,
-)
+from groundstation.registration.head_registration import STANDING, HeadRegistration, RegisteredAngles
+from groundstation.registration.panorama import HALVED, GroundPanorama, PictureRays, halved_grey
 from groundstation.rig.rig import Station
 
 # at most, and until frames move by less of a pixel

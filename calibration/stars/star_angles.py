@@ -1,8 +1,8 @@
 """Head angles from a picture of the night sky: pan and tilt at which the catalogue's stars are where they are seen.
 
-As `groundstation.detection.panorama` does it with the ground: the head's calibration is held, pan and tilt are free.
-Stars are identified about where the encoders' angles expect them, by the shift that most of them share; where that
-fails, by the solver of the calibration. Where stars are too few, or do not fit, it says so.
+As `groundstation.registration.head_registration` does it with the ground: the head's calibration is held, pan and tilt
+are free. Stars are identified about where the encoders' angles expect them, by the shift that most of them share; where
+that fails, by the solver of the calibration. Where stars are too few, or do not fit, it says so.
 """
 
 import time
@@ -19,9 +19,9 @@ from calibration.stars.sky import FIRST_UTC_S, LAST_UTC_S, ObservingSite, SkyOve
 from calibration.stars.star_images import StarImages, find_stars
 from calibration.stars.star_solver import CatalogueStars, StarSolver, match_stars
 from groundstation.arrays import FloatArray, ImageArray, IntArray
-from groundstation.detection.panorama import STANDING, RegisteredAngles, RegistrationFault
 from groundstation.errors import InputError
 from groundstation.geometry.rolling_shutter import row_delay_s
+from groundstation.registration.head_registration import STANDING, RegisteredAngles, RegistrationFault
 from groundstation.rig.rig import Rig, Station
 from groundstation.session import Session
 from groundstation.session.folder import GeoOrigin
@@ -106,7 +106,7 @@ class StarAngles:
     ) -> RegisteredAngles | RegistrationFault:
         """Return the angles of a frame of session time ``t_s`` whose encoders read so; or why there are none.
 
-        ``rates_rad_s`` of pan and tilt as `groundstation.detection.panorama.HeadRegistration.register`.
+        ``rates_rad_s`` of pan and tilt as `groundstation.registration.head_registration.HeadRegistration.register`.
         """
         utc_s = self._zero_utc_s + t_s
         if not FIRST_UTC_S < utc_s < LAST_UTC_S:

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from groundstation.arrays import ImageArray
 from groundstation.box import Box, expand, shift, union
 from groundstation.detection.flatten import Planes, planes
-from groundstation.detection.registration import (
+from groundstation.picture import Picture
+from groundstation.registration.translation import (
     MAX_EDGE_PX,
     MIN_TEXTURED,
     coarse,
@@ -27,7 +28,6 @@ from groundstation.detection.registration import (
     refine,
     textured,
 )
-from groundstation.picture import Picture
 
 Float32Array = NDArray[np.float32]
 Float32Row = NDArray[np.float32]

@@ -14,8 +14,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.detection.frame_alignment import TurningView, align, image_motion, textured, widespread
 from groundstation.geometry.camera import Lens
+from groundstation.registration.frame_alignment import TurningView, align, image_motion, textured, widespread
 
 Float32Array = NDArray[np.float32]
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
 from groundstation.box import Box, box_of_size, shift
-from groundstation.detection import registration
 from groundstation.detection.appearance import initial_appearance
 from groundstation.detection.background import BackgroundModel, Difference
 from groundstation.detection.config import DetectionConfig, TargetPoint
@@ -25,6 +24,7 @@ from groundstation.detection.working_image import DetectionHint, WorkingImage, c
 from groundstation.geometry.mahalanobis import mahalanobis_squared
 from groundstation.messages import Detection, Miss, MissReason
 from groundstation.picture import Picture, as_picture
+from groundstation.registration import translation
 
 __all__ = ["DetectionHint", "Detector", "warm_up"]
 
@@ -227,7 +227,7 @@ def _outline(member: NDArray[np.uint8], scale: int, corner_px: FloatArray) -> ND
 
 def warm_up() -> None:
     """Compile every kernel by a few detections in a small synthetic scene that moves behind its target."""
-    registration.warm_up()
+    translation.warm_up()
     y, x = np.mgrid[0:96, 0:160]
     scene = (150 + 40 * ((x // 9 + y // 7) % 2)).astype(np.uint8)
     detector = Detector(DetectionConfig(), (160, 96))

@@ -21,7 +21,6 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
-from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.geometry.ray_kernels import fill_centre_shifts
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.angle_series import AngleSeries
@@ -29,6 +28,7 @@ from groundstation.integrity.head_motion_fault import HeadMotionFault
 from groundstation.integrity.motion_scale import MotionScale, motion_scale
 from groundstation.integrity.reading_hypothesis import RIGHT, ReadingHypothesis, station_hypotheses
 from groundstation.messages import Event, Frame, PtuSample
+from groundstation.registration.picture_shift import is_cut, picture_shift, small_copy
 
 # between the two frames of a pair: long against the exposure, short against the time a head takes across the picture
 _PAIR_S = 0.2

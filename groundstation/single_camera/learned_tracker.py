@@ -13,11 +13,11 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box, box_of_size, overlap
-from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.detection.pixel_track import PixelTrack, in_full
 from groundstation.detection.target_confirmation import ConfirmedTarget
 from groundstation.detection_messages import RECOGNISED_LOG_ODDS
 from groundstation.messages import Detection, Miss, MissReason, TrackStatus
+from groundstation.registration.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.single_camera.channel_target import ChannelTarget, begin_target, odds_of
 from groundstation.single_camera.channel_view import GIVEN, SILHOUETTE, ChannelView, Look
 from groundstation.single_camera.pixel_tracker import PixelTracker

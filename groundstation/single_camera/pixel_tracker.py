@@ -12,10 +12,10 @@ from groundstation.arrays import ImageArray
 from groundstation.box import Box, box_of_size, overlap
 from groundstation.detection.candidate_finder import Candidate
 from groundstation.detection.image_conditioning import ImageConditioner
-from groundstation.detection.picture_shift import is_cut, small_copy
 from groundstation.detection.pixel_track import PixelTrack, in_full
 from groundstation.detection.target_confirmation import ConfirmedTarget, TargetConfirmation
 from groundstation.messages import Detection, Miss, MissReason, TrackStatus
+from groundstation.registration.picture_shift import is_cut, small_copy
 from groundstation.single_camera.pixel_identity import TargetAppearance, appearance_of
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_target import PixelTarget

@@ -8,7 +8,7 @@ import math
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
-from groundstation.detection.picture_shift import picture_shift
+from groundstation.registration.picture_shift import picture_shift
 
 _EVERY_S = 0.4
 # what rests moves by at most such a share of its length in that time

@@ -16,7 +16,7 @@ from groundstation.box import Box, overlap
 from groundstation.detection.candidate_finder import AcquisitionConfig, Candidate
 from groundstation.detection.config import DetectionConfig, DetectorKind
 from groundstation.detection.learned_finder import LearnedFinder
-from groundstation.detection.picture_shift import small_copy
+from groundstation.registration.picture_shift import small_copy
 from groundstation.single_camera.rest_check import rests_between
 
 _REVIEW_S, _RIVAL_S = 0.4, 0.1

@@ -7,10 +7,10 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box, overlap
 from groundstation.detection.detector import DetectionHint, Detector
-from groundstation.detection.picture_shift import picture_shift
 from groundstation.detection.roi import place_roi
 from groundstation.detection.window_search import CLEAR_SCORE, Blob, WindowSearch, alike, best_blob
 from groundstation.messages import Detection, Miss, MissReason
+from groundstation.registration.picture_shift import picture_shift
 from groundstation.single_camera.pixel_identity import appearance_of
 from groundstation.single_camera.pixel_target import PixelTarget
 from groundstation.single_camera.pixel_tracker_config import PixelTrackerConfig

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.npyio import NpzFile
 
-from groundstation.detection.panorama import GroundPanorama
 from groundstation.errors import InputError, os_words
 from groundstation.files.whole_file import write_whole
+from groundstation.registration.panorama import GroundPanorama
 
 FORMAT = "groundstation-panorama/1"
 _MOST_BYTES, _MOST_PIXELS = 500_000_000, 200_000_000

@@ -9,18 +9,13 @@ from typing import Protocol
 import cv2
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.panorama import (
-    STANDING,
-    GroundPanorama,
-    HeadRegistration,
-    RegisteredAngles,
-    RegistrationFault,
-)
 from groundstation.errors import RigError
 from groundstation.estimation.encoder_offset import OffsetEstimator
 from groundstation.geometry.head_rates import HeadRates
 from groundstation.messages import Frame, FrameAngles, PtuSample
 from groundstation.picture import as_picture
+from groundstation.registration.head_registration import STANDING, HeadRegistration, RegisteredAngles, RegistrationFault
+from groundstation.registration.panorama import GroundPanorama
 from groundstation.rig.rig import Rig
 from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame
 

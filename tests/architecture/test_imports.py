@@ -27,6 +27,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ),
     ("groundstation.evaluation", "groundstation.integrity", "groundstation.session"),
     ("groundstation.detection", "groundstation.estimation", "groundstation.pointing", "groundstation.recording"),
+    ("groundstation.registration",),
     ("groundstation.messages", "groundstation.rig", "groundstation.landing_site"),
     ("groundstation.detection_messages", "groundstation.picture", "groundstation.files", "groundstation.geometry"),
     (
@@ -40,7 +41,18 @@ LAYERS: tuple[tuple[str, ...], ...] = (
 )
 MOST_FLAT = 10
 # read no clock, no file, no socket and no environment
-CORE = ("detection", "estimation", "geometry", "integrity", "landing", "picture", "pointing", "simulation", "tracking")
+CORE = (
+    "detection",
+    "estimation",
+    "geometry",
+    "integrity",
+    "landing",
+    "picture",
+    "pointing",
+    "registration",
+    "simulation",
+    "tracking",
+)
 # of the simulation, what runs in real time, in processes, or writes folders
 SIMULATION_EDGE = (
     "attached_simulator",

@@ -11,7 +11,6 @@ import pytest
 
 from calibration.panorama.mosaic import PanoramaFrame, make_mosaic
 from groundstation.detection.config import DetectionConfig, DetectorKind
-from groundstation.detection.panorama import GroundPanorama
 from groundstation.errors import ConfigError, InputError
 from groundstation.live.check import check_station
 from groundstation.live.command import LiveRequest
@@ -26,6 +25,7 @@ from groundstation.picture import as_picture
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.recording.recorder import Recorder, RecorderConfig
+from groundstation.registration.panorama import GroundPanorama
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session

@@ -21,7 +21,6 @@ from calibration.stars.star_images import NO_STARS, StarImages
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.cli.main import main
 from groundstation.cli.star_loader import load_stars
-from groundstation.detection.panorama import RegisteredAngles, RegistrationFault
 from groundstation.errors import ConfigError, InputError, MissingExtraError
 from groundstation.live.check import check_station
 from groundstation.live.command import LiveRequest
@@ -35,6 +34,7 @@ from groundstation.live.station_file import load_station
 from groundstation.messages import CameraReport, FrameAngles, PtuSample, StepReport
 from groundstation.picture import as_picture
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
+from groundstation.registration.head_registration import RegisteredAngles, RegistrationFault
 from groundstation.rig.rig import Rig
 from groundstation.session.folder import GeoOrigin
 from groundstation.session.site_air import SiteAir

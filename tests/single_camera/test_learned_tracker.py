@@ -8,10 +8,10 @@ import pytest
 from groundstation.arrays import ImageArray
 from groundstation.box import Box, shift
 from groundstation.detection.candidate_finder import Candidate
-from groundstation.detection.picture_shift import small_copy
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.detection.target_confirmation import ConfirmedTarget
 from groundstation.messages import Detection, Miss, MissReason, TrackStatus
+from groundstation.registration.picture_shift import small_copy
 from groundstation.single_camera.channel_target import ChannelTarget
 from groundstation.single_camera.channel_view import ChannelView, Look
 from groundstation.single_camera.learned_tracker import LearnedPixelTracker

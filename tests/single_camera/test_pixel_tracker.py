@@ -7,9 +7,9 @@ import pytest
 from groundstation.arrays import ImageArray
 from groundstation.box import Box
 from groundstation.detection.image_conditioning import ImageConditioner, noise_of
-from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.messages import Detection, Miss, MissReason, TrackStatus
+from groundstation.registration.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_tracker import PixelTracker
 from tests.detection.flying import RATE_HZ, SIZE, Film, panorama

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.panorama import RegisteredAngles, RegistrationFault
 from groundstation.messages import Frame, PtuSample
 from groundstation.picture import BgrPicture
+from groundstation.registration.head_registration import RegisteredAngles, RegistrationFault
 from groundstation.tracking.registered_heads import OPENCV_FAILED, OTHER_SIZE, RegisteredHeads
 from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame
 from tests.stereo_rig import make_rig, standing

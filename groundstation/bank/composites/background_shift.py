@@ -6,7 +6,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.box import Box
-from groundstation.detection.picture_shift import picture_shift
+from groundstation.registration.picture_shift import picture_shift
 
 _NOWHERE = Box(0.0, 0.0, 0.0, 0.0)
 

@@ -10,8 +10,8 @@ from groundstation.bank.composites.clip_segments import ClipSegment, read_frames
 from groundstation.bank.composites.picture_blur import edge_blur_px
 from groundstation.bank.composites.picture_light import PictureLight, picture_light, sky_mask, skyline_row
 from groundstation.bank.composites.picture_noise import PictureNoise, picture_noise
-from groundstation.detection.picture_shift import is_cut, small_copy
 from groundstation.errors import SessionError
+from groundstation.registration.picture_shift import is_cut, small_copy
 from groundstation.simulation.world.world_sets import WorldSet
 
 # frames, spread over a segment, on which blur is measured; on every so manyth of these light and noise are

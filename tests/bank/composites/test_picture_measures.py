@@ -10,7 +10,7 @@ from groundstation.bank.composites.picture_blur import USUAL_BLUR_PX, edge_blur_
 from groundstation.bank.composites.picture_light import is_sky, picture_light, sky_mask
 from groundstation.bank.composites.picture_noise import PictureNoise, picture_noise
 from groundstation.bank.composites.segment_view import longest_without_cut
-from groundstation.detection.picture_shift import small_copy
+from groundstation.registration.picture_shift import small_copy
 from tests.bank.composites.made_clips import SKY_BGR, SKYLINE_ROW, scene
 
 

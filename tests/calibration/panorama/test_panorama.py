@@ -12,16 +12,11 @@ import pytest
 from calibration.panorama.mosaic import Mosaic, PanoramaFrame, make_mosaic
 from groundstation.arrays import FloatArray
 from groundstation.cli.main import main
-from groundstation.detection.panorama import (
-    HeadRegistration,
-    PictureRays,
-    RegisteredAngles,
-    RegistrationFault,
-    halved_grey,
-)
 from groundstation.errors import InputError, RigError
 from groundstation.messages import Frame, PtuSample
 from groundstation.picture import as_picture
+from groundstation.registration.head_registration import HeadRegistration, RegisteredAngles, RegistrationFault
+from groundstation.registration.panorama import PictureRays, halved_grey
 from groundstation.rig.rig import Rig, Station
 from groundstation.sources.panorama_file import read_panoramas, write_panoramas
 from groundstation.tracking.registered_heads import RegisteredHeads

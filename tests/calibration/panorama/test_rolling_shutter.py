@@ -10,10 +10,11 @@ import pytest
 from calibration.panorama.calibrate import _rates_at
 from calibration.panorama.mosaic import Mosaic, PanoramaFrame, make_mosaic
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.detection.panorama import STANDING, GroundPanorama, HeadRegistration, RegisteredAngles, halved_grey
 from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.messages import Event, Frame, PtuSample
 from groundstation.picture import as_picture
+from groundstation.registration.head_registration import STANDING, HeadRegistration, RegisteredAngles
+from groundstation.registration.panorama import GroundPanorama, halved_grey
 from groundstation.rig.rig import Rig, Station
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline

@@ -17,11 +17,12 @@ from calibration.stars.sky import SkyOverSite
 from calibration.stars.star_angles import StarAngles, star_angles
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.cli.main import main
-from groundstation.detection.panorama import GroundPanorama, RegisteredAngles, RegistrationFault
 from groundstation.errors import InputError
 from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.messages import Frame, FrameAngles, PtuSample
 from groundstation.picture import as_picture
+from groundstation.registration.head_registration import RegisteredAngles, RegistrationFault
+from groundstation.registration.panorama import GroundPanorama
 from groundstation.rig.rig import PtuAxes, Station
 from groundstation.session import load_session
 from groundstation.tracking.registered_heads import RegisteredHeads

@@ -6,7 +6,7 @@ import pytest
 
 from groundstation.arrays import ImageArray
 from groundstation.box import Box
-from groundstation.detection import registration as reg
+from groundstation.registration import translation as reg
 
 NOWHERE = Box(0, 0, 0, 0)
 WINDOW = Box(40, 30, 200, 130)

@@ -1,0 +1,1 @@
+"""Image registration: how one picture, or a panorama, lies on another."""
