@@ -155,7 +155,7 @@ class AutopilotOutput:
         self._asked_s = now_s
         missing = [
             name
-            for name in asked_parameters(self.settings.mode, self.vehicle)
+            for name in asked_parameters(self.settings, self.vehicle)
             if name not in self.vehicle.parameters and self._asked[name] < _ASKED_TIMES
         ]
         self._asked.update(missing)

@@ -6,10 +6,11 @@ was 2.7 m off, with that of the stream 0.08 m.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from groundstation.autopilot.settings import MOST_DELAY_S, AutopilotMode, AutopilotSettings
+from groundstation.autopilot.vehicle_delay import delay_parameters
 from groundstation.autopilot.vehicle_state import ARDUPILOT, PX4
 
 
@@ -70,6 +71,7 @@ class ParameterRule:
     why : what a bad one does.
     finding : how bad that is.
     preferred : of the values accepted, those that cost nothing; another one is a warning, ``why_preferred``.
+    otherwise_numbered : of a name under which the same choice has another number, the good one.
     """
 
     autopilot: int
@@ -81,17 +83,20 @@ class ParameterRule:
     finding: ParameterVerdict = ParameterVerdict.ERROR
     preferred: WithinBounds | None = None
     why_preferred: str = ""
+    otherwise_numbered: Mapping[str, float] = field(default_factory=dict)
 
     def judge(self, name: str, value: float | None) -> "ParameterFinding":
         """Return the finding for the parameter ``name``; a value of None is one that the vehicle does not have."""
         finding, why = self.finding, self.why
+        recommended = self.otherwise_numbered.get(name, self.recommended)
+        accepts = OneOf(values=(recommended,)) if name in self.otherwise_numbered else self.accepts
         if value is None:
             finding = ParameterVerdict.UNKNOWN
-        elif self.accepts(value):
+        elif accepts(value):
             finding = ParameterVerdict.OK
             if self.preferred is not None and not self.preferred(value):
                 finding, why = ParameterVerdict.WARNING, self.why_preferred
-        return ParameterFinding(finding=finding, name=name, value=value, recommended=self.recommended, why=why)
+        return ParameterFinding(finding=finding, name=name, value=value, recommended=recommended, why=why)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,10 +140,7 @@ def check_parameters(rules: tuple[ParameterRule, ...], values: Mapping[str, floa
 def _of_stream(rule: ParameterRule, settings: AutopilotSettings) -> ParameterRule:
     """Return a rule with what the stream's settings put into it: which receiver, which sensor."""
     k = settings.gps_id + 1
-    numbered = {
-        "GPS1_TYPE": (f"GPS{k}_TYPE", f"GPS_TYPE{k}"),
-        "GPS1_DELAY_MS": (f"GPS{k}_DELAY_MS", f"GPS_DELAY_MS{k}"),
-    }
+    numbered = {"GPS1_TYPE": (f"GPS{k}_TYPE", f"GPS_TYPE{k}"), "GPS1_DELAY_MS": delay_parameters(settings)}
     if k > 1 and rule.names[0] in numbered:
         return replace(rule, names=numbered[rule.names[0]])
     if rule.names[0] == "EKF2_AGP0_ID":
@@ -166,7 +168,7 @@ _PREDICTED = (
     "with less the state has to be predicted by the radio's delay, with more late messages are older than EKF2's memory"
 )
 _DROWNS = "a larger noise than that drowns the stream's sigma"
-_BAROMETER = "the height is the barometer's: metres off at the flare, where the stream's is decimetres"
+_BAROMETER = "the height is the barometer's or another's: metres off at the flare, where the stream's is decimetres"
 _NO_QUALITY = "VISION_POSITION_ESTIMATE has no quality, one camera has 50: they are refused"
 _EV_CTRL = "bits 0 and 1 fuse position and height; bit 3 fuses a heading, which the stream does not have"
 _QUALITY = "VISION_POSITION_ESTIMATE counts as quality 0, one camera as 50: they are refused"
@@ -182,6 +184,7 @@ def _rule(
     why: str,
     finding: ParameterVerdict = ParameterVerdict.ERROR,
     preferred: WithinBounds | None = None,
+    otherwise_numbered: Mapping[str, float] | None = None,
 ) -> ParameterRule:
     """Return a row of the table."""
     return ParameterRule(
@@ -194,6 +197,7 @@ def _rule(
         finding=finding,
         preferred=preferred,
         why_preferred=_PREDICTED,
+        otherwise_numbered=otherwise_numbered or {},
     )
 
 
@@ -210,7 +214,15 @@ TABLE: tuple[ParameterRule, ...] = (
     ),
     _rule(ARDUPILOT, _GPS, ("EK3_SRC1_POSXY",), OneOf(values=(3,)), 3, "the position is not that of a GPS"),
     _rule(ARDUPILOT, _GPS, ("EK3_SRC1_VELXY",), OneOf(values=(3,)), 3, "the velocity is not used", _W),
-    _rule(ARDUPILOT, _GPS, ("EK3_SRC1_POSZ", "EK3_ALT_SOURCE"), OneOf(values=(3, 2)), 3, _BAROMETER),
+    _rule(
+        ARDUPILOT,
+        _GPS,
+        ("EK3_SRC1_POSZ", "EK3_ALT_SOURCE"),
+        OneOf(values=(3,)),
+        3,
+        _BAROMETER,
+        otherwise_numbered={"EK3_ALT_SOURCE": 2},
+    ),
     _rule(ARDUPILOT, _GPS, ("EK3_SRC1_VELZ",), OneOf(values=(3,)), 3, "the sink rate is not used", _W),
     _rule(ARDUPILOT, _GPS, ("EK3_POSNE_M_NSE",), WithinBounds(most=0.5), 0.1, _DROWNS, _W),
     _rule(

@@ -15,21 +15,24 @@ EKF3_MEMORY_PARAMETERS = ("EK3_HGT_DELAY", "EK3_FLOW_DELAY", "EK3_BCN_DELAY")
 _COMPASS_S = 0.06
 
 
-def delay_parameters(mode: AutopilotMode) -> tuple[str, ...]:
-    """Return the names of the parameters that state the delay of a mode's measurements."""
-    return _DELAY_PARAMETERS[mode]
+def delay_parameters(settings: AutopilotSettings) -> tuple[str, ...]:
+    """Return the names of the parameters that state the delay of a stream's measurements: of its own receiver."""
+    if settings.mode is AutopilotMode.GPS_INPUT and settings.gps_id > 0:
+        number = settings.gps_id + 1
+        return (f"GPS{number}_DELAY_MS", f"GPS_DELAY_MS{number}")
+    return _DELAY_PARAMETERS[settings.mode]
 
 
-def asked_parameters(mode: AutopilotMode, vehicle: VehicleState) -> tuple[str, ...]:
+def asked_parameters(settings: AutopilotSettings, vehicle: VehicleState) -> tuple[str, ...]:
     """Return the names of the parameters that a stream wants to know of a vehicle."""
-    return delay_parameters(mode) + (EKF3_MEMORY_PARAMETERS if vehicle.autopilot == ARDUPILOT else ())
+    return delay_parameters(settings) + (EKF3_MEMORY_PARAMETERS if vehicle.autopilot == ARDUPILOT else ())
 
 
 def assumed_delay_s(settings: AutopilotSettings, vehicle: VehicleState) -> float:
     """Return how long before its arrival the vehicle takes a measurement to be, s."""
     if settings.delay_s is not None:
         return settings.delay_s
-    for name in _DELAY_PARAMETERS[settings.mode]:
+    for name in delay_parameters(settings):
         if name in vehicle.parameters:
             delay_s = 1e-3 * vehicle.parameters[name]
             # ArduPilot: zero leaves it to the receiver's driver

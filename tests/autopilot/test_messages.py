@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from groundstation.arrays import FloatArray
 from groundstation.autopilot.gps_input import gps_week
 from groundstation.autopilot.local_frame import LocalFrame
-from groundstation.autopilot.settings import AutopilotMode
+from groundstation.autopilot.settings import AutopilotMode, AutopilotSettings
 from groundstation.autopilot.status_text import status_texts
 from groundstation.autopilot.vehicle_attitude import VehicleAttitude
+from groundstation.autopilot.vehicle_delay import asked_parameters
 from groundstation.autopilot.vehicle_state import VehicleState
 from groundstation.session.folder import GeoOrigin
 from tests.autopilot.flights import (
@@ -83,6 +84,19 @@ def test_a_lag_that_the_vehicle_states_is_the_one_that_counts() -> None:
         vehicle = VehicleState(parameters={name: told})
         message = one_state(stream_of(flight, AutopilotMode.GPS_INPUT), flight, 2.0, vehicle)
         assert message.fields["time_week_ms"] == gps_week(CLOCK.unix_s + 2.0 - lag_s)[1]
+
+
+def test_the_lag_is_that_of_the_receiver_that_the_stream_stands_for() -> None:
+    """Expected: of the second receiver its own delay, which the vehicle is asked for, not that of the first."""
+    flight = StraightFlight()
+    first = {"GPS1_DELAY_MS": 250.0, "GPS_DELAY_MS": 250.0}
+    for name in ("GPS2_DELAY_MS", "GPS_DELAY_MS2"):
+        stream = stream_of(flight, AutopilotMode.GPS_INPUT, gps_id=1)
+        message = one_state(stream, flight, 2.0, VehicleState(parameters=first | {name: 50.0}))
+        assert message.fields["time_week_ms"] == gps_week(CLOCK.unix_s + 1.95)[1]
+        settings = AutopilotSettings(url="udpout:127.0.0.1:1", mode=AutopilotMode.GPS_INPUT, gps_id=1)
+        assert name in asked_parameters(settings, VehicleState())
+        assert not first.keys() & set(asked_parameters(settings, VehicleState()))
 
 
 def test_global_position_sensor() -> None:

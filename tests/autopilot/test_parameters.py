@@ -61,6 +61,8 @@ def test_the_rules_are_those_of_the_receiver_that_the_stream_stands_for() -> Non
     [
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_TYPE", 1, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_POSZ", 1, ParameterVerdict.ERROR),
+        # a rangefinder; 2 was a receiver in EK3_ALT_SOURCE
+        (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_POSZ", 2, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_SRC1_YAW", 2, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "GPS1_DELAY_MS", 400, ParameterVerdict.ERROR),
         (_ARDUPILOT, AutopilotMode.GPS_INPUT, "EK3_BCN_DELAY", 50, ParameterVerdict.WARNING),
@@ -89,6 +91,17 @@ def test_traps_are_found(
     (worst, *others) = check_parameters(rules, good | {name: value})
     assert (worst.finding, worst.name) == (finding, name)
     assert {f.finding for f in others} == {ParameterVerdict.OK}
+
+
+@pytest.mark.parametrize(
+    ("value", "finding"), [(2.0, ParameterVerdict.OK), (3.0, ParameterVerdict.ERROR), (0.0, ParameterVerdict.ERROR)]
+)
+def test_the_older_name_of_the_height_source_counts_otherwise(value: float, finding: ParameterVerdict) -> None:
+    """EK3_ALT_SOURCE: 0 barometer, 1 rangefinder, 2 GPS, 3 range beacon. Expected: 2 is good and recommended."""
+    rules = parameter_rules(_ARDUPILOT, _settings(AutopilotMode.GPS_INPUT))
+    assert not isinstance(rules, str)
+    (found,) = [f for f in check_parameters(rules, {"EK3_ALT_SOURCE": value}) if f.name == "EK3_ALT_SOURCE"]
+    assert (found.finding, found.recommended) == (finding, 2)
 
 
 @pytest.mark.parametrize(

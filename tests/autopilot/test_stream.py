@@ -241,7 +241,8 @@ def test_a_delay_beyond_the_vehicles_horizon_is_refused(mode: AutopilotMode) -> 
     with pytest.raises(ConfigError, match="filter refuses"):
         AutopilotSettings(url="udpout:127.0.0.1:1", mode=mode, delay_s=MOST_DELAY_S[mode] + 0.01)
     flight = StraightFlight()
-    vehicle = VehicleState(parameters={delay_parameters(mode)[0]: 300.0})
+    name = delay_parameters(AutopilotSettings(url="udpout:127.0.0.1:1", mode=mode))[0]
+    vehicle = VehicleState(parameters={name: 300.0})
     stream = stream_of(flight, mode)
     stream.note(answer(flight, 2.0))
     assert not sent_states(stream.messages(2.0, vehicle))
