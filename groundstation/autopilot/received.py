@@ -13,6 +13,8 @@ from groundstation.autopilot.vehicle_state import PX4, GnssReport, VehicleState
 # MAV_AUTOPILOT_INVALID: a ground station, a camera, a companion computer
 _NO_AUTOPILOT = 8
 _MOST_PARAMETERS = 5000
+# answers may overtake each other by less
+_STARTED_AGAIN_S = 2.0
 # MAV_PARAM_TYPE of whole numbers of up to 32 bits
 _INTEGERS = (1, 2, 3, 4, 5, 6)
 
@@ -42,8 +44,8 @@ def receive(
     target_system : the vehicle's; 0 takes the first autopilot that is heard.
     """
     if name == "HEARTBEAT":
-        _heartbeat(vehicle, fields, source[0], received_s, target_system)
-    if source[0] != vehicle.system:
+        _heartbeat(vehicle, fields, source, received_s, target_system)
+    if source[0] != vehicle.system or vehicle.component not in (None, source[1]):
         return
     vehicle.heard_s = received_s
     if name == "ATTITUDE":
@@ -58,6 +60,7 @@ def receive(
     elif name == "TIMESYNC":
         sent_ns, vehicle_ns = _number(fields, "ts1"), _number(fields, "tc1")
         if vehicle_ns > 0 and math.isfinite(sent_ns):
+            _clock(vehicle, 1e-9 * vehicle_ns)
             vehicle.link_delay.answered(1e-9 * sent_ns - link_s, 1e-9 * vehicle_ns, received_s)
     elif name == "GPS_GLOBAL_ORIGIN":
         lat_deg, lon_deg = (1e-7 * _number(fields, key) for key in ("latitude", "longitude"))
@@ -70,15 +73,29 @@ def receive(
 
 
 def _heartbeat(
-    vehicle: VehicleState, fields: Mapping[str, object], system: int, received_s: float, target_system: int
+    vehicle: VehicleState,
+    fields: Mapping[str, object],
+    source: tuple[int, int],
+    received_s: float,
+    target_system: int,
 ) -> None:
+    system, component = source
     if fields.get("autopilot") == _NO_AUTOPILOT or target_system not in (0, system):
         return
     if vehicle.system is None:
         vehicle.system = system
-    if vehicle.system == system:
+    if vehicle.system == system and vehicle.component is None:
+        vehicle.component = component
+    if (vehicle.system, vehicle.component) == source:
         vehicle.autopilot = int(_number(fields, "autopilot"))
         vehicle.heard_s = received_s
+
+
+def _clock(vehicle: VehicleState, clock_s: float) -> None:
+    """Note the vehicle's clock; one that has started again has no origin of its local frame any more."""
+    if vehicle.clock_s is not None and clock_s < vehicle.clock_s - _STARTED_AGAIN_S:
+        vehicle.global_origin = None
+    vehicle.clock_s = clock_s
 
 
 def _gnss(vehicle: VehicleState, receiver: int, fields: Mapping[str, object], received_s: float) -> None:

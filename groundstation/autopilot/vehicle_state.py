@@ -32,11 +32,15 @@ class VehicleState:
     """The newest of each kind; None before it came. Times are session time, s."""
 
     system: int | None = None
+    # of the autopilot itself: a gimbal and a companion computer have the vehicle's system number, too
+    component: int | None = None
     autopilot: int | None = None
     heard_s: float | None = None
     attitude: VehicleAttitude | None = None
     # latitude, longitude (degrees) and height above mean sea level (m) of its local frame
     global_origin: tuple[float, float, float] | None = None
+    # its own clock, s since its start, when it last told it
+    clock_s: float | None = None
     # of each of its receivers, by number from 0
     gnss: dict[int, GnssReport] = field(default_factory=dict)
     parameters: dict[str, float] = field(default_factory=dict)

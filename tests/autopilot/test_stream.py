@@ -435,6 +435,37 @@ def test_answers_are_received_with_the_vehicles_clock_each_way() -> None:
     assert vehicle.link_delay.one_way_s == pytest.approx(0.04)
 
 
+def test_what_other_components_of_the_vehicle_say_is_not_the_autopilots() -> None:
+    """A companion computer answers TIMESYNC by its own clock, a gimbal tells its own attitude: both are passed over."""
+    vehicle = VehicleState()
+    for source, autopilot in (((1, 154), 8), ((1, 1), 3), ((1, 191), 0)):
+        receive(vehicle, "HEARTBEAT", {"autopilot": autopilot}, source, 9.0, link_s=1000.0)
+    assert (vehicle.system, vehicle.component, vehicle.autopilot) == (1, 1, 3)
+    level = {"rollspeed": 0.0, "pitchspeed": 0.0, "yawspeed": 0.0, "roll": 0.0, "pitch": 0.0}
+    for k in range(10):
+        sent_s = 10.0 + k
+        for component, clock_s in ((1, 77.0), (191, 5e8)):
+            fields = {"tc1": round(1e9 * (clock_s + sent_s + 0.05)), "ts1": round(1e9 * (1000.0 + sent_s))}
+            receive(vehicle, "TIMESYNC", fields, (1, component), sent_s + 0.1, link_s=1000.0)
+        receive(vehicle, "ATTITUDE", level | {"yaw": 1.0}, (1, 1), sent_s, link_s=1000.0)
+        receive(vehicle, "ATTITUDE", level | {"yaw": -2.0}, (1, 154), sent_s, link_s=1000.0)
+    assert vehicle.link_delay.answers == 10
+    assert vehicle.link_delay.one_way_s == pytest.approx(0.05, abs=1e-6)
+    assert vehicle.attitude is not None
+    assert math.atan2(vehicle.attitude.ned_from_body[1, 0], vehicle.attitude.ned_from_body[0, 0]) == pytest.approx(1.0)
+
+
+def test_a_vehicle_that_has_started_again_gets_the_origin_again() -> None:
+    """Expected: none once it has told its origin, each second again after its clock has begun again."""
+    flight, vehicle = StraightFlight(), VehicleState(system=1, global_origin=(50.0, 10.0, 300.0))
+    stream = stream_of(flight, AutopilotMode.VISION)
+    for sent_s, clock_s, wanted in ((10.0, 500.0, False), (12.0, 502.0, False), (14.0, 3.0, True), (16.0, 5.0, True)):
+        fields = {"tc1": round(1e9 * clock_s), "ts1": round(1e9 * (1000.0 + sent_s))}
+        receive(vehicle, "TIMESYNC", fields, (1, 1), sent_s + 0.05, link_s=1000.0)
+        names = [message.name for message in stream.messages(sent_s + 1.0, vehicle)]
+        assert ("SET_GPS_GLOBAL_ORIGIN" in names) is wanted
+
+
 @pytest.mark.parametrize(
     ("autopilot", "memory_ms", "words"),
     [
