@@ -116,6 +116,8 @@ class GnssWatch:
         self._differences: deque[_Difference] = deque()
         self._newest: OwnPosition | None = None
         self._fresh: OwnPosition | None = None
+        # since when it repeats, with the track at its likely time
+        self._repeats_from: tuple[float, Kinematics] | None = None
         self._beyond = 0
         self._called: GnssAssessment | None = None
         self._called_until_s = -math.inf
@@ -133,6 +135,7 @@ class GnssWatch:
         """Forget the track and its differences: the next estimates are of another track. A call stands."""
         self._track.clear()
         self._differences.clear()
+        self._repeats_from = None
         self._beyond = 0
 
     def take(self, position: OwnPosition) -> GnssAssessment:
@@ -143,7 +146,7 @@ class GnssWatch:
         if self._fresh is not None and np.array_equal(position.position_runway_m, self._fresh.position_runway_m):
             self._last = self._repeated(position, self._fresh)
             return self._last
-        self._fresh = position
+        self._fresh, self._repeats_from = position, None
         sparse = before is None or position.t_s - before.t_s > _SPARSE_S
         self._last = self._compare(position, alone=sparse)
         return self._last
@@ -159,8 +162,7 @@ class GnssWatch:
         found = self._difference(position)
         if found is None:
             self._beyond = 0
-            words = "no estimate of the track at the position's time"
-            return GnssAssessment(t_s=position.t_s, verdict=GnssVerdict.NO_TRACK, reason=words)
+            return self._no_track(position.t_s, "no estimate of the track at the position's time")
         level, change = self._level(position, found), self._change(position, found)
         jumped = change is not None and change.statistic > self._limit
         beyond = jumped or level.statistic > self._limit
@@ -235,19 +237,32 @@ class GnssWatch:
 
     def _repeated(self, position: OwnPosition, fresh: OwnPosition) -> GnssAssessment:
         """Judge a position that is the same as the last: a receiver may be slower than its telemetry, not for long."""
-        age_s = position.t_s - fresh.t_s
         delay_s = self._errors.mean_delay_s
-        now, then = self._estimate_at(position.t_s - delay_s), self._estimate_at(fresh.t_s - delay_s)
-        if now is None or then is None:
-            words = "no estimate of the track while the position repeats"
-            return GnssAssessment(t_s=position.t_s, verdict=GnssVerdict.NO_TRACK, reason=words)
+        now = self._estimate_at(position.t_s - delay_s)
+        if self._repeats_from is None:
+            # kept, for the track is not for as long as a receiver may be frozen
+            then = self._estimate_at(fresh.t_s - delay_s)
+            if then is not None:
+                self._repeats_from = fresh.t_s, then
+            elif now is not None:
+                self._repeats_from = position.t_s, now
+        if now is None or self._repeats_from is None:
+            return self._no_track(position.t_s, "no estimate of the track while the position repeats")
+        from_s, then = self._repeats_from
+        age_s = position.t_s - from_s
         # what is uncertain of a way of less than seconds is the velocity
         sigma = age_s * math.sqrt(max(float(np.trace(now.covariance[3:, 3:])), 0.0))
         distance = float(np.linalg.norm(now.position_runway_m - then.position_runway_m))
         if age_s < _FROZEN_S or distance < _FROZEN_M + _FROZEN_SIGMAS * sigma:
             return self._standing(position.t_s, None, None)
-        words = f"GNSS position repeated for {age_s:.1f} s while the track moved {distance:.0f} m"
+        words = f"GNSS position repeated for {position.t_s - fresh.t_s:.1f} s while the track moved {distance:.0f} m"
         return self._call(position.t_s, GnssVerdict.FROZEN, words, None)
+
+    def _no_track(self, t_s: float, reason: str) -> GnssAssessment:
+        """Return the call that still stands, or that there is nothing to compare with."""
+        if self._called is not None and t_s < self._called_until_s:
+            return self._called
+        return GnssAssessment(t_s=t_s, verdict=GnssVerdict.NO_TRACK, reason=reason)
 
     def _call(self, t_s: float, verdict: GnssVerdict, reason: str, found: _Difference | None) -> GnssAssessment:
         offset = None if found is None else found.offset_m

@@ -210,6 +210,47 @@ def test_a_receiver_slower_than_its_telemetry_is_not_frozen() -> None:
     assert not called
 
 
+def _level_flight(t_s: float) -> Kinematics:
+    return Kinematics(
+        position_runway_m=np.array([0.0, 900.0 - 20.0 * t_s, 30.0]),
+        velocity_runway_m_s=np.array([0.0, -20.0, 0.0]),
+        covariance=np.diag([0.1, 0.5, 0.1, 0.1, 0.3, 0.1]) ** 2,
+    )
+
+
+@pytest.mark.parametrize("lost_s", [(), (8.0, 16.0)], ids=["tracked", "track lost for a while"])
+def test_a_position_that_stays_frozen_stays_called(lost_s: tuple[float, ...]) -> None:
+    """Frozen from 5 s on. Expected: called 0.7 s later and to the end at 25 s, but for where there is no track."""
+    watch, verdicts = GnssWatch(), {}
+    for k in range(250):
+        t_s = 0.1 * k
+        tracked = not lost_s or not lost_s[0] < t_s < lost_s[1]
+        if tracked:
+            watch.add_estimate(t_s, _level_flight(t_s))
+        place = _level_flight(min(t_s, 5.0) - 0.15).position_runway_m
+        found = watch.take(OwnPosition(t_s=t_s, position_runway_m=place, sigma_m=np.full(3, 1.0)))
+        verdicts[t_s] = found.verdict
+    without = (lost_s[0] + 0.6, lost_s[1] + 1.0) if lost_s else (0.0, 0.0)
+    called = {t: v for t, v in verdicts.items() if t > 5.75 and not without[0] < t < without[1]}
+    assert set(called.values()) == {GnssVerdict.FROZEN}
+
+
+def test_a_call_stands_for_three_seconds_where_the_track_ends() -> None:
+    """A step of 30 m just before the track is lost. Expected: no track to compare with, 3 s after the last call."""
+    watch, verdicts = GnssWatch(), []
+    for k in range(120):
+        t_s = 0.1 * k
+        if t_s < 5.35:
+            watch.add_estimate(t_s, _level_flight(t_s))
+        place = _level_flight(t_s - 0.15).position_runway_m + (30.0 if t_s > 5.05 else 0.0) * np.array([1.0, 0.0, 0.0])
+        verdicts.append(watch.take(OwnPosition(t_s=t_s, position_runway_m=place, sigma_m=np.full(3, 1.0))).verdict)
+    last = max(k for k, verdict in enumerate(verdicts) if verdict is GnssVerdict.JUMP)
+    assert set(verdicts[52 : last + 1]) == {GnssVerdict.JUMP}
+    # the track is carried on for half a second, and the last call stands from there
+    assert last in range(85, 91)
+    assert set(verdicts[last + 1 :]) == {GnssVerdict.NO_TRACK}
+
+
 def test_without_a_track_or_positions_the_verdict_says_so() -> None:
     watch = GnssWatch()
     assert watch.assessment(0.0).verdict is GnssVerdict.SILENT
