@@ -229,6 +229,8 @@ class AdviceRules:
     def _settled(self, now_s: float, found: Finding, lowest_m: float | None) -> Finding:
         """Return the finding after latch and hysteresis."""
         if self._latched is not None:
+            # what was better before does not count once the wave-off ends
+            self._better = None
             return self._latched
         if _ORDER.index(found.level) >= _ORDER.index(self._level):
             self._better = None

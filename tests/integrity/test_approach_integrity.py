@@ -144,6 +144,16 @@ def test_wave_off_below_the_decision_height_stays_until_the_aircraft_has_climbed
     assert flown(rules, good_from(40.0, 1.1, 20.0))[-1] is AdviceLevel.GO
 
 
+def test_after_a_latched_wave_off_go_takes_a_second_of_good_estimates_again() -> None:
+    """Half a second good at 6 m, then waved off below 5 m. Expected: what was good before the latch is of no use."""
+    rules = AdviceRules(LIMITS, AdviceConfig())
+    flown(rules, good_from(0.0, 0.5, 6.0))
+    assert rules.advise(situation(0.6, 4.0)).latched
+    climbs = [situation(1.0 + 0.1 * k, 9.0, fault_s=1.0 + 0.1 * k) for k in range(40)]
+    assert set(flown(rules, climbs)) == {AdviceLevel.WAVE_OFF}
+    assert flown(rules, good_from(20.0, 1.1, 20.0)) == [AdviceLevel.WAVE_OFF] * 10 + [AdviceLevel.GO] * 2
+
+
 def test_an_aircraft_first_seen_below_the_decision_height_is_waved_off() -> None:
     rules = AdviceRules(LIMITS, AdviceConfig())
     assert set(flown(rules, good_from(0.0, 5.0, 4.0))) == {AdviceLevel.WAVE_OFF}
