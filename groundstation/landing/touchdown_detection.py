@@ -82,7 +82,7 @@ class TouchdownDetector:
         while self._kept[0].t_s < state.t_s - _KEPT_S:
             self._kept.popleft()
         height = float(state.mean[UP]) - self._below_m
-        margin = _LOW_SIGMAS * min(math.sqrt(max(float(state.covariance[UP, UP]), 0.0)), _MOST_SIGMA_M)
+        margin = _margin_m(state)
         if height > _FLYING_M + margin:
             was_low, self._low_since_s = self._low_since_s is not None, None
             self._flying = True
@@ -90,26 +90,43 @@ class TouchdownDetector:
         if self._flying and self._low_since_s is None and height <= _LOW_M + margin:
             self._low_since_s = state.t_s
         low_since_s = self._low_since_s
-        return self._land(low_since_s) if low_since_s is not None and self._rolls(low_since_s, state.t_s) else None
+        if low_since_s is None or state.t_s - low_since_s < _STAYED_S:
+            return None
+        if not self._stays_low(_LEVEL_S):
+            # it floats along above the runway
+            self._low_since_s = None
+            return Contact.CLIMBED_AWAY
+        return self._land(low_since_s) if self._is_level(state.t_s) else None
 
     def finish(self) -> Contact | None:
         """Return `Contact.LANDED` where the track has ended on the runway."""
         since = self._low_since_s
         if since is None or not self._kept or self._kept[-1].t_s - since < _ENDED_S:
             return None
+        if not self._stays_low(_ENDED_S):
+            return None
         return self._land(since)
 
-    def _rolls(self, low_since_s: float, t_s: float) -> bool:
-        if t_s - low_since_s < _STAYED_S:
-            return False
+    def _is_level(self, t_s: float) -> bool:
         rates = [float(s.mean[UP_RATE]) for s in self._kept if s.t_s >= t_s - _LEVEL_S]
         return abs(float(np.mean(rates))) <= _LEVEL_M_S
+
+    def _stays_low(self, over_s: float) -> bool:
+        """Return whether the wheels were near the surface in the mean of so long before the newest estimate."""
+        last = [s for s in self._kept if s.t_s >= self._kept[-1].t_s - over_s]
+        height = float(np.mean([s.mean[UP] for s in last])) - self._below_m
+        return height <= _LOW_M + float(np.mean([_margin_m(s) for s in last]))
 
     def _land(self, low_since_s: float) -> Contact:
         around = [s for s in self._kept if s.t_s >= low_since_s - _BEFORE_S]
         self.touchdown = touchdown_of(around, low_since_s, self._behind_m)
         self._flying, self._low_since_s = False, None
         return Contact.LANDED
+
+
+def _margin_m(state: ThresholdState) -> float:
+    """Return by how much a height counts as uncertain, m."""
+    return _LOW_SIGMAS * min(math.sqrt(max(float(state.covariance[UP, UP]), 0.0)), _MOST_SIGMA_M)
 
 
 def touchdown_of(states: Sequence[ThresholdState], first_low_s: float, behind_nose_m: float) -> Touchdown:

@@ -91,6 +91,26 @@ def test_what_touches_and_flies_on_has_not_landed() -> None:
     assert rolled == [ApproachOutcome.LANDED]
 
 
+@pytest.mark.parametrize("floats_m", [0.7, 1.0])
+def test_what_floats_along_after_a_dip_has_not_landed(floats_m: float) -> None:
+    """Wheels at 0.1 m for a moment, then level below the height at which an aircraft counts as flying for 4 s.
+
+    Expected: no landing if it climbs away then; if it comes down, one whose touchdown is not that of the dip.
+    """
+    t = np.linspace(0.0, 20.0, 2001)
+    dipped = np.maximum(0.1 + 1.2 * (8.0 - t), np.clip(0.1 + 0.9 * (t - 8.0), 0.1, floats_m))
+    for ends, outcome in (
+        (np.maximum(dipped, floats_m + 2.0 * (t - 12.5)), ApproachOutcome.TOUCHED),
+        (np.clip(floats_m - 0.5 * (t - 12.5), 0.0, dipped), ApproachOutcome.LANDED),
+    ):
+        position = np.column_stack([np.zeros_like(t), 340.0 - 14.0 * t, WHEELS.below_nose_m + ends])
+        flown = SampledTrajectory(t_s=t, position_m=position, velocity_m_s=np.gradient(position, t, axis=0))
+        (report,) = _watch(LandingMonitor(_PLAIN, WHEELS, forecast_every_s=100.0), flown).reports
+        assert report.outcome is outcome
+        if report.touchdown is not None:
+            assert report.touchdown.t_s == pytest.approx(12.5 + 2.0 * floats_m, abs=0.7)
+
+
 def test_a_take_off_is_no_approach() -> None:
     assert _outcomes(FlightKind.TAKE_OFF_TOWARDS, event_s=1.0, event_y_m=250.0) == []
     assert _outcomes(FlightKind.TAKE_OFF_AWAY, event_s=1.0, event_y_m=30.0) == []
