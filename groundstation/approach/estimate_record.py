@@ -39,14 +39,23 @@ def estimate_record(
         "velocity_runway_m_s": None if kinematics is None else _rounded(kinematics.velocity_runway_m_s),
         "covariance": None if kinematics is None else _rounded(kinematics.covariance.ravel(), 9),
     }
-    if frame is not None and kinematics is not None:
-        place = frame.geodetic(frame.ned_from_runway @ kinematics.position_runway_m)
-        record["lat_deg"], record["lon_deg"] = round(place.lat_deg, 9), round(place.lon_deg, 9)
-        record["height_ellipsoid_m"] = round(place.height_ellipsoid_m, 4)
+    if frame is not None:
+        record |= _place(kinematics, frame)
     record["advice"] = None if state.advice is None else _advice(state.advice)
     record["deviations"] = None if state.deviations is None else _deviations(state.deviations)
     record["touchdown"] = None if state.touchdown is None else _touchdown(state.touchdown)
     return record
+
+
+def _place(kinematics: Kinematics | None, frame: LocalFrame) -> dict[str, float | None]:
+    if kinematics is None:
+        return dict.fromkeys(("lat_deg", "lon_deg", "height_ellipsoid_m"))
+    place = frame.geodetic(frame.ned_from_runway @ kinematics.position_runway_m)
+    return {
+        "lat_deg": round(place.lat_deg, 9),
+        "lon_deg": round(place.lon_deg, 9),
+        "height_ellipsoid_m": round(place.height_ellipsoid_m, 4),
+    }
 
 
 def _advice(advice: ApproachAdvice) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import pytest
 from groundstation.approach.approach_outputs import ApproachOutputs
 from groundstation.approach.approach_state import ApproachState
 from groundstation.approach.estimate_record import estimate_record
+from groundstation.autopilot.local_frame import LocalFrame
 from groundstation.errors import ConfigError
 from groundstation.integrity.approach_advice import AdviceLevel, ApproachAdvice
 from groundstation.landing.glide_path import approach_deviations
@@ -18,6 +19,7 @@ from groundstation.landing_site.planned_approach import PlannedApproach
 from groundstation.landing_site.runway import LandingRunway
 from groundstation.messages import Kinematics, StepReport, TrackState, TrackStatus
 from groundstation.rig.rig import Rig
+from groundstation.session.folder import GeoOrigin
 from groundstation.sinks.udp_json import UdpJsonSender
 from tests.stereo_rig import make_station
 
@@ -83,6 +85,11 @@ def test_the_record_of_an_estimate_holds_what_is_known_and_null() -> None:
     nothing = estimate_record(1.0, TrackStatus.SEARCHING, None, frozenset(), ApproachState(), unix_s=0.0, frame=None)
     names = ("position_runway_m", "velocity_runway_m_s", "covariance", "advice", "deviations", "touchdown")
     assert [nothing[name] for name in names] == [None] * 6
+    origin = GeoOrigin(lat_deg=47.3, lon_deg=8.5, height_m=460.0, y_axis_azimuth_deg=350.0)
+    nothing = estimate_record(
+        *(1.0, TrackStatus.SEARCHING, None, frozenset(), ApproachState()), unix_s=0.0, frame=LocalFrame(origin, 0.0)
+    )
+    assert [nothing[name] for name in ("lat_deg", "lon_deg", "height_ellipsoid_m")] == [None] * 3
 
 
 def test_json_over_udp_has_no_number_that_json_does_not_have() -> None:
