@@ -70,7 +70,9 @@ class ApproachIntegrity:
         self._levels = ProtectionLevelMonitor(rig, site.runway, config.protection, span_m=span_m)
         self._rules = AdviceRules(site.alert_limits, config.advice)
         self._looks: dict[int, dict[str, StationLook]] = {}
+        self._names = rig.names
         self._stations: dict[str, CameraReport] = {}
+        self._delivers_from_s = math.inf
         self._now_s = -math.inf
         self._estimate_s = self._pair_s = self._fault_s = -math.inf
         self._status, self._fault = TrackStatus.SEARCHING, ""
@@ -117,6 +119,7 @@ class ApproachIntegrity:
         if now_s < self._now_s - self._limits.time_to_alert_s:
             self._lose(TrackStatus.SEARCHING)
             self._stations.clear()
+            self._delivers_from_s = math.inf
             self._estimate_s = self._pair_s = self._fault_s = -math.inf
             self._found, self._height_m, self._now_s = None, None, now_s
         self._now_s = max(self._now_s, now_s)
@@ -130,6 +133,7 @@ class ApproachIntegrity:
     def _take_camera(self, report: CameraReport) -> None:
         """Keep the look of a pixel that the filter used, for the estimate of its pair."""
         self._stations[report.station] = report
+        self._delivers_from_s = min(self._delivers_from_s, report.t_s)
         found, accepted = report.result, report.innovation is not None and report.innovation.accepted
         if not (isinstance(found, Detection) and report.status.used and accepted):
             return
@@ -174,9 +178,13 @@ class ApproachIntegrity:
             self._fault_s, self._fault = t_s, f"{self._found.suspected}, or another fault"
 
     def _complaints(self) -> Iterator[str]:
-        """Yield what is wrong with stations that have delivered."""
-        for name, report in self._stations.items():
-            if self._now_s - report.t_s > self._limits.time_to_alert_s:
+        """Yield what is wrong with the stations; of one that has never delivered, once another one has for a while."""
+        for name in self._names:
+            report = self._stations.get(name)
+            if report is None:
+                if self._now_s - self._delivers_from_s > self._limits.time_to_alert_s:
+                    yield f"station {name}: no picture yet"
+            elif self._now_s - report.t_s > self._limits.time_to_alert_s:
                 yield f"station {name}: no picture for {self._now_s - report.t_s:.1f} s"
             elif report.status is DetectionStatus.EXCLUDED:
                 yield f"station {name}: excluded"

@@ -233,6 +233,15 @@ def test_a_station_s_health_is_told_and_the_others_carry_on(rng: np.random.Gener
     assert integrity.pass_time(12.0)[0].text.startswith("approach: WAVE-OFF")
 
 
+def test_a_station_that_never_delivers_is_told(rng: np.random.Generator) -> None:
+    """The third camera is dead from the start. Expected: CAUTION, where the two others hold the levels."""
+    integrity, looks = ApproachIntegrity(RIG, SITE), Looks(RIG, rng)
+    for t_s in np.arange(9.0, 11.51, 0.1).tolist():
+        integrity.take(report_of(t_s, looks.at(t_s)[:2]), t_s)
+    assert integrity.advice is not None
+    assert (integrity.advice.level, integrity.advice.reason) == (AdviceLevel.CAUTION, "station third: no picture yet")
+
+
 def test_a_clock_that_is_set_back_and_one_that_is_no_number(rng: np.random.Generator) -> None:
     integrity = approach(rng)
     (event,) = integrity.pass_time(2.0)
