@@ -5,6 +5,9 @@ from groundstation.autopilot.navigation_state import NavigationState
 from groundstation.session.logs.gps_time import WEEK_S, TimeScale, civil_from_unix, gps_from_civil
 
 _WEEK_MS = round(1e3 * WEEK_S)
+# A rollover of the ten-bit week. A computer that has not been told the date counts from 1970: weeks below 0 the message
+# cannot hold, and 0 ArduPilot does not take. It wants differences of times alone, so that they are an era later
+_ERA_WEEKS = 1024
 _FIX_3D = 3
 # number of satellites not known: there are none. ArduPilot's checks want six
 _NO_SATELLITES = 255
@@ -31,6 +34,7 @@ def gps_input(state: NavigationState, *, stamp_us: int, unix_s: float, gps_id: i
     gps_id : which of the vehicle's receivers it stands for, from 0.
     """
     week, week_ms = gps_week(unix_s)
+    week += 0 if week > 0 else _ERA_WEEKS
     horizontal = max(state.horizontal_sigma_m, _LEAST_SIGMA_M)
     vertical = max(state.vertical_sigma_m, _LEAST_SIGMA_M)
     north, east, down = (float(v) for v in state.velocity_ned_m_s)

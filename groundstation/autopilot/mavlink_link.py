@@ -5,6 +5,7 @@ dropped and counted where the line is slower.
 """
 
 import os
+import struct
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -136,6 +137,9 @@ class MavlinkLink:
                 self._connection.mav.send(encoded(self._dialect, message))
             except OSError as fault:
                 self.fault = f"{type(fault).__name__}: {os_words(fault)}"
+            except struct.error as fault:
+                # a number that the message cannot hold: the others go on
+                self.fault = f"{message.name} could not be sent: {fault}"
 
 
 def encoded(dialect: ModuleType, message: MavlinkMessage) -> Any:

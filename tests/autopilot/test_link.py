@@ -17,16 +17,18 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from groundstation.autopilot.link_url import parse_link_url
+from groundstation.autopilot.local_frame import LocalFrame
 from groundstation.autopilot.mavlink_link import MavlinkLink
 from groundstation.autopilot.message import MavlinkMessage
 from groundstation.autopilot.received import receive
-from groundstation.autopilot.settings import AutopilotMode
+from groundstation.autopilot.settings import AutopilotMode, AutopilotSettings
 from groundstation.autopilot.signing_key import read_signing_key
 from groundstation.autopilot.status_text import status_texts
+from groundstation.autopilot.stream import HEARTBEAT, AutopilotStream, StreamClock
 from groundstation.autopilot.vehicle_attitude import VehicleAttitude
 from groundstation.autopilot.vehicle_state import VehicleState
 from groundstation.errors import ConfigError
-from tests.autopilot.flights import StraightFlight, answer, stream_of
+from tests.autopilot.flights import ORIGIN, SEPARATION_M, StraightFlight, answer, stream_of
 from tests.peers import absent, peer_module
 
 _HERE = Path(__file__).parent
@@ -122,6 +124,30 @@ def test_bytes_are_mavlink_2_with_running_sequence_and_source(vehicle: Vehicle) 
         assert message.get_type() == wanted.name
         assert (message.get_srcSystem(), message.get_srcComponent(), message.get_seq()) == (245, 197, k)
         assert all(_same(value, getattr(message, key)) for key, value in wanted.fields.items()), wanted.name
+    link.close()
+
+
+def test_a_message_that_cannot_be_encoded_stops_no_other(vehicle: Vehicle) -> None:
+    """Expected: the next one arrives, and the link says which could not be sent."""
+    link = _link(vehicle.url)
+    good = _all_messages()[0]
+    link.send([MavlinkMessage(name="HEARTBEAT", fields={**HEARTBEAT.fields, "custom_mode": -1}), good])
+    (message,) = vehicle.parsed(vehicle.datagram())
+    assert message.get_type() == good.name
+    assert link.fault.startswith("HEARTBEAT could not be sent")
+    link.close()
+
+
+def test_a_computer_without_the_date_still_sends_positions(vehicle: Vehicle) -> None:
+    """Unix time of 100 s, as of a board without a battery. Expected: GPS_INPUT with a week that ArduPilot takes."""
+    flight = StraightFlight()
+    settings = AutopilotSettings(url="udpout:127.0.0.1:1", mode=AutopilotMode.GPS_INPUT, link_delay_sigma_s=0.0)
+    clock = StreamClock(link_s=1000.0, unix_s=100.0)
+    stream = AutopilotStream(settings, LocalFrame(ORIGIN, SEPARATION_M), clock, flight.estimate_at)
+    stream.note(answer(flight, 2.0))
+    link = _link(vehicle.url)
+    link.send(stream.messages(2.0, VehicleState()))
+    assert vehicle.message("GPS_INPUT").time_week > 0
     link.close()
 
 
