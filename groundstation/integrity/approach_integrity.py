@@ -65,7 +65,9 @@ class ApproachIntegrity:
         self, rig: Rig, site: LandingSite, config: ApproachIntegrityConfig | None = None, *, span_m: float = 2.3
     ) -> None:
         if config is None:
-            config = ApproachIntegrityConfig(protection=ProtectionConfig(faults=site.faults))
+            # a fault has to fill the window within the time to alert, or the levels do not hold by then
+            window_s = min(ProtectionConfig().window_s, site.alert_limits.time_to_alert_s)
+            config = ApproachIntegrityConfig(protection=ProtectionConfig(faults=site.faults, window_s=window_s))
         self._runway, self._limits = site.runway, site.alert_limits
         self._levels = ProtectionLevelMonitor(rig, site.runway, config.protection, span_m=span_m)
         self._rules = AdviceRules(site.alert_limits, config.advice)

@@ -217,6 +217,23 @@ def test_a_fault_that_is_seen_is_called_within_half_a_second(
     assert called[0].t_s <= 11.05
 
 
+def test_a_shorter_time_to_alert_has_a_shorter_window() -> None:
+    """At 30 pairs a second, 0.2 s to alert. Expected: a pixel off by 4 px for good is called by then, or not at all."""
+    site = replace(SITE, alert_limits=AlertLimits(time_to_alert_s=0.2))
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        integrity, looks = ApproachIntegrity(RIG, site), Looks(RIG, rng)
+        called, times = [], 9.0 + np.arange(90) / 30.0
+        for t_s in times.tolist():
+            wrong = {"left": np.array([0.0, 4.0])} if t_s >= 10.0 else None
+            events = integrity.take(report_of(t_s, looks.at(t_s, px=wrong)), t_s)
+            called += [t_s for event in events if "contradict" in event.text]
+        assert all(t_s <= 10.2 + 1e-9 for t_s in called[:1])
+        assert integrity.advice is not None
+        assert integrity.advice.levels is not None
+        assert integrity.advice.levels.pairs <= 7
+
+
 def test_a_station_s_health_is_told_and_the_others_carry_on(rng: np.random.Generator) -> None:
     integrity, looks = approach(rng), Looks(RIG, rng)
     events: list[TrackEvent] = []
