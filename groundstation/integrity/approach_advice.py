@@ -176,8 +176,17 @@ class AdviceRules:
         )
 
     def _found(self, situation: Situation, lowest_m: float | None) -> Finding:
-        """Return the worst finding."""
-        found = [*self._of_estimate(situation), *self._of_levels(situation, lowest_m)]
+        """Return the worst finding; a better one than the last counts with levels well within their limits alone."""
+        found = self._worst(situation, lowest_m, 1.0)
+        if _ORDER.index(found.level) >= _ORDER.index(self._level):
+            return found
+        strict = self._worst(situation, lowest_m, self._config.margin)
+        # levels that are within their limits, if only just, make nothing worse
+        return strict._replace(level=min(strict.level, self._level, key=_ORDER.index))
+
+    def _worst(self, situation: Situation, lowest_m: float | None, share: float) -> Finding:
+        """Return the worst finding with levels held against a share of their limits."""
+        found = [*self._of_estimate(situation), *self._of_levels(situation, lowest_m, share)]
         return max(
             found,
             key=lambda f: _ORDER.index(f.level),
@@ -198,15 +207,14 @@ class AdviceRules:
             found.append(Finding(AdviceLevel.WAVE_OFF, "fault", f"the rays contradict each other: {s.fault}"))
         return found
 
-    def _of_levels(self, s: Situation, lowest_m: float | None) -> list[Finding]:
-        """Return findings on levels and stations."""
+    def _of_levels(self, s: Situation, lowest_m: float | None, share: float) -> list[Finding]:
+        """Return findings on levels, held against a share of their limits, and on stations."""
         if s.levels is None or lowest_m is None:
             text = "no protection level: no pair of pictures of two stations"
             return [Finding(AdviceLevel.WAVE_OFF, "levels", text)]
         below = lowest_m <= self._decision_height_m
         doubt = AdviceLevel.WAVE_OFF if below else AdviceLevel.CAUTION
         limits = self._limits_at(lowest_m)
-        share = 1.0 if self._level is AdviceLevel.GO else self._config.margin
         found = []
         for k, axis in enumerate(("along", "lateral", "vertical")):
             level, limit = getattr(s.levels, f"{axis}_m"), getattr(limits, f"{axis}_m")

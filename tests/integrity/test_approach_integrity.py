@@ -144,6 +144,24 @@ def test_wave_off_below_the_decision_height_stays_until_the_aircraft_has_climbed
     assert flown(rules, good_from(40.0, 1.1, 20.0))[-1] is AdviceLevel.GO
 
 
+def test_a_level_just_within_its_limit_is_no_wave_off_where_something_else_is_a_caution() -> None:
+    """At 0.58 m of 0.6 m at 4 m height a station falls silent; at 14 m of 15 m a caution descends to 4 m.
+
+    Expected: CAUTION in both, since no level is beyond its limit; WAVE-OFF as soon as one is.
+    """
+    rules = AdviceRules(LIMITS, AdviceConfig())
+    flown(rules, good_from(0.0))
+    silent = {"complaints": ("station third: no picture for 0.6 s",)}
+    low = [situation(1.3 + 0.1 * k, 4.0, levels(vertical_m=0.58), **silent) for k in range(20)]
+    assert set(flown(rules, low)) == {AdviceLevel.CAUTION}
+    assert rules.advise(situation(3.4, 4.0, levels(vertical_m=0.61), **silent)).latched
+    rules = AdviceRules(LIMITS, AdviceConfig())
+    flown(rules, [situation(0.1 * k, 20.0, levels(along_m=16.0)) for k in range(30)])
+    descent = [situation(3.0 + 0.1 * k, 20.0 - 0.2 * k, levels(along_m=14.0)) for k in range(80)]
+    assert set(flown(rules, descent)) == {AdviceLevel.CAUTION}
+    assert rules.advise(situation(11.1, 4.0, levels(along_m=15.1))).latched
+
+
 def test_after_a_latched_wave_off_go_takes_a_second_of_good_estimates_again() -> None:
     """Half a second good at 6 m, then waved off below 5 m. Expected: what was good before the latch is of no use."""
     rules = AdviceRules(LIMITS, AdviceConfig())
