@@ -93,6 +93,8 @@ class IntegrityMonitor:
         self._config = config
         self._windows = {name: StationWindow(config.window_s, config.constant_px) for name in stations}
         self._agrees_since: dict[str, float] = {}
+        # directions that the test has seen of a fault: what one station alone agrees in is no evidence against it
+        self._seen_in: dict[str, int] = {}
         self._verdicts = dict.fromkeys(stations, StationVerdict.TRUSTED)
         self._since: dict[str, float] = {}
         self._extra: dict[str, FloatArray] = {}
@@ -161,15 +163,15 @@ class IntegrityMonitor:
                 continue
             s = self.separation(name)
             # half of the limit, for hysteresis
-            agrees = s.epochs >= self._config.min_epochs and s.statistic < 0.5 * self._limits[s.dof]
+            sees = s.epochs >= self._config.min_epochs and s.dof >= self._seen_in.get(name, 1)
+            agrees = sees and s.statistic < 0.5 * self._limits[s.dof]
             if not agrees:
                 self._agrees_since.pop(name, None)
             elif t_s - self._agrees_since.setdefault(name, t_s) >= self._config.readmit_s:
                 back.append(name)
         for name in back:
-            self._verdicts[name] = StationVerdict.TRUSTED
+            self._trust(name)
             self._agrees_since.pop(name, None)
-            self._extra.pop(name, None)
         if not back:
             return []
         text = f"{_named(back)}: agrees with the others since {self._config.readmit_s:g} s, trusted again"
@@ -184,13 +186,13 @@ class IntegrityMonitor:
         faulty = self._identify_faulty(alarms) if len(used) >= 3 else None
         if faulty is not None:
             self._verdicts[faulty] = StationVerdict.EXCLUDED
+            self._see(faulty, alarms[faulty])
             self._extra.pop(faulty, None)
             for name in used:
                 # the windows of the others contain residuals to the faulty station
                 self._windows[name].forget_epochs()
                 if name != faulty and self._verdicts[name] is StationVerdict.DOUBTED:
-                    self._verdicts[name] = StationVerdict.TRUSTED
-                    self._extra.pop(name, None)
+                    self._trust(name)
             self._since[faulty] = first_s
             self.exclusions += 1
             off = alarms[faulty]
@@ -201,6 +203,7 @@ class IntegrityMonitor:
         news = [name for name in alarms if self._verdicts[name] is StationVerdict.TRUSTED]
         for name, off in alarms.items():
             self._verdicts[name] = StationVerdict.DOUBTED
+            self._see(name, off)
             self._extra[name] = np.outer(off.bias_px, off.bias_px)
         if not news:
             return []
@@ -209,6 +212,16 @@ class IntegrityMonitor:
         text = f"{_named(list(alarms))}: rays miss each other by {worst:.1f} px since about {first_s:.1f} s;"
         text += " the wrong one cannot be identified: the covariance of all is increased"
         return [VerdictChange(stations=tuple(alarms), verdict=StationVerdict.DOUBTED, text=text)]
+
+    def _see(self, name: str, off: SeparationTest) -> None:
+        """Note in how many directions a station's fault has been seen."""
+        self._seen_in[name] = max(off.dof, self._seen_in.get(name, 1))
+
+    def _trust(self, name: str) -> None:
+        """Trust a station again."""
+        self._verdicts[name] = StationVerdict.TRUSTED
+        self._extra.pop(name, None)
+        self._seen_in.pop(name, None)
 
     def _identify_faulty(self, alarms: Mapping[str, SeparationTest]) -> str | None:
         """Return the faulty station, or None if it is not identifiable."""

@@ -13,7 +13,7 @@ from groundstation.messages import DetectionStatus, PixelMeasurement
 from groundstation.simulation import StationErrors, perturbed, simulate
 from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.standard_cases import drawn_glide
-from tests.faulty_flight import STATIONS, broken, consistency, drawn_path, rig_of, scenario, watch
+from tests.faulty_flight import STATIONS, broken, consistency, drawn_path, rig_of, scenario, watch, without
 
 BUMP_S = 4.0
 OFF = IntegrityConfig(enabled=False)
@@ -239,6 +239,43 @@ def test_in_and_out_are_not_the_same_limit(share: float, trusted: bool) -> None:
     # the window's end may hold one epoch more, by the rounding of its stamps
     assert share * limit <= left * (1.0 + 1e-9) < 1.06 * share * limit
     assert (watcher.verdict("left") is StationVerdict.TRUSTED) is trusted
+
+
+@pytest.mark.parametrize("pixels_off", [15.0, 80.0], ids=["doubted", "excluded"])
+def test_what_one_station_alone_agrees_in_readmits_nothing(pixels_off: float, rng: np.random.Generator) -> None:
+    """A pan of the left station jumps at 4 s, the third station is gone from 8 to 20 s, the pan is mended at 14 s.
+
+    The two that are left agree in height, whatever their pans. Expected: trusted again once the third has been back for
+    as long as readmission takes, not before.
+    """
+    watcher, trusted = IntegrityMonitor(STATIONS, IntegrityConfig()), []
+    for k in range(300):
+        t_s = 0.1 * k
+        off = {"left": np.array([pixels_off, 0.0])} if 4.0 <= t_s < 14.0 else None
+        seen = [r for r in residuals(rng, off) if r.station != "third" or not 8.0 <= t_s < 20.0]
+        if 4.0 <= t_s < 4.3:
+            # only the one at fault jumps
+            watcher.add_innovation("left", t_s, np.array([pixels_off, 0.0]), np.eye(2))
+        trusted += [t_s for change in watcher.epoch(t_s, seen) if change.verdict is StationVerdict.TRUSTED]
+        if t_s == 7.0:
+            assert watcher.verdict("left") is not StationVerdict.TRUSTED
+    assert len(trusted) == 1
+    assert 23.0 <= trusted[0] < 26.0
+
+
+def test_an_excluded_station_does_not_come_back_where_another_one_is_lost() -> None:
+    """0.2° of the left pan at 4 s, the third station lost at 6.5 s. Expected: no position from the two that are left.
+
+    With both of them the error along the runway was 7 m at a sigma of 0.15 m. One camera alone has one of tens of
+    metres, valid for some seconds.
+    """
+    flight = broken(scenario(1, trajectory=drawn_path(1, 450.0, 100.0)), {"left": mount(pan_deg=0.2)}, BUMP_S)
+    watched = watch(flight, events=without(flight, {"third": (6.5, 99.0)}))
+    assert len(watched.reported("left: pixels off")) == 1
+    assert not watched.reported("trusted again")
+    known = [e.kinematics for e in watched.estimates if e.kinematics is not None and 11.3 < e.t_s < 13.0]
+    assert known
+    assert min(k.covariance[1, 1] for k in known) > 5.0**2
 
 
 def test_two_stations_cannot_identify_the_faulty_one() -> None:
