@@ -155,6 +155,15 @@ class IntegrityMonitor:
                 out[name] = s
         return out
 
+    def _alike(self, names: Sequence[str], largest: float) -> dict[str, SeparationTest]:
+        """Return the stations whose separation is within the margin of the largest one, beyond the limit or not.
+
+        Of two that are hardly distinguishable the one that exceeds it first need not be the faulty one.
+        """
+        tests = {name: self.separation(name) for name in names}
+        least = largest / self._config.margin
+        return {n: s for n, s in tests.items() if s.epochs >= self._config.min_epochs and s.statistic >= least}
+
     def _readmit(self, t_s: float, names: Sequence[str]) -> list[VerdictChange]:
         """Trust stations again that have agreed with the others for long enough."""
         back = []
@@ -178,10 +187,11 @@ class IntegrityMonitor:
         return [VerdictChange(stations=tuple(back), verdict=StationVerdict.TRUSTED, text=text)]
 
     def _detect_fault(self, t_s: float, used: Sequence[str]) -> list[VerdictChange]:
-        """Exclude the faulty station if it is identified, else doubt all stations with an alarm."""
+        """Exclude the faulty station if it is identified, else doubt all that it may be."""
         alarms = self._alarms(used)
         if not alarms:
             return []
+        alarms |= self._alike(used, max(s.statistic for s in alarms.values()))
         first_s = min(self._windows[name].first_s for name in alarms)
         faulty = self._identify_faulty(alarms) if len(used) >= 3 else None
         if faulty is not None:

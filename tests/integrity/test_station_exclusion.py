@@ -241,6 +241,32 @@ def test_in_and_out_are_not_the_same_limit(share: float, trusted: bool) -> None:
     assert (watcher.verdict("left") is StationVerdict.TRUSTED) is trusted
 
 
+def test_of_two_that_are_hardly_distinguishable_none_is_excluded_for_being_first(rng: np.random.Generator) -> None:
+    """A pan of the right station drifts by 5 px a second to 6 px, forty times.
+
+    Expected: left and right are doubted, since the separation of either is within the margin of the other's. Where
+    one was beyond the limit some tenths of a second before the other, it was excluded alone: the left one twice in 60.
+    """
+    excluded = []
+    for _ in range(40):
+        watcher = IntegrityMonitor(STATIONS, IntegrityConfig())
+        for k in range(80):
+            off = np.array([np.clip(0.5 * (k - 40), 0.0, 6.0), 0.0])
+            for change in watcher.epoch(0.1 * k, residuals(rng, {"right": off})):
+                excluded += [change.stations] if change.verdict is StationVerdict.EXCLUDED else []
+    assert not excluded
+
+
+def test_a_fault_that_is_plain_after_a_doubt_is_excluded(rng: np.random.Generator) -> None:
+    """The third station's height is off by 6 px from 4 s on. Expected: it alone is excluded by 7 s, doubts or not."""
+    for _ in range(20):
+        watcher = IntegrityMonitor(STATIONS, IntegrityConfig())
+        for k in range(70):
+            watcher.epoch(0.1 * k, residuals(rng, {"third": np.array([0.0, 6.0])} if k >= 40 else None))
+        assert watcher.verdict("third") is StationVerdict.EXCLUDED
+        assert {watcher.verdict(name) for name in ("left", "right")} == {StationVerdict.TRUSTED}
+
+
 @pytest.mark.parametrize("pixels_off", [15.0, 80.0], ids=["doubted", "excluded"])
 def test_what_one_station_alone_agrees_in_readmits_nothing(pixels_off: float, rng: np.random.Generator) -> None:
     """A pan of the left station jumps at 4 s, the third station is gone from 8 to 20 s, the pan is mended at 14 s.
