@@ -110,7 +110,10 @@ class FaultTable:
         hypotheses = self.hypotheses(stations)
         left = self.risk - self.two_at_once(stations)
         if left <= 0.0:
-            wanted = f"more than {self.two_at_once(stations):.2g}, the probability of two faults in one approach"
+            wanted = (
+                f"more than {self.two_at_once(stations):.2g}, the probability of two faults in one approach with "
+                f"{len(stations)} stations; or smaller priors, in [faults] of the landing site's file"
+            )
             raise ConfigError(f"{_WHERE}: risk", got=f"{self.risk:g}", wanted=wanted)
         share = left / 3.0 / (len(hypotheses) + 1)
         priors = np.array([h.prior for h in hypotheses])

@@ -248,5 +248,9 @@ def test_a_table_that_cannot_be_is_refused(change: dict[str, float], words: str)
 def test_a_risk_below_that_of_two_faults_at_once_is_refused() -> None:
     with pytest.raises(ConfigError, match="two faults in one approach"):
         FaultTable(risk=1e-6).allocation(("left", "right"))
+    # the default table is one for up to six stations; a rig of more is told what to state
+    FaultTable().allocation(tuple("abcdef"))
+    with pytest.raises(ConfigError, match=r"with 7 stations; or smaller priors, in \[faults\]"):
+        FaultTable().allocation(tuple("abcdefg"))
     with pytest.raises(ConfigError, match="factors of 1 or more"):
         ProtectionConfig(inflation=0.5)
