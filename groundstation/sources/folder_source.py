@@ -17,7 +17,7 @@ from groundstation.picture import BgrPicture
 from groundstation.session import Session
 from groundstation.session.time_units import unit_hint
 from groundstation.sources.asked_span import asked_span
-from groundstation.sources.external_detections import detection_events, read_detections
+from groundstation.sources.external_detections import detection_events, epoch_stamps, read_detections
 from groundstation.sources.frame_angles_table import FrameAnglesTable
 from groundstation.sources.frame_table import FrameTable, read_frames
 from groundstation.sources.picture_reader import PictureReader
@@ -202,7 +202,7 @@ class FolderSource:
     # ---------------------------------------------------------------------------------------- labels
     @property
     def _leader(self) -> str:
-        """The first station listed that has pixels; its stamps are the epochs."""
+        """The first station listed that has pixels; its stamps are the epochs where it has some."""
         return next(n for n in self._session.rig.names if n in self._labels)
 
     def _enter_labels(self) -> None:
@@ -211,7 +211,7 @@ class FolderSource:
         self._check_range("detections.csv", np.concatenate([a[:, 0] for a in labels.values()]))
         within = {n: a[(a[:, 0] >= self._from) & (a[:, 0] <= self._to)] for n, a in labels.items()}
         self._labels = {n: a for n, a in within.items() if len(a)}
-        times = self._labels[self._leader][:, 0]
+        times = np.sort(np.concatenate(list(epoch_stamps(self._labels, self._leader).values())))
         self.epoch_count = len(times)
         self.span_s = (float(times[0]), float(times[-1]))
         self._observed_span_s = (

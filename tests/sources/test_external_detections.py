@@ -57,6 +57,30 @@ def test_an_epoch_at_each_stamp_of_the_first_station(tmp_path: Path) -> None:
         assert pixel.epoch == (later[0] if later else played.epochs[-1].epoch)
 
 
+@pytest.mark.parametrize(
+    ("silent", "leader"),
+    [((100.7, 103.0), "east"), ((0.0, 101.2), "east"), ((100.5, 101.5), "east"), ((100.5, 100.7), "north")],
+)
+def test_where_the_first_station_has_no_pixels_another_one_gives_the_epochs(
+    tmp_path: Path, silent: tuple[float, float], leader: str
+) -> None:
+    """Two cameras go on where the first one is lost, or comes late; a detector that misses some frames still leads."""
+    folder, off_s = labelled(tmp_path), OFFSETS["north"]
+    table = folder / "detections.csv"
+    head, *lines = table.read_text().splitlines()
+    lost = [k for k in lines if ",north," in k and silent[0] < float(k.split(",")[0]) + off_s < silent[1]]
+    table.write_text("\n".join([head, *(k for k in lines if k not in lost)]) + "\n")
+    played = play(folder)
+    check(played)
+    within = [e.t_s for e in played.epochs if silent[0] + 0.03 < e.t_s < silent[1] - 0.03]
+    wanted = [p.t_s for p in played.pixels if p.station == leader and silent[0] + 0.03 < p.t_s < silent[1] - 0.03]
+    assert within == pytest.approx(wanted)
+    led = [p.t_s for p in played.pixels if p.station == "north"]
+    assert set(led) <= {e.t_s for e in played.epochs}
+    assert max(np.diff([e.t_s for e in played.epochs])) < 0.25
+    assert [e.epoch for e in played.epochs] == list(range(len(played.epochs)))
+
+
 def test_an_epoch_follows_every_pixel_of_its_instant(tmp_path: Path) -> None:
     events = play(labelled(tmp_path)).events
     pixels = [e for e in events if isinstance(e, PixelMeasurement)]
@@ -143,7 +167,15 @@ def test_every_row_of_a_real_recording(shared_data: Path) -> None:
     times = np.array([e.t_s for e in played.events])
     assert np.all(np.diff(times) >= 0)
     leader = [p for p in played.pixels if p.station == "gopro3"]
-    assert len(played.epochs) == len(leader)
+    led = np.array([p.t_s for p in leader])
+    epochs = np.array([e.t_s for e in played.epochs])
+    assert np.isin(led, epochs).all()
+    # it starts 8 s after the others, and is without a pixel for seconds: epochs of others are there alone
+    others = epochs[~np.isin(epochs, led)]
+    assert len(others) == 1917
+    after = np.searchsorted(led, others)
+    before_s, after_s = np.concatenate([[-np.inf], led])[after], np.concatenate([led, [np.inf]])[after]
+    assert (after_s - before_s).min() > 0.25
     assert leader[0].t_s == pytest.approx(0.016683 + 61.95)
 
 
