@@ -1,6 +1,6 @@
 """Replay of a recording: its tuning, its events, the recorder of a new one, and notes on missing data."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -117,13 +117,20 @@ class ReplayRecorder:
 
 
 def source_notes(
-    source: FolderSource | RecordingSource, recorder: ReplayRecorder | None, most_apart_s: float
+    source: FolderSource | RecordingSource,
+    recorder: ReplayRecorder | None,
+    most_apart_s: float,
+    *,
+    unseen: Sequence[str],
 ) -> list[str]:
     """Return notes on data missing from what was read, and on faults of the recording that was written.
 
-    Between readings further apart than ``most_apart_s`` nothing is interpolated.
+    Between readings further apart than ``most_apart_s`` nothing is interpolated. ``unseen`` are the stations of the rig
+    of which neither picture nor pixel came.
     """
     notes = source.notes(most_apart_s) if isinstance(source, FolderSource) else []
+    if isinstance(source, RecordingSource):
+        notes += [f"{name}: neither picture nor pixel in what was replayed of the recording" for name in unseen]
     if isinstance(source, RecordingSource) and source.missing:
         missing = source.missing
         first = "" if missing.first_epoch is None else f", from epoch {missing.first_epoch} on"

@@ -44,7 +44,7 @@ from groundstation.sources.recording_source import RecordingSource
 from groundstation.sources.reference_fixes import with_reference
 from groundstation.sources.session_source import session_source
 from groundstation.thread_scheduling import short_gil_switch_interval
-from groundstation.tracking.config import config_to_mapping
+from groundstation.tracking.config import Config, config_to_mapping
 from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.registered_heads import RegisteredHeads
@@ -112,7 +112,7 @@ def _replay(request: ReplayRequest, progress: Callable[[int, int], None], unfini
         outputs.finish_approach()
     pipeline.finish_smoothing()
     notes = _why_unseen(inputs, outputs, source.span_s) + ([] if outcome.fault is None else [str(outcome.fault)])
-    notes += source_notes(source, outputs.recorder, config.synchronise.max_gap_s) + _pipeline_notes(pipeline, fixes)
+    notes += _source_notes(source, session, outputs, config) + _pipeline_notes(pipeline, fixes)
     notes += reference_time_notes(request, inputs, source.span_s) + outputs.checks.notes(tracked=_has_tracked(outputs))
     smoothed_track, speed = outputs.smoothed_track(), _speed(outcome, span_s, prepared_s)
     told = _contradictions(source, outputs)
@@ -163,6 +163,14 @@ def _why_unseen(inputs: ReplayInputs, outputs: ReplayOutputs, span_s: tuple[floa
     if _has_tracked(outputs):
         return []
     return list(outputs.checks.why_nothing_was_seen(known_positions(inputs, span_s)))
+
+
+def _source_notes(
+    source: FolderSource | RecordingSource, session: Session, outputs: ReplayOutputs, config: Config
+) -> list[str]:
+    """Return notes on what was missing from the input, and on faults of the recording that was written."""
+    unseen = [name for name in session.rig.names if name not in outputs.collector.stations]
+    return source_notes(source, outputs.recorder, config.synchronise.max_gap_s, unseen=unseen)
 
 
 def _pipeline_notes(pipeline: Pipeline, fixes: LearningReferences) -> list[str]:

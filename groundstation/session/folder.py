@@ -3,6 +3,7 @@
 import difflib
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from groundstation.rig.ptu_axes import PtuAxes
 from groundstation.rig.rig import ClockModel, Rig, Station, load_rig
 from groundstation.session.applied_axes import APPLIED_AXES, read_applied_axes, require_applied_axes
 from groundstation.session.dgps_options import DgpsOptions, parse_dgps
-from groundstation.session.media import Medium, check_medium, find_media
+from groundstation.session.media import Medium, MediumKind, check_medium, find_media, image_files
 from groundstation.session.session_clocks import parse_clocks, with_session_clocks
 from groundstation.session.site_air import SiteAir, parse_air
 
@@ -179,8 +180,20 @@ def load_folder(folder: Path, rig_path: Path | None = None) -> Session:
         detections_table(session)
     ptu_table(session)
     for name, medium in session.media.items():
-        check_medium(medium, rig[name].lens.image_size_px)
+        if not _is_empty_as_listed(session, name, medium):
+            check_medium(medium, rig[name].lens.image_size_px)
     return session
+
+
+def _is_empty_as_listed(session: Session, name: str, medium: Medium) -> bool:
+    """Return whether a station's folder has no picture and frames.csv no stamp of it: a part that it has not filmed."""
+    if medium.kind is not MediumKind.IMAGES or image_files(medium.path):
+        return False
+    table = frames_table(session)
+    with suppress(SessionError):
+        # a faulty row ends the table, and what it is reported by is a replay
+        return all(table.optional_number(row, f"{name}_t_s") is None for row in table)
+    return True
 
 
 def read_session(

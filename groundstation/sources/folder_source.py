@@ -17,6 +17,7 @@ from groundstation.picture import BgrPicture
 from groundstation.session import Session
 from groundstation.session.time_units import unit_hint
 from groundstation.sources.asked_span import asked_span
+from groundstation.sources.camera_gaps import camera_notes
 from groundstation.sources.external_detections import detection_events, epoch_stamps, read_detections
 from groundstation.sources.frame_angles_table import FrameAnglesTable
 from groundstation.sources.frame_table import FrameTable, read_frames
@@ -52,6 +53,7 @@ class FolderSource:
         self._angles: FrameAnglesTable
         self._angle_notes: list[str] = []
         self._labels: dict[str, FloatArray] = {}
+        self._unseen: list[str] = []
         # stamps of the first and the last picture or pixel; an epoch's own stamp is a mean
         self._observed_span_s = (0.0, 0.0)
         # of the newest event that was handed out
@@ -79,13 +81,15 @@ class FolderSource:
         self._open.close()
 
     def notes(self, most_apart_s: float) -> list[str]:
-        """Return what does not fit together in the tables: stretches without readings, angles of no frame.
+        """Return what the tables lack: pictures of a camera, stretches without readings, frames that angles are of.
 
         Between readings further apart than ``most_apart_s`` nothing is interpolated. Where pictures end the recording
         early, readings after that were not asked for.
         """
         from_s, to_s = self._observed_span_s
-        return self._readings.notes((from_s, min(to_s, self._newest_s)), most_apart_s) + self._angle_notes
+        cameras = [] if self._table is None else camera_notes(self._table.stamps_s, self._newest_s)
+        cameras += [f"{name}: no pixel in this part of detections.csv" for name in self._unseen]
+        return cameras + self._readings.notes((from_s, min(to_s, self._newest_s)), most_apart_s) + self._angle_notes
 
     def unit_fault(self) -> str:
         """Return in which unit the readings' times are, where their spacing is that of another than seconds; or ""."""
@@ -211,6 +215,7 @@ class FolderSource:
         self._check_range("detections.csv", np.concatenate([a[:, 0] for a in labels.values()]))
         within = {n: a[(a[:, 0] >= self._from) & (a[:, 0] <= self._to)] for n, a in labels.items()}
         self._labels = {n: a for n, a in within.items() if len(a)}
+        self._unseen = [n for n in within if n not in self._labels]
         times = np.sort(np.concatenate(list(epoch_stamps(self._labels, self._leader).values())))
         self.epoch_count = len(times)
         self.span_s = (float(times[0]), float(times[-1]))

@@ -81,6 +81,15 @@ def test_where_the_first_station_has_no_pixels_another_one_gives_the_epochs(
     assert [e.epoch for e in played.epochs] == list(range(len(played.epochs)))
 
 
+def test_a_station_without_a_pixel_is_named(tmp_path: Path) -> None:
+    folder = labelled(tmp_path)
+    table = folder / "detections.csv"
+    table.write_text("\n".join(k for k in table.read_text().splitlines() if ",east," not in k) + "\n")
+    with FolderSource(load_session(folder)) as source:
+        assert len(list(source)) > 0
+        assert source.notes(0.25) == ["east: no pixel in this part of detections.csv"]
+
+
 def test_an_epoch_follows_every_pixel_of_its_instant(tmp_path: Path) -> None:
     events = play(labelled(tmp_path)).events
     pixels = [e for e in events if isinstance(e, PixelMeasurement)]
