@@ -11,6 +11,7 @@ import numpy as np
 from calibration.errors import IntrinsicsError
 from groundstation.arrays import ImageArray
 from groundstation.files.image_header import MAX_PICTURE_PX, coded_size_px, is_decodable
+from groundstation.files.picture_depth import WANTED_DEPTH, shallow_levels
 
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
 _VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm"})
@@ -77,6 +78,9 @@ def _picture(path: Path) -> GreyPicture:
             grey = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     if grey is None:
         raise IntrinsicsError(str(path), got="nothing that can be decoded", wanted="a picture")
+    shallow = shallow_levels(data)
+    if shallow is not None:
+        raise IntrinsicsError(str(path), got=shallow, wanted=WANTED_DEPTH)
     return GreyPicture(name=path.name, grey=np.asarray(grey, dtype=np.uint8))
 
 

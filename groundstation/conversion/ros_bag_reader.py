@@ -25,6 +25,7 @@ from groundstation.files.toml_table import quoted, shown
 from groundstation.messages import Epoch, Event, Frame, FrameAngles, PixelMeasurement, PtuSample
 from groundstation.picture import BgrPicture, Picture
 from groundstation.rig.rig import ClockModel, Rig
+from groundstation.session.media import IN_COLOUR
 
 IMAGE_KINDS = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 JOINT_KIND, REFERENCE_KIND = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseWithCovarianceStamped"
@@ -320,7 +321,7 @@ class RosBag:
         data = np.asarray(message.data, np.uint8)
         if message.__msgtype__ == IMAGE_KINDS[1]:
             coded = data.tobytes()
-            image = cv2.imdecode(data, cv2.IMREAD_COLOR) if is_decodable(coded) else None
+            image = cv2.imdecode(data, IN_COLOUR) if is_decodable(coded) else None
             if image is None:
                 raise SessionError(where, got=f"no picture ({message.format[:40]})", wanted="a JPEG or a PNG")
             picture: Picture = BgrPicture(np.asarray(image, np.uint8))

@@ -14,6 +14,7 @@ import numpy as np
 from groundstation.errors import InputError, SessionError
 from groundstation.files.image_header import IMAGE_SUFFIXES, MAX_PICTURE_PX, is_decodable
 from groundstation.files.matroska_tables import repeats_tables
+from groundstation.files.picture_depth import WANTED_DEPTH, shallow_levels
 from groundstation.files.text_file import absence, is_other_kind
 from groundstation.files.toml_table import shown
 from groundstation.rig.rig import Rig
@@ -26,6 +27,8 @@ TEXT_SUFFIXES = (
     *(".csv", ".toml", ".txt", ".json", ".npz", ".md", ".srt", ".xml", ".html", ".log"),
     *(".bin", ".ans", ".nfo"),
 )
+# how coded pictures are decoded: rows as they lie there, whatever EXIF says of how the camera was held
+IN_COLOUR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 # a day at 100 Hz, and far from filling the memory with names
 _MAX_FILES = 10_000_000
 
@@ -146,7 +149,10 @@ def image_files(folder: Path) -> dict[int, Path]:
 
 
 def read_image(path: Path) -> object:
-    """Return a picture (h, w, 3) uint8 BGR, or None if it cannot be read or is truncated."""
+    """Return a picture (h, w, 3) uint8 BGR, or None if it cannot be read or is truncated.
+
+    Its rows are those of the file, as calibrations take them, however a viewer is told to turn it.
+    """
     try:
         encoded = path.read_bytes()
     except OSError:
@@ -157,7 +163,7 @@ def read_image(path: Path) -> object:
     if not is_decodable(encoded):
         return None
     try:
-        return cv2.imdecode(np.frombuffer(encoded, dtype=np.uint8), cv2.IMREAD_COLOR)
+        return cv2.imdecode(np.frombuffer(encoded, dtype=np.uint8), IN_COLOUR)
     except cv2.error:
         return None
 
@@ -201,4 +207,7 @@ def _first_picture(folder: Path) -> tuple[str, tuple[int, int]]:
     image = read_image(path)
     if not isinstance(image, np.ndarray):
         raise SessionError(where, got="bytes that cannot be decoded", wanted="a picture")
+    shallow = shallow_levels(path.read_bytes())
+    if shallow is not None:
+        raise SessionError(where, got=shallow, wanted=WANTED_DEPTH)
     return where, (image.shape[1], image.shape[0])
