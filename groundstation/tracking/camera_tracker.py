@@ -285,6 +285,16 @@ class CameraTracker:
         )
 
 
+def level_extent_px(box: Box[float], jacobian_px_per_m: FloatArray) -> float:
+    """Return how far a silhouette with this box reaches along the horizon, where level wings lie, px.
+
+    ``jacobian_px_per_m`` (2, 3) is ∂(u, v)/∂(x, y, z). Of an upright camera that is the box's width, of one on its side
+    its height.
+    """
+    u, v = np.abs(jacobian_px_per_m[:, 2]) / max(float(np.hypot(*jacobian_px_per_m[:, 2])), 1e-12)
+    return float(v * box.w + u * box.h)
+
+
 def hides_nose(heading: FloatArray | None, jacobian_px_per_m: FloatArray) -> bool:
     """Return whether a target flies away from a camera, so that its nose is behind the rest of it.
 

@@ -35,7 +35,7 @@ from groundstation.messages import (
     MissReason,
     PixelMeasurement,
 )
-from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
+from groundstation.tracking.camera_tracker import CameraTracker, SpanModel, level_extent_px
 from groundstation.tracking.config import Config
 from groundstation.tracking.epoch_buffer import EpochBuffer, EpochView
 from groundstation.tracking.labelled_pixel import labelled_candidate, labelled_detection
@@ -346,7 +346,8 @@ class FrameUpdate:
             self._width_fused_s[name] = t_s
             self._ekf.update_width(name, found.box.w, span_m, alone=alone)
         if self._learns_span and (after := self._ekf.predict_pixel(name)) is not None:
-            self._span.learn(found.box.w, float(camera.station.lens.focal_px[0]) / after.depth_m)
+            wings_px = level_extent_px(found.box, after.jacobian[:, self._ekf.layout.position])
+            self._span.learn(wings_px, float(camera.station.lens.focal_px[0]) / after.depth_m)
 
     def _roi_centre(self, record: Frame, prediction: PixelPrediction) -> FloatArray:
         """Project the point of the predictor; by default the filter's own prediction."""

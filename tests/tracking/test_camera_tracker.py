@@ -11,9 +11,16 @@ import pytest
 from groundstation.box import Box
 from groundstation.detection.config import DetectorKind, TargetPoint
 from groundstation.detection.detector import DetectionHint
+from groundstation.geometry.rotation import matrix_from_wxyz, rotation_z, wxyz_from_matrix
 from groundstation.messages import Detection, Frame, Miss, MissReason
 from groundstation.picture import BgrPicture, PartialPicture, PicturePart
-from groundstation.tracking.camera_tracker import CameraTracker, SpanModel, hides_nose, silhouette_mask
+from groundstation.tracking.camera_tracker import (
+    CameraTracker,
+    SpanModel,
+    hides_nose,
+    level_extent_px,
+    silhouette_mask,
+)
 from groundstation.tracking.config import Config
 from tests.stereo_rig import make_station
 
@@ -23,6 +30,18 @@ def test_a_given_span_is_not_unlearnt() -> None:
     span.learn(100.0, 20.0)
     assert span.span_m == 2.3
     assert span.sigma_ratio < 0.3
+
+
+@pytest.mark.parametrize(("roll_deg", "size_px"), [(0, (46, 12)), (180, (46, 12)), (90, (12, 46)), (-90, (12, 46))])
+def test_wings_reach_along_the_horizon_however_a_camera_is_mounted(roll_deg: int, size_px: tuple[int, int]) -> None:
+    """A camera on its side shows 46 px of wings as a height: taken as widths, they are those of a fuselage."""
+    station = make_station("left", -5.0)
+    rolled = matrix_from_wxyz(station.head_from_camera_wxyz) @ rotation_z(math.radians(roll_deg))
+    geometry = replace(station, head_from_camera_wxyz=wxyz_from_matrix(rolled)).geometry()
+    projection = geometry.project(np.array([-5.0, 300.0, 1.6]), 0.0, 0.0)
+    assert projection is not None
+    box = Box(0.0, 0.0, float(size_px[0]), float(size_px[1]))
+    assert level_extent_px(box, projection.jacobian[:, :3]) == pytest.approx(46.0, abs=0.5)
 
 
 def test_an_unknown_span_is_estimated_with_growing_confidence() -> None:
