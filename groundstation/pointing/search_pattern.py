@@ -57,7 +57,7 @@ class SearchPattern:
     def __init__(self, stations: Mapping[str, StationGeometry], config: SearchConfig) -> None:
         self._config = config
         # half of the narrowest camera's field of view, as tangents
-        self._view = np.min([0.5 * np.array(g.image_size_px) / g.lens.focal_px for g in stations.values()], axis=0)
+        self._view = np.min([_half_view(g) for g in stations.values()], axis=0)
         self._lost: tuple[float, Kinematics] | None = None
 
     def seen(self, t_s: float, kinematics: Kinematics) -> None:
@@ -105,6 +105,19 @@ class SearchPattern:
         speed = 2.0 * seen / self._config.dwell_s
         across, up = _serpentine(t_s, reach, speed, rows=math.ceil(reach[1] / seen[1]) + 1)
         return middle + np.array([across, 0.0, up])
+
+
+def _half_view(station: StationGeometry) -> FloatArray:
+    """Return half of a camera's field of view to the side and up, as tangents (2,), however it is mounted.
+
+    It is how far the picture reaches from its middle along the horizon and the vertical: of a camera on its side the
+    picture's height is what it sees to the side.
+    """
+    half = 0.5 * np.array(station.image_size_px) / station.lens.focal_px
+    # how far u and v point to the side (first row) and up (second row)
+    axes = np.abs(station.camera_pose(0.0, 0.0).runway_from_camera[[0, 2], :2])
+    axes /= np.maximum(np.hypot(axes[:, 0], axes[:, 1]), 1e-9)[:, None]
+    return np.asarray((half / np.maximum(axes, 1e-9)).min(axis=1), np.float64)
 
 
 def _serpentine(t_s: float, reach: FloatArray, speed: FloatArray, rows: int) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.aim import aim_at
+from groundstation.geometry.rotation import matrix_from_wxyz, rotation_z, wxyz_from_matrix
 from groundstation.messages import Kinematics, PtuSample, Purpose
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
 from groundstation.pointing.pointing_law import HeadController, PointingConfig
@@ -75,6 +77,32 @@ def flown(latency_s: float, assumed_s: float, seconds: float = 22.0) -> tuple[li
         assert aim is not None
         off.append(float(np.abs(head.angles - [aim.pan_rad, aim.tilt_rad]).max()))
     return off, head
+
+
+@pytest.mark.parametrize(
+    ("roll_deg", "half_px"), [(0, (640, 480)), (90, (480, 640)), (180, (640, 480)), (-90, (480, 640))]
+)
+def test_a_search_takes_the_view_of_a_camera_on_its_side_as_it_is(roll_deg: int, half_px: tuple[int, int]) -> None:
+    """Expected: the sweep reaches as far to the side as leaves 90 % of half a view to the sector's border."""
+    rig = make_rig()
+    for_all = [
+        replace(
+            s,
+            head_from_camera_wxyz=wxyz_from_matrix(
+                matrix_from_wxyz(s.head_from_camera_wxyz) @ rotation_z(math.radians(roll_deg))
+            ),
+        )
+        for s in rig.stations
+    ]
+    config = SearchConfig(azimuth_deg=(-20.0, 20.0), elevation_deg=(0.0, 20.0))
+    pattern = SearchPattern({s.name: s.geometry() for s in for_all}, config)
+    points = np.array([pattern.point(t) for t in np.arange(0.0, 600.0, 0.02)])
+    lens = rig.stations[0].lens
+    assert lens.image_size_px == (1280, 960)
+    across, up = (np.ptp(points[:, k]) / 2.0 / 500.0 for k in (0, 2))
+    wide, high = math.tan(20 * DEG), 0.5 * math.tan(20 * DEG)
+    assert across == pytest.approx(wide - 0.9 * half_px[0] / lens.focal_px[0], abs=1e-3)
+    assert up == pytest.approx(high - 0.9 * half_px[1] / lens.focal_px[1], abs=1e-3)
 
 
 def test_a_landing_stays_in_the_middle_of_the_view() -> None:
