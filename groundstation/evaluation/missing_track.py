@@ -25,6 +25,11 @@ def why_no_track(counts: Mapping[str, Any]) -> str | None:
     if len(stations) < 2:
         names = " and ".join(stations)
         return f"no track: {f'only {names}' if names else 'no station'} delivered pictures or pixels, in {total} pairs"
+    if sum(sum(station["status"].values()) for station in stations.values()) <= total:
+        return (
+            f"no track: each of {total} pairs has a picture or a pixel of one camera alone: "
+            "frames that belong together go into one row of frames.csv"
+        )
     for name, station in stations.items():
         looks, blind = sum(station["status"].values()), station["miss_reason"][MissReason.NO_PTU_ANGLE.value]
         if blind > _MOST_BLIND * looks:

@@ -25,6 +25,10 @@ def counts(*, stations: dict[str, tuple[int, int]] | None = None, **track: int) 
         (counts(), "no pair of pictures was processed"),
         (counts(searching=40), "in none of 40 pairs did two cameras show a moving target"),
         (counts(searching=30, acquiring=10), "of 40 pairs, 10 had a candidate in two cameras"),
+        (
+            counts(searching=40, stations={"left": (14, 0), "right": (13, 0), "third": (13, 0)}),
+            "each of 40 pairs has a picture or a pixel of one camera alone",
+        ),
         (counts(coasting=3, lost=37), "in 40 pairs a target was found and lost again"),
         (counts(searching=40, stations={"left": (40, 0)}), "only left delivered pictures or pixels"),
         (counts(searching=40, stations={}), "no station delivered"),
