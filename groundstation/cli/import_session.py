@@ -40,7 +40,11 @@ def add_import(commands: Commands) -> None:
     # a place in the south, an antenna behind the nose: "-35.36,149.17,584"
     take_negative_numbers(add)
     add.add_argument(
-        "videos", type=READ, nargs="+", metavar="VIDEO", help="left and right (or in the order of the rig's stations)"
+        "videos",
+        type=READ,
+        nargs="+",
+        metavar="VIDEO",
+        help="left and right, or in the order of the rig's stations; in any order if named after them",
     )
     add.add_argument("--rig", type=READ, required=True, metavar="FILE", help="the stations' calibration, rig.toml")
     add.add_argument("--out", type=NEW_FOLDER, required=True, metavar="SESSION", help="the folder to make")
@@ -125,7 +129,14 @@ def run_import(options: argparse.Namespace) -> int:
 
 
 def _by_station(videos: list[Path], names: tuple[str, ...]) -> dict[str, Path]:
-    """Return the videos by station: left and right by these names, whatever their order in the rig, else in order."""
+    """Return the videos by station.
+
+    Where all files are named after the stations, that decides: a shell's `*.mp4` is in order of the alphabet. Else they
+    are in order, left before right whatever their order in the rig.
+    """
+    named = {video.stem: video for video in videos}
+    if len(named) == len(videos) and set(named) == set(names):
+        return {name: named[name] for name in names}
     order = ("left", "right") if set(names) == {"left", "right"} else names
     if len(videos) != len(order):
         got = f"{len(videos)} video{'' if len(videos) == 1 else 's'}"

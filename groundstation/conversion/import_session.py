@@ -158,8 +158,8 @@ def _frames(
         stamps[name] = video.t_s + clock.starts_s[name]
         parts.summary.append(f"{name}: {video.summary()}")
         parts.remarks.extend(video.remarks)
-    first, last = max(float(t[0]) for t in stamps.values()), min(float(t[-1]) for t in stamps.values())
-    if first >= last:
+    # of three cameras one may end before another one starts
+    if any(not any(_overlap(t, u) for m, u in stamps.items() if m != n) for n, t in stamps.items()):
         got = ", ".join(f"{n} from {t[0]:.2f} to {t[-1]:.2f} s" for n, t in stamps.items())
         raise InputError("the videos", got=got, wanted="videos that ran at the same time; look at their starts")
     parts.texts["frames.csv"] = frames_csv(stamps)
@@ -180,6 +180,11 @@ def _check_size(video: VideoStamps, rig: Rig, name: str) -> None:
         raise InputError(
             video.path.name, got=got, wanted=f"{wanted[0]}×{wanted[1]} px, as station {name} has in the rig"
         )
+
+
+def _overlap(one_s: FloatArray, other_s: FloatArray) -> bool:
+    """Return whether two cameras, by their stamps (n,), ran at the same time."""
+    return float(max(one_s[0], other_s[0])) < float(min(one_s[-1], other_s[-1]))
 
 
 def _given_frames(request: ImportRequest, rig: Rig, parts: _Parts) -> tuple[float, float]:

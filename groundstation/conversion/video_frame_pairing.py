@@ -40,6 +40,5 @@ def frames_rows(stamps_s: Mapping[str, FloatArray]) -> Iterator[dict[str, float]
 
 
 def paired(stamps_s: Mapping[str, FloatArray]) -> int:
-    """Return how many rows of `frames_csv` hold a frame of every station."""
-    rows = csv.DictReader(io.StringIO(frames_csv(stamps_s)))
-    return sum(all(row[f"{n}_t_s"] for n in stamps_s) for row in rows)
+    """Return how many rows of `frames_csv` hold frames of two stations or more."""
+    return sum(len(taken) > 1 for taken in frames_rows(stamps_s))

@@ -57,6 +57,38 @@ def run(parts: Path, *more: str, without: tuple[str, ...] = ()) -> int:
     return main(["import", str(parts / "L.avi"), str(parts / "R.avi"), *given, *more])
 
 
+def three(folder: Path, frames: dict[str, int]) -> Path:
+    """Three fixed stations, and a video of each with so many frames at 10 Hz."""
+    (folder / "rig.toml").write_text(rig_text(tuple(frames), fixed=tuple(frames)))
+    for name, count in frames.items():
+        write_video(folder / f"{name}.avi", range(count))
+    return folder
+
+
+def import_three(folder: Path, order: tuple[str, ...], starts: dict[str, float]) -> int:
+    files = [str(folder / f"{name}.avi") for name in order]
+    given = [w for name, t in starts.items() for w in ("--start", f"{name}=2026-05-17T09:30:{t:04.1f}Z")]
+    return main(["import", *files, "--rig", str(folder / "rig.toml"), "--out", str(folder / "session"), *given])
+
+
+def test_videos_named_after_stations_are_theirs_in_any_order(tmp_path: Path) -> None:
+    """Expected: not those of the rig's order, as a shell's *.avi is in order of the alphabet."""
+    folder = three(tmp_path, {"west": 12, "east": 15, "mid": 18})
+    assert import_three(folder, ("east", "mid", "west"), {"west": 0.0, "east": 0.0, "mid": 0.0}) == 0
+    for name, count in (("west", 12), ("east", 15), ("mid", 18)):
+        assert len(read_video_stamps(folder / "session" / f"{name}.avi").t_s) == count
+
+
+def test_one_of_three_cameras_may_end_before_another_starts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: pairs with the third one, all through; a camera that ran with none of them is refused."""
+    folder = three(tmp_path, {"west": 10, "east": 10, "mid": 30})
+    assert import_three(folder, ("west", "east", "mid"), {"west": 0.0, "east": 1.5, "mid": 0.0}) == 0
+    assert "20 pairs of frames, of 30" in capsys.readouterr().out
+    shutil.rmtree(folder / "session")
+    assert import_three(folder, ("west", "east", "mid"), {"west": 0.0, "east": 5.0, "mid": 0.0}) == 1
+    assert "videos that ran at the same time" in capsys.readouterr().err
+
+
 def test_an_import_replays_with_each_cameras_own_frames(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(parts, "--span", "2.3", "--antenna", "-0.4,0,-0.1") == 0
     printed = capsys.readouterr()
