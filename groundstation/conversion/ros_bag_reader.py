@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from mcap.reader import make_reader
 
-from groundstation.conversion.ros_messages import pan_tilt, plain_image
+from groundstation.conversion.ros_messages import BagEpochs, pan_tilt, plain_image
 from groundstation.conversion.ros_types import OFFSET_KEY, UNKNOWN_VARIANCE, RosTypes, frame_topic, pixel_topic
 from groundstation.conversion.video_frame_pairing import frames_rows
 from groundstation.errors import SessionError
@@ -177,7 +177,8 @@ class RosBag:
                 raise SessionError("--topic", got=quoted(key), wanted="one of " + ", ".join(allowed))
         pixels = {n: pixel_topic(n) for n in rig.names if self.kinds.get(pixel_topic(n)) == POINT_KIND}
         angles = {frame_topic(n): n for n in turning if self.is_ours and self.kinds.get(frame_topic(n)) == POINT_KIND}
-        images = {} if pixels else {n: self._topic(f"{n}.image", n, IMAGE_KINDS, given) for n in rig.names}
+        filmed = [n for n in rig.names if not self.is_ours or f"{n}.image" in given or self._has_images(n)]
+        images = {} if pixels else {n: self._topic(f"{n}.image", n, IMAGE_KINDS, given) for n in filmed or rig.names}
         for n, topic in images.items():
             others = [other for other, t in images.items() if t == topic and other != n]
             if others:
@@ -189,6 +190,10 @@ class RosBag:
         if reference is not None and self.kinds.get(reference) != REFERENCE_KIND:
             raise self._no_topic("reference", f"{quoted(reference)}", (REFERENCE_KIND,))
         return RosTopics(images=images, joints=joints, pixels=pixels, angles=angles, reference=reference)
+
+    def _has_images(self, station: str) -> bool:
+        """Return whether the bag has pictures of a station by its name: of a part that it missed we wrote none."""
+        return any(kind in IMAGE_KINDS and station in t.strip("/").split("/") for t, kind in self.kinds.items())
 
     def events(self, topics: RosTopics, rig: Rig) -> Iterator[Event]:
         """Yield readings, frames and epochs in the bag's order. Raises `SessionError` for a damaged message."""
@@ -292,7 +297,7 @@ class RosBag:
         stamp = message.header.stamp
         return (int(stamp.sec) - self.offset_s()) + int(stamp.nanosec) * 1e-9
 
-    def _epochs(self, topics: Mapping[str, str]) -> "_Epochs":
+    def _epochs(self, topics: Mapping[str, str]) -> BagEpochs:
         """Return which frames belong together: nearest in time, each used once."""
         stamps: dict[str, list[float]] = {station: [] for station in topics}
         try:
@@ -313,7 +318,7 @@ class RosBag:
             together[number] = list(taken)
             for station in taken:
                 numbers[station].append(number)
-        return _Epochs(numbers=numbers, stations=together)
+        return BagEpochs(numbers=numbers, stations=together)
 
     def _picture(self, message: Any, topic: str, size_px: tuple[int, int]) -> Picture:
         """Return the picture of a message; raises `SessionError` for one that is damaged, or not of the rig's size."""
@@ -349,11 +354,3 @@ class RosBag:
         listed = [f"{topic} ({kind})" for topic, kind in sorted(self.kinds.items())[:_LISTED]]
         wanted = f"--topic {key}=TOPIC of {' or '.join(kinds)}; the bag has {', '.join(listed) or 'no topics'}"
         return SessionError(f"{self.folder.name}: topic of {key}", got=got, wanted=wanted)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Epochs:
-    """Number of the pair of each frame, by station, and the stations of each pair."""
-
-    numbers: Mapping[str, list[int]]
-    stations: Mapping[int, list[str]]

@@ -1,6 +1,8 @@
-"""Values of decoded ROS 2 messages: a head's angles, an uncompressed image."""
+"""Values of decoded ROS 2 messages: a head's angles, an uncompressed image; and which images belong together."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,14 @@ _BAYER = {
     "bayer_gbrg8": BayerPattern.GB,
     "bayer_bggr8": BayerPattern.BG,
 }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BagEpochs:
+    """Number of the pair of each frame, by station, and the stations of each pair."""
+
+    numbers: Mapping[str, list[int]]
+    stations: Mapping[int, list[str]]
 
 
 def pan_tilt(message: Any, station: str, *, alone: bool) -> tuple[float, float] | None:

@@ -10,6 +10,8 @@ from groundstation.arrays import FloatArray
 
 # of the shorter frame interval: farther apart, a frame is nearer to the other camera's next one
 _SHARE = 0.5
+# where no camera gave two frames: their interval, as of cameras of 10 Hz
+_UNKNOWN_S = 0.1
 
 
 def frames_csv(stamps_s: Mapping[str, FloatArray]) -> str:
@@ -29,7 +31,9 @@ def frames_csv(stamps_s: Mapping[str, FloatArray]) -> str:
 
 def frames_rows(stamps_s: Mapping[str, FloatArray]) -> Iterator[dict[str, float]]:
     """Yield the frames that belong together, by station their stamps, in order of time; each frame comes once."""
-    tolerance = _SHARE * min(float(np.median(np.diff(t))) for t in stamps_s.values())
+    # a camera that gave one frame has no interval
+    intervals = (float(np.median(np.diff(t))) for t in stamps_s.values() if len(t) > 1)
+    tolerance = _SHARE * min(intervals, default=_UNKNOWN_S)
     place = dict.fromkeys(stamps_s, 0)
     while waiting := {n: float(t[place[n]]) for n, t in stamps_s.items() if place[n] < len(t)}:
         first = min(waiting.values())

@@ -16,6 +16,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from groundstation.cli.main import main
+from groundstation.conversion.video_frame_pairing import frames_rows
 from groundstation.messages import DgpsFix, Event, Frame, PtuSample
 from groundstation.session import load_dgps, load_session
 from tests.conversion.test_convert import CLOCKS, streamed
@@ -399,6 +400,26 @@ def test_a_reference_without_sigma_has_none_afterwards(tmp_path: Path) -> None:
     assert main(["convert", str(session), str(tmp_path / "bag"), "--ros2"]) == 0
     assert main(["convert", str(tmp_path / "bag"), str(tmp_path / "back")]) == 0
     assert [fix.sigma_m for fix in load_dgps(load_session(tmp_path / "back"))] == [None, None]
+
+
+def test_a_camera_of_one_frame_has_no_interval() -> None:
+    """Expected: its frame is in the row of its time; it decided how close others had to be, and none ever was."""
+    stamps = {"left": np.array([1.2]), "right": 1.0 + 0.1 * np.arange(4)}
+    rows = list(itertools.islice(frames_rows(stamps), 9))
+    assert [sorted(row) for row in rows] == [["right"], ["right"], ["left", "right"], ["right"]]
+    assert list(frames_rows({"left": np.array([1.0]), "right": np.array([1.02])})) == [{"left": 1.0, "right": 1.02}]
+
+
+@pytest.mark.parametrize("seen", [0, 1])
+def test_a_camera_that_missed_a_part_is_in_the_folder_of_its_bag(tmp_path: Path, seen: int) -> None:
+    """Expected: of no frame of one camera, or of a single one, the folder is that which was written."""
+    names, stamps = ("left", "right", "third"), [1.0 if seen else None, None, None, None]
+    session = Tiny(names=names, fixed=names, rows=4, video="png", stamps={"left": stamps}).write(tmp_path / "session")
+    assert main(["convert", str(session), str(tmp_path / "bag"), "--ros2"]) == 0
+    assert main(["convert", str(tmp_path / "bag"), str(tmp_path / "back")]) == 0
+    given, back = in_order(streamed(session)), in_order(streamed(tmp_path / "back"))
+    assert sum(isinstance(event, Frame) for event in given) == 8 + seen
+    assert all(nearly_same(one, two) for one, two in zip(given, back, strict=True))
 
 
 def test_the_clock_of_the_reference_is_applied_once(tmp_path: Path) -> None:
