@@ -99,7 +99,7 @@ def solve_timing(name: str, readings: FloatArray, motion: ImageMotion, reading_s
             break
         best = tried
     if best is None:
-        raise TimingFitError(f"station {name}: got readings for too short a time; wanted {LEAST_S:g} s or more")
+        raise TimingFitError(f"station {name}: {_no_spacing(readings, motion)}")
     return _answer(name, best[1], best[2], best[3])
 
 
@@ -161,6 +161,18 @@ def _possible(readings: FloatArray, motion: ImageMotion, spacing_s: float) -> bo
     frames = float(np.median(motion.to_s - motion.from_s))
     step = max(step, 0.45 * frames)
     return 2.0 * step <= spacing_s and 4.0 * spacing_s <= span and span / spacing_s <= _MOST_KNOTS
+
+
+def _no_spacing(readings: FloatArray, motion: ImageMotion) -> str:
+    """Return what of readings and pictures leaves no spacing of knots that is possible."""
+    step = float(np.median(np.diff(readings[:, 0])))
+    frames = float(np.median(motion.to_s - motion.from_s))
+    widest = 0.5 * max(_SPACINGS_S)
+    if 0.45 * frames > widest:
+        return f"got pictures {frames:.2f} s apart; wanted {widest / 0.45:.2f} s or less, better 10 and more a second"
+    if step > widest:
+        return f"got readings {step:.2f} s apart; wanted {widest:.2f} s or less, better 20 and more a second"
+    return f"got readings for too short a time; wanted {LEAST_S:g} s or more"
 
 
 def _knots(readings: FloatArray, spacing_s: float) -> FloatArray:

@@ -148,6 +148,7 @@ def test_the_splines_derivatives_have_numeric_twins(rng) -> None:
     [
         (Swing(pan_deg=0.0, tilt_deg=0.0), Recorder(seconds=6.0), "moves"),
         (Swing(), Recorder(seconds=1.0), "pairs of frames"),
+        (Swing(pan_hz=0.1), Recorder(seconds=20.0, frame_hz=2.0), "got pictures 0.50 s apart; wanted 0.44 s or less"),
     ],
 )
 def test_insufficient_data_are_refused(rng, swing: Swing, how: Recorder, reported: str) -> None:
