@@ -19,9 +19,9 @@ from groundstation.sources.row_times import RowTimes
 _SIGMAS = ("sigma_u_px", "sigma_v_px")
 # of a pixel: session time, u, v and the sigmas
 _COLUMNS = 5
-# a station without a pixel for longer than this, and than so many of its usual intervals, does not give the epochs: a
-# detector that misses a frame or two does; 0.25 s without an epoch is what a track coasts after
-_HOLE_S, _HOLE_STEPS = 0.25, 3.0
+# cameras that are started or lost by hand one after the other, or a detector that misses some frames, are not worth a
+# note; the time is `camera_gaps`'
+_HOLE_S, _LISTED_HOLES = 2.0, 3
 
 
 def read_detections(session: Session) -> tuple[dict[str, FloatArray], SessionError | None]:
@@ -66,40 +66,37 @@ def _sigma(table: CsvTable, row: Row) -> tuple[float, float]:
     return u, v
 
 
-def epoch_stamps(labels: Mapping[str, FloatArray], leader: str) -> dict[str, FloatArray]:
-    """Return the stamps (n,) at which there is an epoch, by the station whose pixels they are, s of session time.
+def rowless_notes(labels: Mapping[str, FloatArray], leader: str) -> list[str]:
+    """Return notes on stretches in which others have pixels and station ``leader``, at whose stamps rows are, has none.
 
-    They are those of station ``leader``; where it has no pixel for long, as it may start later or be lost before the
-    others, those of the first other station that has some.
+    The rows of the result are those of one station (docs/formats.md), so that what others see there is in none.
     """
-    own = labels[leader][:, 0]
-    step_s = float(np.median(np.diff(own))) if len(own) > 1 else 0.0
-    longest_s = max(_HOLE_S, _HOLE_STEPS * step_s)
-    seen_s = np.concatenate([rows[:, 0] for rows in labels.values()])
-    chosen, taken = {leader: own}, own
-    for name, rows in labels.items():
-        if name == leader:
-            continue
-        t, after = rows[:, 0], np.searchsorted(taken, rows[:, 0])
-        # before the first epoch and after the last one there may be a hole as well
-        edges = np.concatenate([[seen_s.min()], taken, [seen_s.max()]])
-        nearest_s = np.minimum(
-            t - np.concatenate([[-np.inf], taken])[after], np.concatenate([taken, [np.inf]])[after] - t
-        )
-        in_hole = edges[after + 1] - edges[after] > longest_s
-        chosen[name] = t[in_hole & (nearest_s > 0.5 * step_s)]
-        taken = np.sort(np.concatenate([taken, chosen[name]]))
-    return chosen
+    own_s = labels[leader][:, 0]
+    others_s = np.sort(np.concatenate([rows[:, 0] for name, rows in labels.items() if name != leader] or [own_s]))
+    edges_s = np.concatenate([[min(own_s[0], others_s[0])], own_s, [max(own_s[-1], others_s[-1])]])
+    notes = []
+    for k in np.flatnonzero(np.diff(edges_s) > _HOLE_S):
+        from_s, to_s = edges_s[k], edges_s[k + 1]
+        count = np.searchsorted(others_s, to_s) - np.searchsorted(others_s, from_s, "right")
+        if count:
+            notes.append(f"{from_s:.1f} to {to_s:.1f} s ({count} pixels of others)")
+    if not notes:
+        return []
+    more = f" and {len(notes) - _LISTED_HOLES} more" if len(notes) > _LISTED_HOLES else ""
+    listed = ", ".join(notes[:_LISTED_HOLES]) + more
+    return [
+        f"{leader}: without a pixel {listed}: the track has rows at its stamps alone; "
+        "to have them there, list a station that has pixels first in rig.toml"
+    ]
 
 
 def detection_events(labels: Mapping[str, FloatArray], leader: str) -> Iterator[tuple[float, Event]]:
-    """Yield the pixels in order of time, each with that time, and the epochs of `epoch_stamps`.
+    """Yield the pixels in order of time, each with that time, and an epoch at each stamp of station ``leader``.
 
     ``labels`` has columns as `read_detections` returns them, those of sigma may be missing.
     An epoch follows all pixels with its own time, of every station.
     """
-    chosen = epoch_stamps(labels, leader)
-    epochs, own = np.sort(np.concatenate(list(chosen.values()))), {n: set(t.tolist()) for n, t in chosen.items()}
+    epochs = labels[leader][:, 0]
     streams = [_station_labels(name, rows, epochs) for name, rows in labels.items()]
     due: Epoch | None = None
     for t, event in heapq.merge(*streams, key=lambda item: item[0]):
@@ -107,7 +104,7 @@ def detection_events(labels: Mapping[str, FloatArray], leader: str) -> Iterator[
             yield due.t_s, due
             due = None
         yield t, event
-        if t in own[event.station]:
+        if event.station == leader:
             due = Epoch(t_s=t, epoch=event.epoch, stations=tuple(labels))
     if due is not None:
         yield due.t_s, due

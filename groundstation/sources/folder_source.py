@@ -18,7 +18,7 @@ from groundstation.session import Session
 from groundstation.session.time_units import unit_hint
 from groundstation.sources.asked_span import asked_span
 from groundstation.sources.camera_gaps import camera_notes
-from groundstation.sources.external_detections import detection_events, epoch_stamps, read_detections
+from groundstation.sources.external_detections import detection_events, read_detections, rowless_notes
 from groundstation.sources.frame_angles_table import FrameAnglesTable
 from groundstation.sources.frame_table import FrameTable, read_frames
 from groundstation.sources.picture_reader import PictureReader
@@ -89,6 +89,7 @@ class FolderSource:
         from_s, to_s = self._observed_span_s
         cameras = [] if self._table is None else camera_notes(self._table.stamps_s, self._newest_s)
         cameras += [f"{name}: no pixel in this part of detections.csv" for name in self._unseen]
+        cameras += rowless_notes(self._labels, self._leader) if self._labels else []
         return cameras + self._readings.notes((from_s, min(to_s, self._newest_s)), most_apart_s) + self._angle_notes
 
     def unit_fault(self) -> str:
@@ -206,7 +207,7 @@ class FolderSource:
     # ---------------------------------------------------------------------------------------- labels
     @property
     def _leader(self) -> str:
-        """The first station listed that has pixels; its stamps are the epochs where it has some."""
+        """The first station listed that has pixels; its stamps are the epochs."""
         return next(n for n in self._session.rig.names if n in self._labels)
 
     def _enter_labels(self) -> None:
@@ -216,7 +217,7 @@ class FolderSource:
         within = {n: a[(a[:, 0] >= self._from) & (a[:, 0] <= self._to)] for n, a in labels.items()}
         self._labels = {n: a for n, a in within.items() if len(a)}
         self._unseen = [n for n in within if n not in self._labels]
-        times = np.sort(np.concatenate(list(epoch_stamps(self._labels, self._leader).values())))
+        times = self._labels[self._leader][:, 0]
         self.epoch_count = len(times)
         self.span_s = (float(times[0]), float(times[-1]))
         self._observed_span_s = (

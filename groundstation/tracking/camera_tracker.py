@@ -288,11 +288,11 @@ class CameraTracker:
 def level_extent_px(box: Box[float], jacobian_px_per_m: FloatArray) -> float:
     """Return how far a silhouette with this box reaches along the horizon, where level wings lie, px.
 
-    ``jacobian_px_per_m`` (2, 3) is ∂(u, v)/∂(x, y, z). Of an upright camera that is the box's width, of one on its side
-    its height.
+    ``jacobian_px_per_m`` (2, 3) is ∂(u, v)/∂(x, y, z): which side of the box the wings lie along follows from the
+    picture of the vertical.
     """
-    u, v = np.abs(jacobian_px_per_m[:, 2]) / max(float(np.hypot(*jacobian_px_per_m[:, 2])), 1e-12)
-    return float(v * box.w + u * box.h)
+    u, v = np.abs(jacobian_px_per_m[:, 2])
+    return box.w if v >= u else box.h
 
 
 def hides_nose(heading: FloatArray | None, jacobian_px_per_m: FloatArray) -> bool:

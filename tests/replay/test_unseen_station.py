@@ -1,7 +1,6 @@
-"""Two of three cameras see a whole flight: what is known of the third is said, and the track is complete."""
+"""Two of three cameras see a whole flight: what is known of the third is said."""
 
 import csv
-import itertools
 from pathlib import Path
 
 import pytest
@@ -30,14 +29,14 @@ def run(session: Path, out: Path, **how: object) -> ReplayResult:
     return replay(ReplayRequest(session=session, out=out, rerun=False, report=False, to_s=6.0, **how))
 
 
-def test_the_track_goes_on_where_the_first_station_is_lost(tmp_path: Path) -> None:
-    """Expected: two cameras track to the end, and each of their pairs is a row."""
-    run(folder_of(tmp_path, 3.0), tmp_path / "out")
+def test_rows_are_those_of_the_first_station_and_a_note_names_what_is_in_none(tmp_path: Path) -> None:
+    """Expected: rows until the first station is lost, as the format has them, and a note on what the others saw."""
+    result = run(folder_of(tmp_path, 3.0), tmp_path / "out")
     with (tmp_path / "out" / "track.csv").open() as file:
         rows = [(float(row["t_s"]), row["status"]) for row in csv.DictReader(file)]
-    assert rows[-1][0] > 5.8
-    assert {status for t_s, status in rows if t_s > 2.0} == {"tracking"}
-    assert max(after[0] - before[0] for before, after in itertools.pairwise(rows)) < 0.2
+    assert 2.8 < rows[-1][0] < 3.1
+    notes = [n for n in result.evaluation.summary["faults"] if n.startswith("left: without a pixel 3.0 to 6.0 s")]
+    assert len(notes) == 1
 
 
 def test_a_station_of_which_nothing_came_is_named(tmp_path: Path) -> None:

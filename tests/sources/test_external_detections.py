@@ -5,6 +5,7 @@ import pytest
 
 from groundstation.messages import PixelMeasurement
 from groundstation.session import load_session
+from groundstation.sources.external_detections import rowless_notes
 from groundstation.sources.folder_source import FolderSource
 from tests.session.folder import SESSION, Tiny, edit_line, rig_text
 from tests.sources.events import Played, play
@@ -57,37 +58,32 @@ def test_an_epoch_at_each_stamp_of_the_first_station(tmp_path: Path) -> None:
         assert pixel.epoch == (later[0] if later else played.epochs[-1].epoch)
 
 
+def pixels(*spans_s: tuple[float, float]) -> np.ndarray:
+    t = np.concatenate([np.arange(first, last, 0.1) for first, last in spans_s])
+    return np.column_stack([t, np.zeros((len(t), 4))])
+
+
 @pytest.mark.parametrize(
-    ("silent", "leader"),
-    [((100.7, 103.0), "east"), ((0.0, 101.2), "east"), ((100.5, 101.5), "east"), ((100.5, 100.7), "north")],
+    ("first", "words"),
+    [
+        (pixels((0.0, 8.05)), "8.0 to 20.0 s (238 pixels of others)"),
+        (pixels((8.05, 20.0)), "0.0 to 8.1 s (160 pixels of others)"),
+        (pixels((0.0, 5.0), (10.0, 20.0)), "4.9 to 10.0 s (100 pixels of others)"),
+    ],
 )
-def test_where_the_first_station_has_no_pixels_another_one_gives_the_epochs(
-    tmp_path: Path, silent: tuple[float, float], leader: str
-) -> None:
-    """Two cameras go on where the first one is lost, or comes late; a detector that misses some frames still leads."""
-    folder, off_s = labelled(tmp_path), OFFSETS["north"]
-    table = folder / "detections.csv"
-    head, *lines = table.read_text().splitlines()
-    lost = [k for k in lines if ",north," in k and silent[0] < float(k.split(",")[0]) + off_s < silent[1]]
-    table.write_text("\n".join([head, *(k for k in lines if k not in lost)]) + "\n")
-    played = play(folder)
-    check(played)
-    within = [e.t_s for e in played.epochs if silent[0] + 0.03 < e.t_s < silent[1] - 0.03]
-    wanted = [p.t_s for p in played.pixels if p.station == leader and silent[0] + 0.03 < p.t_s < silent[1] - 0.03]
-    assert within == pytest.approx(wanted)
-    led = [p.t_s for p in played.pixels if p.station == "north"]
-    assert set(led) <= {e.t_s for e in played.epochs}
-    assert max(np.diff([e.t_s for e in played.epochs])) < 0.25
-    assert [e.epoch for e in played.epochs] == list(range(len(played.epochs)))
+def test_where_the_first_station_has_no_pixels_a_note_says_that_rows_are_missing(first: np.ndarray, words: str) -> None:
+    """Rows are at the first station's stamps: two cameras that go on without it had none, and nothing said so."""
+    (note,) = rowless_notes({"north": first, "east": pixels((0.0, 20.05)), "south": pixels((0.0, 20.05))}, "north")
+    assert note.startswith(f"north: without a pixel {words}: ")
+    assert "list a station that has pixels first in rig.toml" in note
 
 
-def test_a_station_without_a_pixel_is_named(tmp_path: Path) -> None:
-    folder = labelled(tmp_path)
-    table = folder / "detections.csv"
-    table.write_text("\n".join(k for k in table.read_text().splitlines() if ",east," not in k) + "\n")
-    with FolderSource(load_session(folder)) as source:
-        assert len(list(source)) > 0
-        assert source.notes(0.25) == ["east: no pixel in this part of detections.csv"]
+def test_some_frames_without_a_pixel_are_no_note() -> None:
+    missed = pixels((0.0, 5.0), (6.9, 20.0))
+    assert not rowless_notes({"north": missed, "east": pixels((0.0, 20.0))}, "north")
+    assert not rowless_notes({"north": missed}, "north")
+    # none of the others has any there, either
+    assert not rowless_notes({"north": missed, "east": pixels((0.0, 5.0), (9.0, 20.0))}, "north")
 
 
 def test_an_epoch_follows_every_pixel_of_its_instant(tmp_path: Path) -> None:
@@ -176,15 +172,7 @@ def test_every_row_of_a_real_recording(shared_data: Path) -> None:
     times = np.array([e.t_s for e in played.events])
     assert np.all(np.diff(times) >= 0)
     leader = [p for p in played.pixels if p.station == "gopro3"]
-    led = np.array([p.t_s for p in leader])
-    epochs = np.array([e.t_s for e in played.epochs])
-    assert np.isin(led, epochs).all()
-    # it starts 8 s after the others, and is without a pixel for seconds: epochs of others are there alone
-    others = epochs[~np.isin(epochs, led)]
-    assert len(others) == 1917
-    after = np.searchsorted(led, others)
-    before_s, after_s = np.concatenate([[-np.inf], led])[after], np.concatenate([led, [np.inf]])[after]
-    assert (after_s - before_s).min() > 0.25
+    assert len(played.epochs) == len(leader)
     assert leader[0].t_s == pytest.approx(0.016683 + 61.95)
 
 
