@@ -69,7 +69,7 @@ def scored(clip: NoseClip, poses: Poses, config: TrackerConfig) -> tuple[ClipSco
     tracker = EdgeTracker(clip.kappa, clip.camera.lens.image_size_px, config)
     count = len(clip.pictures)
     errors, sigmas, nees = np.full((count, 4), np.nan), np.full((count, 4), np.nan), np.full(count, np.nan)
-    reports = [tracker.step(image, poses(k), t_s=float(clip.t_s[k])) for k, image in enumerate(clip.pictures)]
+    reports = [tracker.step(image, poses(k)) for k, image in enumerate(clip.pictures)]
     for k, report in enumerate(reports):
         if report.edges is None:
             continue

@@ -51,8 +51,7 @@ def scored_world(job: dict[str, Any]) -> dict[str, Any]:
     for number, sample in enumerate(flight.frames):
         truth = flight.pose(sample)
         image = flat.flat(renderer.picture(truth, sample))
-        t_s = float(flight.motion.t_s[sample])
-        report, e = tracker.step(image, *poses(number, image), t_s=t_s), line_map(truth, flat.kappa)
+        report, e = tracker.step(image, *poses(number, image)), line_map(truth, flat.kappa)
         size = flight.setup.lens.image_size_px
         band = band_rows(
             truth,

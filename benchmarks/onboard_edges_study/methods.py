@@ -53,7 +53,7 @@ def tracked(config: TrackerConfig, reports: list[EdgeReport] | None = None) -> S
     tracker = EdgeTracker(KAPPA, SIZE, config)
 
     def step(frame: NoseFrame) -> tuple[Array, Array] | None:
-        report = tracker.step(frame.image, frame.reported, t_s=frame.t_s)
+        report = tracker.step(frame.image, frame.reported)
         edges = report.edges
         if reports is not None:
             reports.append(report)

@@ -125,7 +125,7 @@ def _tracker(config: TrackerConfig) -> Step:
     tracker = EdgeTracker(KAPPA, NOSE_LENS.image_size_px, config)
 
     def step(frame: NoseFrame) -> Found:
-        found = tracker.step(frame.image, frame.reported, t_s=frame.t_s).edges
+        found = tracker.step(frame.image, frame.reported).edges
         return None if found is None else (found.crossings_px, found.rows_px)
 
     return step

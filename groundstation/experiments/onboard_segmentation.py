@@ -95,7 +95,7 @@ def segmentation(recorded: TruthSession) -> Findings:
 def _look(sequence: Sequence, count: int) -> _LightResult:
     frames = rendered(sequence, count)
     tracker = EdgeTracker(KAPPA, NOSE_LENS.image_size_px, paper_config(GUESS))
-    steps = [tracker.step(frame.image, frame.reported, t_s=frame.t_s).edges for frame in frames]
+    steps = [tracker.step(frame.image, frame.reported).edges for frame in frames]
     carried = {name: _carried(sequence, frames, name) for name in _ENERGIES}
     return _LightResult(sequence=sequence, frames=frames, carried=carried, steps=steps)
 

@@ -121,7 +121,7 @@ def _run(
             for frame in video.frames():
                 image = flat.flat(frame.image)
                 found = poses.of(frame.t_s, image)
-                report = None if found is None else tracker.step(image, found.pose, found.drift, t_s=frame.t_s)
+                report = None if found is None else tracker.step(image, found.pose, found.drift)
                 edges = None if report is None else report.edges
                 corners = None if edges is None else flat.original(corner_pixels(edges))
                 table.write(frame.index, frame.t_s, report, corners)

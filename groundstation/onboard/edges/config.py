@@ -39,9 +39,8 @@ class TrackerConfig:
     lasting_attitude_rad, lasting_height_m : constant ones: roll and pitch, and height; estimated (crossings only).
     lasting_yaw_rad, lasting_across_m : of yaw and of the place across the runway, for the status; None: as large as
         those of roll and pitch, and of height.
-    lasting_turn_rad, lasting_rise_m : process noise of these, see ``process_s``.
-    turn_sigma_rad, shift_sigma_m : process noise of the lines' direction and of c and d, see ``process_s``.
-    process_s : time in which this noise is new, as a random walk; None: it is new in each picture.
+    lasting_turn_rad, lasting_rise_m : process noise of these per frame.
+    turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
     start_turn_rad, start_shift_m, start_width : prior sigmas of a pair: direction, position, factor in
         width; position and width have long tails.
     hypotheses : pairs that are tracked in parallel until one is confirmed as the runway.
@@ -97,7 +96,6 @@ class TrackerConfig:
     lasting_rise_m: float = 0.02
     turn_sigma_rad: float = math.radians(0.05)
     shift_sigma_m: float = 0.05
-    process_s: float | None = 0.5
     start_turn_rad: float = math.radians(4.0)
     start_shift_m: float = 5.0
     start_width: float = 1.25
@@ -136,7 +134,6 @@ def without_log(config: TrackerConfig) -> TrackerConfig:
         lasting_rise_m=0.6,
         turn_sigma_rad=math.radians(0.4),
         shift_sigma_m=1.2,
-        process_s=None,
         estimate_noise=False,
     )
 
@@ -152,20 +149,6 @@ def with_noise(config: TrackerConfig, noise: PoseNoise) -> TrackerConfig:
         lasting_yaw_rad=noise.lasting_yaw_rad or config.lasting_yaw_rad,
         lasting_across_m=noise.lasting_across_m or config.lasting_across_m,
         estimate_noise=config.estimate_noise and noise.attitude_rad is None,
-    )
-
-
-def with_elapsed(config: TrackerConfig, elapsed_s: float | None) -> TrackerConfig:
-    """Return the tuning with the process noise of a time; None: with that of ``process_s``."""
-    if elapsed_s is None or config.process_s is None:
-        return config
-    share = math.sqrt(elapsed_s / config.process_s)
-    return replace(
-        config,
-        lasting_turn_rad=share * config.lasting_turn_rad,
-        lasting_rise_m=share * config.lasting_rise_m,
-        turn_sigma_rad=share * config.turn_sigma_rad,
-        shift_sigma_m=share * config.shift_sigma_m,
     )
 
 
@@ -187,6 +170,5 @@ def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> Trac
         descent=DescentConfig(energy=energy, adaptive_gamma=False),
         gate=math.inf,
         confirm_frames=1,
-        process_s=None,
         estimate_noise=False,
     )

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.config import TrackerConfig, with_elapsed
+from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.frame_geometry import TrackerCamera
 from groundstation.onboard.edges.hypotheses import (
     EXPECTED_NIS,
@@ -73,7 +73,6 @@ class EdgeTracker:
         self._noisier = 1.0
         # with the attitude's noise that was learnt
         self._tuned, self._drift = config, NO_DRIFT
-        self._t_s: float | None = None
 
     def start(self, state: LineState) -> None:
         """Continue from known lines."""
@@ -83,17 +82,10 @@ class EdgeTracker:
         self._forget()
         self._unchecked = 0
 
-    def step(
-        self, image: ImageArray, pose: NoseCameraPose, drift: PoseDrift = NO_DRIFT, *, t_s: float | None = None
-    ) -> EdgeReport:
-        """Take one picture (h, w, 3) uint8 BGR and its pose, with what that is wrong by besides the tuning.
-
-        ``t_s`` is the picture's time; without it the process noise of `TrackerConfig.process_s` is taken.
-        """
+    def step(self, image: ImageArray, pose: NoseCameraPose, drift: PoseDrift = NO_DRIFT) -> EdgeReport:
+        """Take one picture (h, w, 3) uint8 BGR and its pose, with what that is wrong by besides the tuning."""
         self._drift = drift
-        elapsed_s = None if t_s is None or self._t_s is None else max(t_s - self._t_s, 0.0)
-        self._t_s = t_s
-        self._lookout = replace(self._lookout, config=with_drift(with_elapsed(self._tuned, elapsed_s), drift))
+        self._lookout = replace(self._lookout, config=with_drift(self._tuned, drift))
         if self._runway is not None:
             return self._track(self._runway, image, pose)
         if self._open:
@@ -154,7 +146,7 @@ class EdgeTracker:
         self._noisier = min(max(self._noisier + _LEARNED * self._noisier * excess, 1.0), _MOST_NOISIER)
         sigma = config.attitude_sigma_rad * math.sqrt(self._noisier)
         self._tuned = replace(config, attitude_sigma_rad=sigma)
-        self._lookout = replace(self._lookout, config=replace(self._lookout.config, attitude_sigma_rad=sigma))
+        self._lookout = replace(self._lookout, config=self._tuned)
 
     def _doubted(self, runway: Hypothesis, image: ImageArray, pose: NoseCameraPose) -> bool:
         """Return whether Algorithm 1 has found a better pair; if so, all are compared again."""

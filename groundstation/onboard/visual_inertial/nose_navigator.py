@@ -136,8 +136,8 @@ class NoseNavigator:
         tracker_pose = self._choose_tracker_pose(outside)
         if tracker_pose is None:
             return self._report(t_s, None, None, None, None, None)
-        tracker, drift = (self._own_tracker, NO_DRIFT) if self._own_tracker else (self._tracker, drift)
-        edges = tracker.step(image, tracker_pose, drift, t_s=t_s)
+        own_tracker = self._own_tracker
+        edges = own_tracker.step(image, tracker_pose) if own_tracker else self._tracker.step(image, tracker_pose, drift)
         tracked = edges.status is EdgeStatus.TRACKING
         self._in_a_row = self._in_a_row + 1 if tracked else 0
         if edges.edges is None or edges.edges.measured_px is None:

@@ -12,7 +12,6 @@ from groundstation.onboard.edges.config import TrackerConfig, with_noise
 from groundstation.onboard.edges.frame_geometry import yaw_place_m
 from groundstation.onboard.edges.hypotheses import Hypothesis, score
 from groundstation.onboard.edges.kalman import LineState
-from groundstation.onboard.edges.line_state import ROLL, UP, C
 from groundstation.onboard.edges.line_tracking import TrackingStep, track_lines
 from groundstation.onboard.edges.lines import line_map, project_lines
 from groundstation.onboard.edges.markings import Change
@@ -198,27 +197,3 @@ def test_a_stated_error_of_yaw_is_no_evidence_against_a_pair_that_is_aside(
     known = replace(pair, yaw_place_m=0.0)
     assert (score(pair, config) > score(known, config) + 2.0) == better
     assert (score(pair, config) == score(known, config)) != better
-
-
-@pytest.mark.parametrize("rate_hz", [2.0, 5.0, 30.0])
-def test_lines_that_are_not_seen_grow_uncertain_with_time_not_with_pictures(
-    rate_hz: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """At 30 pictures a second the process noise of a second was fifteen times that at two."""
-    states = []
-
-    def spied(*args: object, **named: object) -> TrackingStep:
-        step = track_lines(*args, **named)  # type: ignore[arg-type]
-        states.append(step.state)
-        return step
-
-    monkeypatch.setattr(tracker_module, "track_lines", spied)
-    config = TrackerConfig(guess=RunwayGuess(width_m=18.0), coast_frames=40)
-    tracker, blank = EdgeTracker(KAPPA, SIZE, config), np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
-    tracker.start(STATE)
-    for k in range(round(rate_hz) + 1):
-        assert tracker.step(blank, approach(), t_s=5.0 + k / rate_hz).status is EdgeStatus.COASTING
-    assert config.process_s is not None
-    grown = (states[-1].covariance - states[0].covariance) * config.process_s
-    for place, sigma in ((C, config.shift_sigma_m), (ROLL, config.lasting_turn_rad), (UP, config.lasting_rise_m)):
-        assert grown[place, place] == pytest.approx(sigma**2, rel=1e-9)
