@@ -210,6 +210,37 @@ def test_after_a_loss_it_points_at_the_predicted_position() -> None:
     assert far[:, 2].min() >= 0.0
 
 
+@pytest.mark.parametrize("lost_s", [0.0, 100.0, 1000.0, 1.7e9])
+def test_after_a_loss_each_place_stays_in_view_whatever_the_clock_shows(lost_s: float) -> None:
+    """Expected: no place leaves the view faster than in a dwell, and so the aim is nowhere near a head's fastest.
+
+    A sweep whose size grew with the time was taken where the session's age put it: 1000 s after its begin by
+    2000 degrees a second.
+    """
+    config = SearchConfig(lost_s=60.0, acceleration_psd_m2_s3=1.0)
+    stations = {s.name: s.geometry() for s in make_rig().stations}
+    pattern = SearchPattern(stations, config)
+    geometry = next(iter(stations.values()))
+    half = 0.5 * np.array(geometry.image_size_px) / geometry.lens.focal_px
+    last = Kinematics(
+        position_runway_m=np.array([0.0, 400.0, 25.0]),
+        velocity_runway_m_s=np.array([0.0, -4.0, -0.2]),
+        covariance=np.diag([0.1, 4.0, 0.1, 0.3, 0.3, 0.3]),
+    )
+    pattern.seen(lost_s, last)
+    after = np.arange(0.0, config.lost_s, 0.02)
+    predicted = last.position_runway_m + after[:, None] * last.velocity_runway_m_s
+    aims = np.array([pattern.point(lost_s + t) for t in after])
+    apart = (aims - predicted)[:, [0, 2]] / predicted[:, 1:2]
+    assert np.all(np.abs(np.diff(apart, axis=0)) / 0.02 <= 2.0 * half / config.dwell_s * 1.02)
+    assert aims[:, 2].min() >= 0.0
+    # it begins where the target must be, and goes round that
+    assert np.abs(apart[after < 1.5]).max() < 0.5 * half.min()
+    assert apart[:, 0].min() < -half[0]
+    assert apart[:, 0].max() > half[0]
+    assert apart[:, 1].max() > half[1]
+
+
 def test_bad_tuning_is_refused() -> None:
     with pytest.raises(ValueError, match="gain_per_s"):
         PointingConfig(gain_per_s=0.0)
