@@ -141,7 +141,9 @@ def _first_stale(
         could_have = np.linalg.norm(moved[-1] + _STOPPED_SIGMA * noise[-1])
         stopped = could_have < 0.5 * _speed_before(reference, start) * held_s
         return None if stopped else start + 1
-    enough = (moved > config.frozen_sigma * noise) & (moved > config.frozen_min_motion_m)
+    # fixes that are as uncertain as this may be as far from each other as the track, and still within the tolerance
+    apart = np.hypot(noise, np.hypot(reference.sigma_m[known], reference.sigma_m[known[0]]))
+    enough = (moved > config.frozen_sigma * apart) & (moved > config.frozen_min_motion_m)
     gone = known[np.any(enough, axis=1)]
     if len(gone) < 2:
         return None

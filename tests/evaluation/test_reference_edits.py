@@ -221,6 +221,19 @@ def test_standing_aircraft_is_not_frozen(rig: Rig, rng: np.random.Generator) -> 
         assert abs(_offset(found).offset_s - 0.15) < 4 * _offset(found).sigma_s + 1e-3
 
 
+@pytest.mark.parametrize("sigma_m", [1.0, 3.0])
+def test_an_uncertain_log_is_not_frozen(
+    check: Check, landing_fixes: list[DgpsFix], landing_truth: Path3D, sigma_m: float
+) -> None:
+    """Expected: fixes a few sigmas apart, as of a receiver without corrections, are left in; held ones are not."""
+    uncertain = [replace(f, sigma_m=np.full(3, sigma_m)) for f in landing_fixes]
+    found = check(uncertain)
+    assert not found.excluded
+    assert found.at(landing_truth.t_s).usable.mean() > 0.95
+    held = check(_hold(uncertain, HELD_FROM_S, HELD_TO_S))
+    assert ExclusionReason.FROZEN in {s.reason for s in held.excluded}
+
+
 @pytest.mark.parametrize("session", ["landing-1", "takeoff-1"])
 def test_recorded_logs_lose_no_valid_fix(session: str, shared_data: Path, rng: np.random.Generator) -> None:
     """Expected: on the rendered sessions' own DGPS at most 1 % of the fixes is left out for anything but gaps."""
