@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from groundstation.arrays import FloatArray
+from groundstation.arrays import FloatArray, MaskArray
 from groundstation.bank.csrt_process import CsrtProcess
 from groundstation.bank.frame_outcomes import HIT_MARGIN_PX
 from groundstation.bank.session_figures import RANGE_M
@@ -23,6 +23,7 @@ from groundstation.box import Box
 from groundstation.errors import SessionError
 from groundstation.estimation.triangulation import midpoint
 from groundstation.evaluation.bounds import StationView, fix_covariance, fix_information, motion_matrices
+from groundstation.evaluation.position_series import IndexArray
 from groundstation.geometry.station import LensError, Ray
 from groundstation.messages import Frame, PtuSample
 from groundstation.rig.rig import Station
@@ -40,8 +41,9 @@ _START_SPEED_SIGMA_M_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BaselineTrack:
-    """The Kalman filter's track: ``t_s`` (n,), ``position_m`` (n, 3), ``covariance_m2`` (n, 3, 3)."""
+    """The Kalman filter's track: ``pairs`` (n,), ``t_s`` (n,), ``position_m`` (n, 3), ``covariance_m2`` (n, 3, 3)."""
 
+    pairs: IndexArray
     t_s: FloatArray
     position_m: FloatArray
     covariance_m2: FloatArray
@@ -82,7 +84,26 @@ def baseline_row(truth: SessionTruth, python: Path) -> dict[str, float | None]:
                 hits += distance_outside_px(frame.silhouette, point) <= HIT_MARGIN_PX
     count = int(sum(mask.sum() for mask in visible.values()))
     track = _filter(truth, recording)
-    return {"baseline_hit_share": hits / count if count else None, **_errors(track, exact)}
+    seen_by_two = np.sum(list(visible.values()), axis=0) >= 2
+    return {
+        "baseline_hit_share": hits / count if count else None,
+        "baseline_coverage": coverage_of(track.pairs, seen_by_two),
+        **_errors(track, exact),
+    }
+
+
+def coverage_of(estimated: IndexArray, seen_by_two: MaskArray) -> float | None:
+    """Return the share of the pairs with an estimate, counted as the program's own coverage is.
+
+    That is from the first of the ``estimated`` (m,), numbers of pairs, to the last that two cameras see, of (n,): 0
+    where nothing is estimated until then, None where two cameras never see the aircraft.
+    """
+    seen = np.flatnonzero(seen_by_two)
+    if not len(seen):
+        return None
+    if not len(estimated) or estimated[0] > seen[-1]:
+        return 0.0
+    return float(np.count_nonzero(estimated <= seen[-1]) / (seen[-1] - estimated[0] + 1))
 
 
 def _track(truth: SessionTruth, exact: Truth, python: Path) -> _TrackedSession:
@@ -149,7 +170,7 @@ def _filter(truth: SessionTruth, recording: _TrackedSession) -> BaselineTrack:
     pixels, angles, rig = recording.pixels, recording.angles, truth.session.rig
     filter_: KalmanFilter | None = None
     last_t = last_fix = 0.0
-    t_s, positions, covariances = [], [], []
+    held, t_s, positions, covariances = [], [], [], []
     for pair in sorted(set().union(*pixels.values())):
         views = [_view(rig[name], own[pair], angles[name]) for name, own in pixels.items() if pair in own]
         times = [own[pair].t_s for own in pixels.values() if pair in own]
@@ -167,10 +188,12 @@ def _filter(truth: SessionTruth, recording: _TrackedSession) -> BaselineTrack:
                 filter_.update(fix[0], R=fix[1])
                 last_fix = now
         if now - last_fix <= COAST_S:
+            held.append(pair)
             t_s.append(now)
             positions.append(np.asarray(filter_.x).ravel()[:3].copy())
             covariances.append(np.asarray(filter_.P)[:3, :3].copy())
     return BaselineTrack(
+        pairs=np.array(held, dtype=np.intp),
         t_s=np.array(t_s),
         position_m=np.array(positions).reshape(-1, 3),
         covariance_m2=np.array(covariances).reshape(-1, 3, 3),
@@ -223,9 +246,8 @@ def _started(position_m: FloatArray, covariance_m2: FloatArray) -> KalmanFilter:
 def _errors(track: BaselineTrack, exact: Truth) -> dict[str, float | None]:
     """Return the root mean square errors in `RANGE_M` and the ANEES of a track."""
     names = [f"baseline_near_rmse_{axis}_m" for axis in "xyz"]
-    row: dict[str, float | None] = dict.fromkeys([*names, "baseline_coverage", "baseline_anees"])
+    row: dict[str, float | None] = dict.fromkeys([*names, "baseline_anees"])
     inside = (track.t_s >= exact.t_s[0]) & (track.t_s <= exact.t_s[-1])
-    row["baseline_coverage"] = float(inside.sum() / len(exact.t_s))
     if not inside.any():
         return row
     true = np.stack([np.interp(track.t_s[inside], exact.t_s, exact.position_runway_m[:, k]) for k in range(3)], axis=1)

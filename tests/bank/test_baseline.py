@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.bank.baseline import LEAST_BOX_PX, nose_pixel, start_box
+from groundstation.bank.baseline import LEAST_BOX_PX, coverage_of, nose_pixel, start_box
 from groundstation.bank.csrt_process import CsrtProcess
 from groundstation.box import Box
 from groundstation.errors import InputError
@@ -38,6 +38,17 @@ def test_the_nose_is_that_of_the_frame_s_time() -> None:
     assert found is not None
     np.testing.assert_array_equal(found, pixels[1])
     assert nose_pixel(exact, "left", 5.2) is None
+
+
+def test_coverage_is_counted_as_the_program_s_own_is() -> None:
+    """Expected: neither what was before its first estimate nor what two cameras see no more counts against it."""
+    seen = np.zeros(100, dtype=bool)
+    seen[20:80] = True
+    assert coverage_of(np.arange(25, 95), seen) == 1.0
+    assert coverage_of(np.arange(25, 95, 5), seen) == 11 / 55
+    assert coverage_of(np.zeros(0, dtype=np.intp), seen) == 0.0
+    assert coverage_of(np.arange(85, 95), seen) == 0.0
+    assert coverage_of(np.arange(25, 95), np.zeros(100, dtype=bool)) is None
 
 
 def test_a_tracker_that_ends_is_named(tmp_path: Path) -> None:
