@@ -12,11 +12,12 @@ from groundstation.arrays import Float32Array, FloatArray, ImageArray
 from groundstation.bank.session_truth import SessionTruth
 from groundstation.detection.channel_window import TARGET_PX, WINDOW_PX
 from groundstation.session import load_session, load_truth
+from groundstation.sources.frame_table import read_frames
 from groundstation.sources.true_silhouettes import TrueSilhouette
 from groundstation.sources.video_file import VideoFile
 from training.windows import LabelledWindow, in_window
 
-_FRAME_STEP = 3
+_PAIR_STEP = 3
 # of a picture around its target that is kept, in target widths: what windows at the largest scale and offset show
 _REACH = 3.2
 # targets are stored at most so wide, px: half as wide again as in most windows
@@ -63,22 +64,25 @@ class LabelledPicture:
 
 
 def recorded_targets(session_folder: Path) -> list[RecordedTarget]:
-    """Return every third frame's target of a session's stations, with its nose where truth.csv has a row a frame."""
+    """Return every third pair's target in each station's video, with its nose where truth.csv has a row a pair."""
     session = load_session(session_folder)
-    truth, pixels = SessionTruth(session), load_truth(session)
-    by_frame = pixels is not None and len(pixels.t_s) == truth.pairs
+    truth, exact, table = SessionTruth(session), load_truth(session), read_frames(session)
+    by_pair = exact is not None and len(exact.t_s) == truth.pairs
     found: list[RecordedTarget] = []
     for station in session.rig.names:
+        # frames.csv says which pair a frame of the video belongs to: it may begin later, or leave frames out
+        numbers = table.numbers[station]
+        pairs = {int(number): pair for pair, number in enumerate(numbers) if truth.taken(station, pair)}
+        noses = exact.pixels_px.get(station) if exact is not None and by_pair else None
         video = VideoFile(session_folder / f"{station}.mp4")
-        for frame in video.frames(0, truth.pairs - 1):
-            if frame.index % _FRAME_STEP:
-                continue
-            seen = truth.frame(station, frame.index)
+        for frame in video.frames(min(pairs, default=0), max(pairs, default=-1)):
+            pair = pairs.get(frame.index, -1)
+            seen = truth.frame(station, pair) if pair >= 0 and pair % _PAIR_STEP == 0 else None
             if seen is None or not seen.visible:
                 continue
             nose = np.full(2, np.nan)
-            if pixels is not None and by_frame and pixels.visible[station][frame.index]:
-                nose = pixels.pixels_px[station][frame.index]
+            if exact is not None and noses is not None and exact.visible[station][pair]:
+                nose = noses[pair]
             silhouette = seen.silhouette
             picture = labelled_picture(frame.image, silhouette)
             found.append(target_in(picture, silhouette.centre_px, float(silhouette.width_px), nose))
