@@ -21,6 +21,9 @@ _KEPT_S = 60.0
 _PUSHES = 30
 _NEAR_RAD = math.radians(0.02)
 _SLOPE_RAD = 1e-4
+# pan and tilt of an axis without limits; and how far ways are planned on any, a turn and a half to either side
+_WITHOUT_LIMITS_RAD = np.array([math.pi, 0.5 * math.pi])
+_FURTHEST_RAD = 3.0 * math.pi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,8 +44,9 @@ class DetourPlanner:
     """
 
     def __init__(self, lows_rad: FloatArray, highs_rad: FloatArray, margin_rad: float) -> None:
-        self._lows = np.maximum(lows_rad, [-math.pi, -0.5 * math.pi])
-        self._highs = np.minimum(highs_rad, [math.pi, 0.5 * math.pi])
+        # readings of a unit whose zero is aside, or that turns further than once round, go beyond half a turn
+        self._lows = np.where(np.isfinite(lows_rad), np.maximum(lows_rad, -_FURTHEST_RAD), -_WITHOUT_LIMITS_RAD)
+        self._highs = np.where(np.isfinite(highs_rad), np.minimum(highs_rad, _FURTHEST_RAD), _WITHOUT_LIMITS_RAD)
         self._margin = margin_rad
         counts = [max(math.ceil((b - a) / _STEP_RAD), 1) + 1 for a, b in zip(self._lows, self._highs, strict=True)]
         pan, tilt = (np.linspace(a, b, n) for a, b, n in zip(self._lows, self._highs, counts, strict=True))

@@ -269,9 +269,11 @@ class HeadController:
     def _reading_at(self, point_runway_m: FloatArray) -> Aim | None:
         """Return the readings at which the axis meets a point (3,); None if it cannot."""
         aim = aim_at(self.geometry, point_runway_m)
-        if aim is None or self._axes is None:
-            return aim
-        pan_rad, tilt_rad = self._axes.readings(aim.pan_rad, aim.tilt_rad, *self._senses)
+        if aim is None:
+            return None
+        pan_rad, tilt_rad = aim.pan_rad, aim.tilt_rad
+        if self._axes is not None:
+            pan_rad, tilt_rad = self._axes.readings(pan_rad, tilt_rad, *self._senses)
         return Aim(pan_rad=self._pan.nearest_turn(pan_rad), tilt_rad=tilt_rad)
 
     def _here(self, now_s: float) -> FloatArray | None:

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from groundstation.geometry.aim import aim_at
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.messages import PtuSample, Purpose
+from groundstation.pointing.detour import DetourPlanner
 from groundstation.pointing.head_limits import AxisLimits, HeadLimits
 from groundstation.pointing.keep_out import KeepOut, Sector, SunZone
+from groundstation.pointing.keep_out_pointing import PLAN_MARGIN_RAD
 from groundstation.pointing.pointing_law import HeadController, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from ptu_drivers.messages import Reading
@@ -181,6 +183,22 @@ def test_a_head_at_rest_is_moved_out_of_the_suns_way() -> None:
     left = keep_out.zones(flight.unit.now_s).at((float(flight.unit.angles[0]), float(flight.unit.angles[1])))
     assert math.degrees(left) == pytest.approx(1.0, abs=0.15)
     assert not flight.refusals
+
+
+@pytest.mark.parametrize(("low_deg", "high_deg", "goal_deg"), [(-78.0, 258.0, 230.0), (0.0, 360.0, 300.0)])
+def test_a_way_leads_beyond_half_a_turn_where_the_readings_do(low_deg: float, high_deg: float, goal_deg: float) -> None:
+    """Expected: a unit that counts from another zero gets to all of its range, round what is closed in it."""
+    closed = Sector(pan_rad=(170.0 * DEG, 200.0 * DEG), tilt_rad=(-30.0 * DEG, 20.0 * DEG))
+    keep_out = KeepOut(lens=LENS, sun=None, sectors=(closed,), utc_zero_s=NOON_S)
+    planner = DetourPlanner(np.array([low_deg, -30.0]) * DEG, np.array([high_deg, 90.0]) * DEG, PLAN_MARGIN_RAD)
+    at, goal, zones_now = np.array([100.0, 0.0]) * DEG, np.array([goal_deg, 0.0]) * DEG, keep_out.zones(0.0)
+    for _ in range(10):
+        way = planner.next(0.0, zones_now, at, goal)
+        assert planner.sees(zones_now, at, way.angles_rad)
+        at = way.angles_rad
+        if way.reaches:
+            break
+    np.testing.assert_allclose(np.degrees(at), [goal_deg, 0.0], atol=1e-6)
 
 
 def test_the_search_skips_closed_zones() -> None:

@@ -156,6 +156,28 @@ def test_no_rate_is_commanded_that_a_driver_refuses(at: float, goal: float, acce
         assert reach < 1.0 if rate > 0 else reach > -1.0 if rate < 0 else True
 
 
+def test_a_unit_whose_zero_is_aside_follows_through_its_back() -> None:
+    """Expected: with readings from −78° to 258° a target that comes to 190° is followed there, not from −170° on."""
+    geometry = make_rig().stations[0].geometry()
+    pan = AxisLimits(low_rad=-78 * DEG, high_rad=258 * DEG, fastest_rad_s=60 * DEG, acceleration_rad_s2=60 * DEG)
+    controller = HeadController(geometry, HeadLimits(pan=pan, tilt=LIMITS), PointingConfig())
+    eye = geometry.packed[9:12]
+
+    def target(t_s: float) -> FloatArray:
+        at = (172.0 + 5.0 * t_s) * DEG
+        return np.asarray(eye + 100.0 * np.array([-math.sin(at), math.cos(at), 0.2]))
+
+    head = Head(172.0 * DEG, 11.0 * DEG, 0.02, pan)
+    for k in range(100):
+        t = 0.04 * k
+        controller.read(PtuSample(t_s=t, station="left", pan_rad=head.angles[0], tilt_rad=head.angles[1]))
+        command = controller.follow(t, target)
+        head.tell(t, np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s]))
+        for n in range(40):
+            head.run(t + 0.001 * n, 0.001)
+    assert head.angles[0] == pytest.approx(192.0 * DEG, abs=0.5 * DEG)
+
+
 def test_without_readings_the_head_stands() -> None:
     geometry = make_rig().stations[0].geometry()
     controller = HeadController(geometry, HEAD, PointingConfig(stale_s=0.5))
