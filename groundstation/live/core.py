@@ -295,7 +295,7 @@ class LiveCore:
 
     def _commands(self, now_s: float) -> list[PointingCommand]:
         if any(head.keep_out is not None for head in self._heads.values()):
-            self._ahead_s = self._pattern.ahead_s(now_s, lambda point_m: self._may_look(now_s, point_m))
+            self._ahead_s = self._pattern.ahead_s(now_s, lambda point_m: self._may_look(now_s, point_m), self._ahead_s)
         commands = [self._command(name, head, now_s) for name, head in self._heads.items()]
         for name, head in self._heads.items():
             if head.keep_out is not None and head.keep_out.held:

@@ -122,13 +122,16 @@ class SearchPattern:
         """Return whether a target was there so recently that it is searched for where it must have gone."""
         return self._lost is not None and 0.0 <= t_s - self._lost[0] <= self._config.lost_s
 
-    def ahead_s(self, t_s: float, allowed: Callable[[FloatArray], bool]) -> float:
-        """Return the time by which the sweep is advanced to reach a permitted point (3,); 0 if there is none.
+    def ahead_s(self, t_s: float, allowed: Callable[[FloatArray], bool], already_s: float = 0.0) -> float:
+        """Return the time by which the sweep is advanced to reach a permitted point (3,), as it is if there is none.
 
-        A closed region thus costs no time: all stations continue where it ends.
+        ``already_s`` is by how much it is advanced. A closed region thus costs no time: all stations continue where it
+        ends. After a loss the sweep is not advanced for longer than it must be, as it follows the target.
         """
         step_s = 0.25 * self._config.dwell_s
-        return next((k * step_s for k in range(_SKIPPED) if allowed(self.point(t_s + k * step_s))), 0.0)
+        from_s = 0.0 if self.after_loss(t_s) else already_s
+        ahead = (from_s + k * step_s for k in range(_SKIPPED))
+        return next((each for each in ahead if allowed(self.point(t_s + each))), from_s)
 
     def point(self, t_s: float) -> FloatArray:
         """Return the aim (3,), runway frame."""

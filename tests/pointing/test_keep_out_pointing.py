@@ -215,3 +215,20 @@ def test_the_search_skips_closed_zones() -> None:
     assert pattern.ahead_s(0.0, lambda _: False) == 0.0
     sides = {math.copysign(1.0, p[0]) for p in looked}
     assert sides == {-1.0, 1.0}
+
+
+def test_a_closed_zone_costs_the_search_no_time() -> None:
+    """Expected: what is open is swept as fast as without the zone, and no time is spent at its edge."""
+    pattern = SearchPattern({"left": GEOMETRY}, SearchConfig(azimuth_deg=(-20.0, 20.0), dwell_s=1.0))
+
+    def off_deg(point: np.ndarray) -> float:
+        return abs(math.degrees(math.atan2(point[0], point[1])))
+
+    ahead_s, looked = 0.0, []
+    for t in np.arange(0.0, 120.0, 0.1).tolist():
+        ahead_s = pattern.ahead_s(t, lambda point: off_deg(point) > 10.0, ahead_s)
+        looked.append(off_deg(pattern.point(t + ahead_s)))
+    assert min(looked) > 10.0
+    swept = [off_deg(pattern.point(t)) for t in np.arange(0.0, 120.0, 0.1).tolist()]
+    shares = [np.mean([a < 13.0 for a in part if a > 10.0]) for part in (looked, swept)]
+    assert shares[0] == pytest.approx(shares[1], abs=0.15)
