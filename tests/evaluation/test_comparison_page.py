@@ -11,8 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from groundstation.evaluation.comparison_figures import comparison_pictures, overlap_in_time
-from groundstation.evaluation.comparison_page import write_comparison_page
+from groundstation.evaluation.comparison_page import comparison_verdict, write_comparison_page
 from groundstation.evaluation.comparison_tables import RunsTable, markdown
+from groundstation.evaluation.comparison_text import ScoredRun
 from groundstation.evaluation.figure_style import lay_out
 from groundstation.evaluation.run_series import ReferencePositions, RunSeries, TrackSeries
 from tests.browser import browser
@@ -221,6 +222,22 @@ def test_runs_without_a_track_or_a_reference_have_no_such_pictures(runs: list[Ru
     assert comparison_pictures([lost], WORDS) == []
     assert {p.name for p in comparison_pictures([alone], WORDS)} == {"tracks_above", "tracks_side"}
     assert len(comparison_pictures([lost, alone, runs[1]], WORDS)) == 7
+
+
+@pytest.mark.parametrize(("coverage", "said"), [(0.05, True), (0.98, False)])
+def test_the_verdict_says_where_the_smallest_error_is_of_fewer_pairs(coverage: float, said: bool) -> None:
+    """Expected: a run that has an estimate only where it is easy is not the best without a word."""
+
+    def scored(name: str, error_m: float, share: float) -> ScoredRun:
+        figures = {f"truth.all.ekf.rmse_{axis}_m": error_m for axis in "xyz"} | {"truth.all.ekf.coverage": share}
+        return ScoredRun(name=name, source=name, summary={}, figures=figures)
+
+    both = (scored("usual", 0.2, 0.98), scored("short", 0.1, coverage))
+    verdict = comparison_verdict(both, both[0], "truth", same=True)
+    assert verdict.startswith("Smallest error in 3-D against the truth")
+    assert ("though not of the same pairs: short, RMSE 0.173 m in 5 % of its pairs" in verdict) is said
+    assert ("usual 0.346 m in 98 % of its pairs" in verdict) is said
+    assert ("% of its pairs" in verdict) is said
 
 
 def test_markdown_escapes_what_would_be_its_marks() -> None:
