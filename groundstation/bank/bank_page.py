@@ -31,7 +31,8 @@ _DEFINITIONS = (
     "covariance gives that a probability below 0.001.",
     "harm: by how many points the share of hits over all frames would rise if the class had that of all others.",
     "baseline: OpenCV's CSRT started by hand on the true box, midpoint triangulation, Kalman filter.",
-    "intervals: 95 %, bootstrap over sessions.",
+    "intervals: 95 %, bootstrap over sessions; none where all have the same share: without an event in any they "
+    "do not show how rare it is.",
 )
 _SHARE_COLUMNS = ("sessions", "frames", "hit", "95 %", "wrong", "coverage", "misleading", "excluded", "harm")
 

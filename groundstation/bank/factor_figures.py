@@ -20,7 +20,7 @@ class ClassFigures:
     ----------
     factor, kind : the factor, and the class.
     sessions, frames : how many have visible frames, and how many frames those are.
-    hit, low, high : share of visible frames hit with its 95 % interval over sessions; None of a single session.
+    hit, low, high : share of visible frames hit with its 95 % interval over sessions; None where these do not tell.
     wrong : share of visible frames with a wrong point.
     coverage, misleading : of the class's sessions; None for classes of frames.
     harm : by how much the share of hits over all frames would rise if this class had that of all others.
@@ -90,9 +90,7 @@ def _class_figures(
     frames = visible.sum()
     if not frames:
         return None
-    low = high = None
-    if len(used) > 1:
-        low, high = ratio_interval(hit, visible)
+    low, high = ratio_interval(hit, visible) or (None, None)
     of_sessions = columns is _SESSION_COLUMNS
     return ClassFigures(
         factor=factor,

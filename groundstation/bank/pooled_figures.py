@@ -29,7 +29,7 @@ class Ratio:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PooledFigure:
-    """A ratio over all sessions: its value with a 95 % interval, None where the sum below is 0."""
+    """A ratio over all sessions: its value, None where the sum below is 0, with the interval of `ratio_interval`."""
 
     ratio: Ratio
     value: float | None
@@ -89,9 +89,7 @@ def pooled(rows: Sequence[Row], ratio: Ratio) -> PooledFigure:
     above = np.array([float(row[ratio.above] or 0.0) for row in known])
     below = np.array([float(row[ratio.below]) for row in known]) * ratio.divisor
     value = above.sum() / below.sum() if known else None
-    low = high = None
-    if len(known) > 1:
-        low, high = ratio_interval(above, below)
+    low, high = ratio_interval(above, below) or (None, None)
     return PooledFigure(ratio=ratio, value=value, low=low, high=high, sessions=len(known))
 
 
@@ -101,8 +99,14 @@ def bootstrap_interval(count: int, figure: Callable[[np.ndarray], float]) -> tup
     return float(low), float(high)
 
 
-def ratio_interval(above: FloatArray, below: FloatArray) -> tuple[float, float]:
-    """Return the 95 % interval of the ratio of two sums (n,) over resampled sessions."""
+def ratio_interval(above: FloatArray, below: FloatArray) -> tuple[float, float] | None:
+    """Return the 95 % interval of the ratio of two sums (n,) over resampled sessions; None where they do not tell.
+
+    That is a single session, and ratios that are the same in each: what has never happened in some sessions would
+    have the interval 0 to 0, in however few.
+    """
+    if len(above) < 2 or np.all(above * below[0] == above[0] * below):
+        return None
     drawn = _resampled(len(above))
     low, high = np.quantile(above[drawn].sum(axis=1) / below[drawn].sum(axis=1), _INTERVAL)
     return float(low), float(high)

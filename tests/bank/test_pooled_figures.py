@@ -39,6 +39,19 @@ def test_intervals_cover_the_true_share_as_often_as_they_state() -> None:
     assert 0.88 <= covered / 200 <= 0.99
 
 
+@pytest.mark.parametrize("hit", [0, 100])
+def test_what_no_session_had_or_all_had_has_no_interval(hit: int) -> None:
+    """Expected: ten sessions without an event are no proof that there is none: 0 to 0 would be said of 2 as of 2000."""
+    rows = [drawn_row(seed, visible=100, hit=hit) for seed in range(10)]
+    figure = pooled(rows, HIT)
+    assert figure.value == hit / 100
+    assert (figure.low, figure.high) == (None, None)
+    (sky,) = [figures for figures in factor_figures(rows) if figures.factor == "sky"]
+    assert (sky.low, sky.high) == (None, None)
+    one_more = pooled([*rows, drawn_row(10, visible=100, hit=50)], HIT)
+    assert one_more.low is not None
+
+
 def test_a_detector_that_is_a_fifth_worse_is_outside_the_interval() -> None:
     before, after = pooled(drawn_rows(1, 40, 0.8), HIT), pooled(drawn_rows(1, 40, 0.8 * 0.8), HIT)
     assert before.low is not None
