@@ -17,9 +17,12 @@ SIGMA_PER_MAD = 1.4826
 # variance of the third difference of white noise, in variances of the noise
 _THIRD_DIFFERENCE_VARIANCE = 20.0
 _LEVER_WINDOW_S = 0.6
-_MAX_HOLD_S = 0.3
+# longest repetition that is no hold: so long, or so many times what usually lies between two fixes that differ
+_MAX_HOLD_S, _MAX_HOLD_STEPS = 0.3, 1.5
 _MIN_HEADING_SPEED_M_S = 1.0
 FALLBACK_SIGMA_M = 0.02
+# stamps of a receiver at just the longest gap are a few ms apart from even: of 0.5 s, 25 ms are still no gap
+_GAP_SLACK = 1.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,10 +86,12 @@ def reference_from_fixes(fixes: Sequence[DgpsFix]) -> ReferenceSeries:
 
 
 def _short_repeats(reference: ReferenceSeries) -> BoolArray:
-    """Return which fixes (n,) repeat their predecessor to the last digit, in runs no longer than `_MAX_HOLD_S`."""
+    """Return which fixes (n,) repeat their predecessor to the last digit, in runs that are no longer than usual."""
     same = np.concatenate([[False], np.all(np.diff(reference.position_m, axis=0) == 0, axis=1)])[: len(reference)]
+    between_s = np.diff(reference.t_s[~same])
+    longest_s = max(_MAX_HOLD_S, _MAX_HOLD_STEPS * float(np.median(between_s))) if len(between_s) else _MAX_HOLD_S
     for first, last in runs(same):
-        if reference.t_s[last] - reference.t_s[first - 1] > _MAX_HOLD_S:
+        if reference.t_s[last] - reference.t_s[first - 1] > longest_s:
             same[first : last + 1] = False
     return same
 
@@ -116,6 +121,11 @@ def white_noise_sigma(t_s: FloatArray, position_m: FloatArray) -> FloatArray:
         return np.full(3, FALLBACK_SIGMA_M)
     mad = np.median(np.abs(third), axis=0)
     return np.maximum(SIGMA_PER_MAD * mad / np.sqrt(_THIRD_DIFFERENCE_VARIANCE), 1e-3)
+
+
+def is_gap(between_s: FloatArray, max_gap_s: float) -> BoolArray:
+    """Return which times between fixes (n,) are longer than ``max_gap_s``, the stamps' own unevenness aside."""
+    return np.asarray(between_s > _GAP_SLACK * max_gap_s)
 
 
 def interpolate(reference: ReferenceSeries, t_s: FloatArray, max_gap_s: float) -> InterpolatedReference:
@@ -160,7 +170,7 @@ def _between(
     left = right - 1
     gap = fixes_s[right] - fixes_s[left]
     share = ((t_s - fixes_s[left]) / gap)[:, None]
-    usable = (t_s >= fixes_s[0]) & (t_s <= fixes_s[-1]) & (gap <= max_gap_s + 1e-9)
+    usable = (t_s >= fixes_s[0]) & (t_s <= fixes_s[-1]) & ~is_gap(gap, max_gap_s)
     # a time that falls on a fix needs no neighbour
     on_fix = (t_s == fixes_s[left]) | (t_s == fixes_s[right])
     return right, gap, share, usable | on_fix

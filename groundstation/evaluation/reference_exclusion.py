@@ -18,6 +18,7 @@ from groundstation.evaluation.position_series import (
     PositionSeries,
     ReferenceSeries,
     interpolate,
+    is_gap,
     runs,
 )
 from groundstation.evaluation.reference_glitches import find_glitch_runs
@@ -64,7 +65,7 @@ def find_gaps(reference: ReferenceSeries, max_gap_s: float) -> list[ExcludedSpan
     """
     dt = np.diff(reference.t_s)
     spans = []
-    for first, last in runs(dt > max_gap_s + 1e-9):
+    for first, last in runs(is_gap(dt, max_gap_s)):
         longest = float(dt[first : last + 1].max())
         detail = f"no fix for {longest:.2f} s" if first == last else f"fixes up to {longest:.2f} s apart"
         spans.append(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.evaluation.position_series import BoolArray, PositionSeries, ReferenceSeries
+from groundstation.evaluation.position_series import BoolArray, PositionSeries, ReferenceSeries, is_gap
 from groundstation.geometry.rotation import rotation_z
 
 _MOST_EPOCHS, _LEAST_EPOCHS = 200, 30
@@ -124,7 +124,7 @@ def _spacing_words(reference: ReferenceSeries, most_gap_s: float) -> str:
     if len(reference.t_s) < 2:
         return ""
     spacing_s = float(np.median(np.diff(reference.t_s)))
-    if spacing_s <= most_gap_s:
+    if not is_gap(np.array(spacing_s), most_gap_s):
         return ""
     return (
         f": its fixes are {spacing_s:.3g} s apart (median), and nothing is interpolated over more than {most_gap_s:g} s"
@@ -135,7 +135,7 @@ def _between_fixes(at_s: FloatArray, reference: ReferenceSeries, most_gap_s: flo
     """Return which times (n,) lie between two fixes of a reference that are at most ``most_gap_s`` apart."""
     after = np.searchsorted(reference.t_s, at_s, side="right")
     inside = np.asarray((after > 0) & (after < len(reference.t_s)))
-    inside[inside] = np.diff(reference.t_s)[after[inside] - 1] <= most_gap_s
+    inside[inside] = ~is_gap(np.diff(reference.t_s), most_gap_s)[after[inside] - 1]
     return inside
 
 

@@ -287,6 +287,33 @@ def test_log_faster_than_the_receiver(check: Check, landing_fixes: list[DgpsFix]
     assert _worst_error(found, landing_truth) < 0.3
 
 
+@pytest.mark.parametrize("every", [4, 5])
+def test_log_much_faster_than_the_receiver(
+    check: Check, landing_fixes: list[DgpsFix], landing_truth: Path3D, every: int
+) -> None:
+    """Expected: fixes at 2.5 or 2 Hz, logged at 10 Hz, are a reference of that rate; a hold of 3 s still is one."""
+    repeated = [
+        replace(f, position_runway_m=landing_fixes[k - k % every].position_runway_m)
+        for k, f in enumerate(landing_fixes)
+    ]
+    found = check(repeated)
+    assert not found.excluded
+    assert found.at(landing_truth.t_s).usable.mean() > 0.9
+    assert _worst_error(found, landing_truth) < 0.5
+    held = check(_hold(repeated, HELD_FROM_S, HELD_TO_S))
+    assert {s.reason for s in held.excluded} & {ExclusionReason.FROZEN, ExclusionReason.MISSING}
+
+
+def test_stamps_at_just_the_longest_gap_may_be_uneven(
+    check: Check, landing_fixes: list[DgpsFix], landing_truth: Path3D, rng: np.random.Generator
+) -> None:
+    """Expected: 2 fixes a second, stamped to a few ms, are all compared with; half of them were called missing."""
+    uneven = [replace(f, t_s=f.t_s + float(rng.uniform(-0.004, 0.004))) for f in landing_fixes[::5]]
+    found = check(uneven)
+    assert not found.excluded
+    assert found.at(landing_truth.t_s).usable.mean() > 0.9
+
+
 def test_log_too_slow_to_interpolate(check: Check, landing_fixes: list[DgpsFix], landing_truth: Path3D) -> None:
     """Expected: one fix a second is refused as one span, not as thirty."""
     found = check(landing_fixes[::10])
