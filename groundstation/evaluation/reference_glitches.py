@@ -1,5 +1,6 @@
 """Glitches of a reference: fixes that leave its path and return to it."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,6 +12,7 @@ from groundstation.evaluation.position_series import IndexArray, ReferenceSeries
 
 MAX_RUN = 12
 _PASSES = 6
+_ROUNDING = 1e-6
 _LOCAL_WINDOW_S = 6.0
 _LOCAL_FACTOR = 6.0
 _ALIKE = 0.4
@@ -51,9 +53,36 @@ def find_glitch_runs(reference: ReferenceSeries, config: EvaluationConfig) -> li
     aircraft in hard manoeuvres leaves such cubics all the time. A step that does not come back is none.
     A receiver that flips between two solutions alternates good and bad fixes; those are found first.
     """
-    n = len(reference)
     found = _flips(reference, config)
-    alive = np.setdiff1d(np.arange(n), [g.first for g in found])
+    found += _left_path(reference, _others(reference, found), config)
+    # of fixes that follow each other fast, the longest glitches are more than a run: every few of them are looked at
+    every = _thinning(reference, config)
+    if every > 1:
+        rest = _others(reference, found)
+        longer = [glitch for k in range(every) for glitch in _left_path(reference, rest[k::every], config)]
+        found += _merged(longer)
+    return sorted(found, key=lambda g: g.first)
+
+
+def _others(reference: ReferenceSeries, found: list[Glitch]) -> IndexArray:
+    """Return the fixes that are in no glitch yet."""
+    alive = np.ones(len(reference), dtype=np.bool_)
+    for glitch in found:
+        alive[glitch.first : glitch.last + 1] = False
+    return np.flatnonzero(alive)
+
+
+def _thinning(reference: ReferenceSeries, config: EvaluationConfig) -> int:
+    """Return of how many fixes one is looked at so that the longest glitch is a run of `MAX_RUN`."""
+    if len(reference) < MAX_RUN:
+        return 1
+    step_s = float(np.median(np.diff(reference.t_s)))
+    return math.ceil(config.glitch_max_s / (MAX_RUN * max(step_s, 1e-3)) - _ROUNDING)
+
+
+def _left_path(reference: ReferenceSeries, chosen: IndexArray, config: EvaluationConfig) -> list[Glitch]:
+    """Return the runs of the ``chosen`` (n,) fixes that leave the path of the others, the clearest ones first."""
+    found, alive = [], chosen
     for _ in range(_PASSES):
         kept = ReferenceSeries(
             t_s=reference.t_s[alive], position_m=reference.position_m[alive], sigma_m=reference.sigma_m[alive]
@@ -66,7 +95,20 @@ def find_glitch_runs(reference: ReferenceSeries, config: EvaluationConfig) -> li
             found.append(Glitch(first=int(alive[glitch.first]), last=int(alive[glitch.last]), size_m=glitch.size_m))
             gone[glitch.first : glitch.last + 1] = True
         alive = alive[~gone]
-    return sorted(found, key=lambda g: g.first)
+    return found
+
+
+def _merged(glitches: list[Glitch]) -> list[Glitch]:
+    """Return glitches, those that follow each other as one of the size that all of it has at least."""
+    merged: list[Glitch] = []
+    for glitch in sorted(glitches, key=lambda g: g.first):
+        if merged and glitch.first <= merged[-1].last + 1:
+            before = merged[-1]
+            last, size_m = max(before.last, glitch.last), min(before.size_m, glitch.size_m)
+            merged[-1] = Glitch(first=before.first, last=last, size_m=size_m)
+        else:
+            merged.append(glitch)
+    return merged
 
 
 def _pick(reference: ReferenceSeries, config: EvaluationConfig) -> list[Glitch]:

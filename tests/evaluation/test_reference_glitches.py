@@ -50,9 +50,22 @@ def test_a_step_that_stays_is_no_glitch(rng: np.random.Generator, step_m: tuple[
         assert not find_glitch_runs(_moved(_log(rng), slice(200, None), step_m), CONFIG)
 
 
-def test_hard_manoeuvres_are_no_glitches(rng: np.random.Generator) -> None:
-    """Expected: loops of 12 m at 25 m/s, logged at 5 Hz, keep at least 99 % of their fixes."""
-    t = np.arange(0.0, 40.0, 0.2)
+@pytest.mark.parametrize("rate_hz", [25.0, 50.0, 100.0])
+def test_a_glitch_of_a_fast_log_is_found_as_long_as_it_may_be(rng: np.random.Generator, rate_hz: float) -> None:
+    """Expected: half a second is a glitch at any rate, and noise or a step that stays at none."""
+    log = _log(rng, rate_hz)
+    assert not find_glitch_runs(log, CONFIG)
+    length = round(0.5 * rate_hz)
+    (glitch,) = find_glitch_runs(_moved(log, slice(500, 500 + length), (0.5, -0.4, 3.0)), CONFIG)
+    assert (glitch.first, glitch.last) == (500, 500 + length - 1)
+    assert glitch.size_m == pytest.approx(3.1, abs=0.5)
+    assert not find_glitch_runs(_moved(log, slice(500, None), (0.5, 0.5, 1.0)), CONFIG)
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 50.0])
+def test_hard_manoeuvres_are_no_glitches(rng: np.random.Generator, rate_hz: float) -> None:
+    """Expected: loops of 12 m at 25 m/s keep at least 99 % of their fixes."""
+    t = np.arange(0.0, 40.0, 1.0 / rate_hz)
     turn = 25.0 / 12.0 * t
     path = np.column_stack([12 * np.cos(turn), 200 + 12 * np.sin(turn), 50 + 5 * np.sin(turn / 3)])
     log = ReferenceSeries(
