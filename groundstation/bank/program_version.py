@@ -6,12 +6,16 @@ import inspect
 import json
 from collections.abc import Callable, Iterator
 from functools import cache, partial
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from groundstation import __version__
 
 PACKAGES = ("groundstation", "calibration", "ptu_drivers")
+# what decodes pictures, fits and compiles; OpenCV by any of its packages
+_OPENCV = ("opencv-python-headless", "opencv-python", "opencv-contrib-python-headless", "opencv-contrib-python")
+_LIBRARIES = ("numpy", "scipy", "numba", "onnxruntime", *_OPENCV)
 
 
 @cache
@@ -34,9 +38,20 @@ def function_digest(function: Callable[..., Any]) -> str:
 
 
 def identity_of(function: Callable[..., Any], settings: str) -> str:
-    """Return what decides that a result can be used again: program, function and settings, as a SHA-256."""
-    parts = [program_digest(), function_digest(function), settings]
+    """Return what decides that a result can be used again: program, libraries, function and settings, as a SHA-256."""
+    parts = [program_digest(), *library_versions(), function_digest(function), settings]
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+def library_versions() -> tuple[str, ...]:
+    """Return the versions of the libraries that results depend on, where they are installed."""
+    found = []
+    for name in _LIBRARIES:
+        try:
+            found.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            continue
+    return tuple(found)
 
 
 def _files() -> Iterator[tuple[str, Path]]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from groundstation.bank import program_version
 from groundstation.bank.dispatcher import FailureKind
 from groundstation.bank.map_resumable import MapOutcome, map_resumable
 from groundstation.bank.program_version import function_digest, identity_of, program_digest
@@ -132,6 +133,17 @@ def test_a_damaged_result_is_none(tmp_path: Path, content: str) -> None:
     (path,) = tmp_path.iterdir()
     path.write_text(content)
     assert store.find("n") is None
+
+
+def test_results_of_other_libraries_are_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: after an update of OpenCV the sessions of a bank are run again, not mixed with those before it."""
+    before = identity_of(fake_jobs.square, "a")
+    assert identity_of(fake_jobs.square, "a") == before
+    theirs = program_version.metadata.version
+    monkeypatch.setattr(
+        program_version.metadata, "version", lambda name: "0" if name.startswith("opencv") else theirs(name)
+    )
+    assert identity_of(fake_jobs.square, "a") != before
 
 
 def test_results_of_other_settings_are_not_read(tmp_path: Path) -> None:
