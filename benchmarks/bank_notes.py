@@ -163,7 +163,8 @@ definitions are on its page. This page is written by `benchmarks/bank_notes.py` 
 
 [What a user would set up in an afternoon](../bank.md#the-baseline): {baseline["words"]},
 midpoint triangulation, a Kalman filter; worlds {those["first"]} to {last}, {those["duration_s"]:g} s. The program found
-the aircraft by itself.
+the aircraft by itself. The baseline's share of epochs is of all of the truth, as it was counted then;
+the program's is from its first estimate on.
 
 {baseline_table(baseline, summary["baseline_worlds"])}
 
