@@ -81,6 +81,8 @@ def function_objects() -> dict[tuple[str, str], list[FunctionType]]:
     Read once, in the process from which the others are forked, when all modules are imported.
     """
     found: dict[tuple[str, str], list[FunctionType]] = defaultdict(list)
+    # what the tests' collection has frozen is not listed
+    gc.unfreeze()
     for item in gc.get_objects():
         if isinstance(item, FunctionType) and (item.__module__ or "").split(".")[0] in PACKAGES:
             found[item.__module__, item.__code__.co_qualname].append(item)
