@@ -1,17 +1,22 @@
 """How many lost aircraft come into view again: `benchmarks/lost_search.py [--blind 6] [--psd 3] [--flights 200]`.
 
 An aircraft is lost at 400 m and flies on with white acceleration. It can be seen again after ``--blind`` seconds, by
-cameras whose heads follow the search at up to 40 degrees a second; found is who stays in view for half a second.
+cameras whose heads follow the search at up to 40 degrees a second. One that stays in view for half a second is found.
 """
 
 import argparse
 import math
+import sys
+from pathlib import Path
 
 import numpy as np
 
-from groundstation.messages import Kinematics
-from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
-from tests.stereo_rig import make_rig
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from groundstation.messages import Kinematics  # noqa: E402
+from groundstation.pointing.search_pattern import SearchConfig, SearchPattern  # noqa: E402
+from tests.stereo_rig import make_rig  # noqa: E402
 
 STEP_S, SEEN_S, HEAD_RAD_S = 0.02, 0.5, math.radians(40.0)
 # how old the session is at the loss

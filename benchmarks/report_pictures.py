@@ -1,7 +1,7 @@
 """The pictures of the report in the documentation, taken by Chromium from a report that has been made.
 
     groundstation replay recordings/landing-1 --out out/landing-1
-    python -m benchmarks.report_pictures out/landing-1/report.html docs/images
+    python benchmarks/report_pictures.py out/landing-1/report.html docs/images
 
 Writes `report.png` (1440 px wide) and `report-phone.png` (390 px), the page's upper part. `make pages` takes these and
 the other pictures of pages in a browser.
@@ -17,6 +17,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.browser import browser
 

@@ -1,6 +1,6 @@
 """Cost of the Rerun recording for each stereo pair, and whether its memory stays constant.
 
-Run from the repository's root: ``python -m benchmarks.rerun_sink [laps]``. Reports are synthetic, made from the
+Run from the repository's root: ``python benchmarks/rerun_sink.py [laps]``. Reports are synthetic, made from the
 bundled landing's truth; a lap has 332 pairs. Only the sink's own calls are timed.
 """
 
@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from groundstation.viewer.rerun_sink import RerunSink, VideoAsset
-from tests.viewer.synthetic import STATIONS, Landing
-
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from groundstation.viewer.rerun_sink import RerunSink, VideoAsset  # noqa: E402
+from tests.viewer.synthetic import STATIONS, Landing  # noqa: E402
 
 
 def _peak_mb() -> float:

@@ -161,3 +161,10 @@ def test_no_two_classes_have_one_name() -> None:
             if isinstance(node, ast.ClassDef):
                 found.setdefault(node.name, []).append(name)
     assert not {n: places for n, places in found.items() if len(places) > 1}
+
+
+def test_benchmarks_that_use_the_tests_find_them_when_they_are_run_as_scripts() -> None:
+    """A script has its own folder on the path, not the repository: one ended with "No module named 'tests'"."""
+    scripts = [path for path in sorted((ROOT / "benchmarks").glob("*.py")) if "\nfrom tests" in text_of(path)]
+    assert scripts
+    assert not [path.name for path in scripts if "sys.path.insert(" not in text_of(path).split("\nfrom tests")[0]]
